@@ -1,0 +1,33 @@
+from setuptools import find_packages, setup
+
+package_name = 'dummy_arm'
+
+setup(
+    name=package_name,
+    version='0.1.0',
+    packages=find_packages(include=[package_name, f'{package_name}.*']),
+    package_data={package_name: ['py.typed']},
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
+        (f'share/{package_name}', ['package.xml']),
+    ],
+    python_requires='>=3.10',
+    install_requires=['numpy>=1.26', 'setuptools', 'transforms3d>=0.4'],
+    extras_require={
+        'ros': ['ros-jazzy-common-interfaces', 'ros-jazzy-rclpy[fastrtps]', 'pygraphviz'],
+        'view': ['viser'],
+        'bag': ['rosbags'],
+        'bench': ['matplotlib'],
+        'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'pytest', 'ruff'],
+    },
+    zip_safe=True,
+    maintainer='dummy_arm developers',
+    maintainer_email='dummy-arm@example.org',
+    description='A small arm that waves, published as TF, and TF itself in pure Python.',
+    license='MIT',
+    entry_points={
+        'console_scripts': [
+            'dummy_arm = dummy_arm.dummy_arm:main',
+        ],
+    },
+)
