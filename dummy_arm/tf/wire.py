@@ -1,0 +1,166 @@
+"""
+The bytes of a `tf2_msgs/msg/TFMessage`, and transforms to and from them.
+
+A message is plain CDR (XCDR1), as every RMW of Jazzy sends it:
+
+    00 01 00 00          encapsulation: 00 00 big endian, 00 01 little endian, two bytes of options
+    uint32               number of transforms; positions count from here
+    for each transform:
+      int32, uint32      stamp: seconds, nanoseconds; at the next multiple of 4
+      string, string     frame_id, child_frame_id: uint32 length with the final NUL, UTF-8, NUL;
+                         each at the next multiple of 4
+      float64 x 3        translation x y z (m); at the next multiple of 8
+      float64 x 4        rotation, quaternion x y z w
+"""
+
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+import struct
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+#: One transform, in the order of the wire: sec, nanosec, frame_id, child_frame_id,
+#: translation x, y, z (m) and rotation x, y, z, w.
+Row = tuple[int, int, str, str, float, float, float, float, float, float, float]
+
+_ENCAPSULATION = b'\x00\x01\x00\x00'
+_BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}
+_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 7 * 8
+_SECOND = 1_000_000_000
+_pack_stamp = struct.Struct('<iI').pack
+_pack_pose = struct.Struct('<7d').pack
+
+
+class MalformedMessage(ValueError):
+    """Bytes that are no TFMessage."""
+
+
+@lru_cache(maxsize=4096)
+def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
+    """Pack both names, padded up to the pose; `position` is that of the first, modulo 8."""
+    packed = b''
+    for name, alignment in ((frame_id, 4), (child_frame_id, 8)):
+        text = name.encode()
+        if b'\0' in text:
+            raise ValueError(f'frame id {name!r} must not contain a NUL character')
+        packed += struct.pack('<I', len(text) + 1) + text + b'\0'
+        packed += bytes(-(position + len(packed)) % alignment)
+    return packed
+
+
+def pack(rows: Iterable[Row]) -> bytes:
+    """
+    Pack transforms into the bytes of one message.
+
+    :raises ValueError: on a frame id with a NUL in it.
+    :raises struct.error: on a number that is none or does not fit its field.
+    """
+    parts = []
+    position = 4
+    for row in rows:
+        parts.append(_pack_stamp(row[0], row[1]))
+        parts.append(_pack_names(row[2], row[3], position + 8 & 7))
+        parts.append(_pack_pose(*row[4:]))
+        position = 0
+    count = struct.pack('<I', len(parts) // 3)
+    return b''.join((_ENCAPSULATION, count, *parts))
+
+
+def unpack(data: bytes) -> list[Row]:
+    """
+    Unpack the bytes of a message, of either byte order, into transforms.
+
+    What follows after the last transform is ignored, as Fast DDS does.
+
+    :raises MalformedMessage: when the bytes end too early or are in another encoding.
+    """
+    order = _BYTE_ORDER.get(data[:2])
+    if order is None:
+        raise MalformedMessage(
+            f'a TFMessage begins with 00 00 or 00 01 (plain CDR), not with {data[:2].hex(" ")!r}')
+    try:
+        (count,) = struct.unpack_from(order + 'I', data, 4)
+        if count * _SMALLEST_TRANSFORM > len(data) - 8:
+            raise MalformedMessage(
+                f'{len(data)} bytes cannot hold the {count} transforms that they announce')
+        return _unpack_rows(data, order, count)
+    except struct.error:
+        raise MalformedMessage(
+            f'a TFMessage of {len(data)} bytes ends in the midst of a field') from None
+
+
+def _unpack_rows(data: bytes, order: str, count: int) -> list[Row]:
+    unpack_head = struct.Struct(order + 'iII').unpack_from
+    unpack_length = struct.Struct(order + 'I').unpack_from
+    unpack_pose = struct.Struct(order + '7d').unpack_from
+    rows = []
+    start = 8
+    for _ in range(count):
+        sec, nanosec, length = unpack_head(data, start)
+        start += 12
+        frame_id = data[start:start + length]
+        start += length + (-length & 3)
+        (length,) = unpack_length(data, start)
+        start += 4
+        child_frame_id = data[start:start + length]
+        start += length
+        start += 4 - start & 7
+        rows.append((sec, nanosec, _text(frame_id), _text(child_frame_id),
+                     *unpack_pose(data, start)))
+        start += 56
+    return rows
+
+
+def _text(field: bytes) -> str:
+    """Read a string as rclpy does: up to the first NUL, what is not UTF-8 replaced."""
+    return field.partition(b'\0')[0].decode('utf-8', 'replace')
+
+
+def split_stamp(stamp_ns: int) -> tuple[int, int]:
+    """
+    Split a time in ns into seconds and nanoseconds.
+
+    :raises ValueError: when the seconds do not fit the int32 of a ROS stamp.
+    """
+    sec, nanosec = divmod(stamp_ns, _SECOND)
+    if not -2**31 <= sec < 2**31:
+        raise ValueError(f'a stamp must be from -2**31 to 2**31 - 1 seconds, got {stamp_ns} ns')
+    return sec, nanosec
+
+
+class Packet:
+    """
+    The bytes of a message whose frames stay the same, laid out once.
+
+    :param edges: (frame_id, child_frame_id) of each of the n transforms, n >= 1.
+    """
+
+    def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
+        lengths = [len(_pack_names(parent, child, 0 if i else 4)) + 8
+                   for i, (parent, child) in enumerate(edges)]
+        ends = 4 + np.cumsum(np.array(lengths) + 56)
+        template = pack((0, 0, parent, child, 0, 0, 0, 0, 0, 0, 0) for parent, child in edges)
+        self._body = np.frombuffer(template, '<f8', offset=4)
+        self._poses_at = ((ends - 56) // 8)[:, np.newaxis] + np.arange(7)
+        self._sec_at = (ends - 56 - lengths) // 4
+
+    def pack(self, stamp_ns: int, poses: ArrayLike) -> bytes:
+        """
+        Pack a pose for every frame, all with one stamp.
+
+        :param stamp_ns: time (ns).
+        :param poses: (n, 7) float64: x, y, z (m) and the rotation's x, y, z, w.
+        :raises ValueError: when the shape is another, or the stamp does not fit.
+        """
+        sec, nanosec = split_stamp(stamp_ns)
+        values: NDArray[np.float64] = np.asarray(poses, np.float64)
+        if values.shape != self._poses_at.shape:
+            raise ValueError(
+                f'poses must be of shape {self._poses_at.shape}, got {values.shape}')
+        body: NDArray[np.float64] = self._body.copy()
+        body[self._poses_at] = values
+        words = body.view('<u4')
+        words[self._sec_at] = sec & 0xFFFFFFFF
+        words[self._sec_at + 1] = nanosec
+        return _ENCAPSULATION + body.tobytes()

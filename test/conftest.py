@@ -1,0 +1,149 @@
+"""Fixtures: ROS on loopback only, a domain of its own for every test, processes that end."""
+
+import os
+
+os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # before rclpy starts
+
+from collections.abc import Callable, Iterator
+import json
+from pathlib import Path
+import queue
+import socket
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+TIMEOUT = 20.0  # s; for what takes well under a second on a machine that is not overloaded
+
+
+@pytest.fixture(scope='session')
+def golden_messages() -> list[dict]:
+    """TFMessages with the bytes that tf2_msgs' own type support makes of them."""
+    path = Path(__file__).parent / 'data' / 'tf_message_cdr.json'
+    return json.loads(path.read_text())['cases']
+
+
+def golden_rows(case: dict) -> list[tuple]:
+    """Read the transforms of a golden case as rows of the wire."""
+    return [(t['sec'], t['nanosec'], t['frame_id'], t['child_frame_id'], *t['xyz'], *t['xyzw'])
+            for t in case['transforms']]
+
+
+@pytest.fixture
+def domain_id() -> Iterator[int]:
+    """Reserve a ROS domain id, so that test runs side by side do not hear each other."""
+    for domain in range(1, 101):
+        with socket.socket() as reservation:
+            try:
+                reservation.bind(('127.0.0.1', 23400 + domain))
+            except OSError:
+                continue
+            yield domain
+            return
+    pytest.fail('no free ROS domain id')
+
+
+class Process:
+    """A program that is run by a test, in a domain; its output comes line by line."""
+
+    def __init__(self, domain: int, *arguments: str) -> None:
+        """Start python with the arguments."""
+        self._popen = subprocess.Popen(
+            [sys.executable, '-u', *arguments], text=True, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
+        self._lines: queue.Queue[str] = queue.Queue()
+        self._reader = threading.Thread(target=self._read)
+        self._reader.start()
+        self.output = ''
+
+    def _read(self) -> None:
+        for line in self._popen.stdout:
+            self.output += line
+            self._lines.put(line)
+        self._lines.put('')
+
+    def line(self) -> str:
+        """Wait for the next line of output; '' at its end."""
+        return self._lines.get(timeout=TIMEOUT)
+
+    def line_with(self, text: str) -> str:
+        """Wait for a line that has the text in it."""
+        while text not in (line := self.line()):
+            assert line, f'ended without {text!r}:\n{self.output}'
+        return line
+
+    def end(self, signal_number: int) -> float:
+        """Send a signal and wait for the end; return the time that it took (s)."""
+        start = time.monotonic()
+        self._popen.send_signal(signal_number)
+        self._popen.wait(TIMEOUT)
+        return time.monotonic() - start
+
+    def exit_code(self) -> int:
+        """Wait for the end."""
+        code = self._popen.wait(TIMEOUT)
+        self._reader.join()
+        return code
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        if self._popen.poll() is None:
+            self._popen.kill()
+        self._popen.wait()
+        self._reader.join()
+        self._popen.stdout.close()
+
+
+@pytest.fixture
+def start(domain_id: int) -> Iterator[Callable[..., Process]]:
+    """Start programs: `start('-m', 'module', …)`."""
+    processes = []
+
+    def start_process(*arguments: str) -> Process:
+        processes.append(Process(domain_id, *arguments))
+        return processes[-1]
+
+    yield start_process
+    for process in processes:
+        process.close()
+
+
+class Ros:
+    """A node of the test's own, and the executor that spins it."""
+
+    def __init__(self, domain: int) -> None:
+        """Make a context in the domain and a node in it."""
+        from rclpy.context import Context
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.node import Node
+
+        self.context = Context()
+        self.context.init(domain_id=domain)
+        self.node = Node('test', context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def until(self, condition: Callable[[], object], timeout: float = TIMEOUT) -> None:
+        """Spin until the condition holds."""
+        deadline = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < deadline, 'waited in vain'
+            self.executor.spin_once(timeout_sec=0.05)
+
+    def close(self) -> None:
+        """Destroy it all."""
+        self.executor.shutdown()
+        self.node.destroy_node()
+        self.context.try_shutdown()
+
+
+@pytest.fixture
+def ros(domain_id: int) -> Iterator[Ros]:
+    """A node in the domain of the test."""
+    pytest.importorskip('rclpy')
+    node = Ros(domain_id)
+    yield node
+    node.close()

@@ -1,0 +1,155 @@
+"""The bytes of a TFMessage."""
+
+import contextlib
+import struct
+
+from conftest import golden_rows
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from dummy_arm.tf import wire
+
+names = st.text(st.characters(exclude_categories=['Cs'], exclude_characters='\0'))
+numbers = st.floats(allow_nan=False)
+rows = st.tuples(st.integers(-2**31, 2**31 - 1), st.integers(0, 2**32 - 1), names, names,
+                 *[numbers] * 7)
+
+
+def test_packs_as_the_real_type_support(golden_messages):
+    """The golden bytes, from their transforms."""
+    assert len(golden_messages) == 40
+    for case in golden_messages:
+        assert wire.pack(golden_rows(case)).hex() == case['cdr_hex']
+
+
+def test_unpacks_as_the_real_type_support(golden_messages):
+    """The golden transforms, from their bytes."""
+    for case in golden_messages:
+        assert wire.unpack(bytes.fromhex(case['cdr_hex'])) == golden_rows(case)
+
+
+def test_a_message_annotated():
+    """One transform, byte by byte."""
+    assert wire.pack([(1, 2, 'map', 'tool', 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)]).hex(' ', 4) == (
+        '00010000 '          # encapsulation: little endian
+        '01000000 '          # one transform
+        '01000000 02000000 '           # sec, nanosec
+        '04000000 6d617000 '           # 'map' and NUL
+        '05000000 746f6f6c 00000000 '  # 'tool', NUL, padding up to the next multiple of 8
+        '00000000 0000f03f 00000000 00000000 00000000 00000000 '                    # x y z
+        '00000000 00000000 00000000 00000000 00000000 00000000 00000000 0000f03f')  # x y z w
+
+
+@given(st.lists(rows, max_size=5))
+def test_round_trip(transforms):
+    """Whatever is packed comes out again."""
+    assert wire.unpack(wire.pack(transforms)) == transforms
+
+
+def big_endian(transforms):
+    """Write a message in big endian, an independent and obvious way."""
+    body = struct.pack('>I', len(transforms))
+    for sec, nanosec, *frames, x, y, z, qx, qy, qz, qw in transforms:
+        body += bytes(-len(body) % 4) + struct.pack('>iI', sec, nanosec)
+        for name in frames:
+            body += bytes(-len(body) % 4) + struct.pack('>I', len(name.encode()) + 1)
+            body += name.encode() + b'\0'
+        body += bytes(-len(body) % 8) + struct.pack('>7d', x, y, z, qx, qy, qz, qw)
+    return b'\0\0\0\0' + body
+
+
+@given(st.lists(rows, max_size=5))
+def test_big_endian(transforms):
+    """A big-endian sender is understood."""
+    assert wire.unpack(big_endian(transforms)) == transforms
+
+
+def test_every_prefix_is_malformed(golden_messages):
+    """A message that ends early is refused, wherever it ends."""
+    for case in golden_messages:
+        data = bytes.fromhex(case['cdr_hex'])
+        for end in range(len(data)):
+            with pytest.raises(wire.MalformedMessage):
+                wire.unpack(data[:end])
+
+
+@pytest.mark.parametrize('count', [2, 10**9, 2**32 - 1])
+def test_a_count_beyond_the_bytes_is_malformed(count):
+    """A packet that claims a billion transforms is refused at once."""
+    data = bytearray(wire.pack([(0, 0, 'a', 'b', 0, 0, 0, 0, 0, 0, 1)]))
+    data[4:8] = struct.pack('<I', count)
+    with pytest.raises(wire.MalformedMessage, match=f'{count} transforms'):
+        wire.unpack(bytes(data))
+
+
+@pytest.mark.parametrize('length', [100, 2**31, 2**32 - 1])
+@pytest.mark.parametrize('position', [16, 24])
+def test_a_string_beyond_the_bytes_is_malformed(position, length):
+    """A name that is longer than the message is refused."""
+    data = bytearray(wire.pack([(0, 0, 'map', 'tool', 0, 0, 0, 0, 0, 0, 1)]))
+    data[position:position + 4] = struct.pack('<I', length)
+    with pytest.raises(wire.MalformedMessage):
+        wire.unpack(bytes(data))
+
+
+@pytest.mark.parametrize('encapsulation', ['0003', '0007', 'ffff', '4142'])
+def test_another_encoding_is_malformed(encapsulation):
+    """Only plain CDR is read."""
+    with pytest.raises(wire.MalformedMessage, match='plain CDR'):
+        wire.unpack(bytes.fromhex(encapsulation) + bytes(6))
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_are_read_or_malformed(data):
+    """No bytes whatever bring another exception."""
+    with contextlib.suppress(wire.MalformedMessage):
+        wire.unpack(b'\0\1\0\0\1\0\0\0' + data)
+
+
+def test_bytes_after_the_end_are_ignored():
+    """Fast DDS pads what it delivers."""
+    transforms = [(0, 0, 'a', 'b', 0, 0, 0, 0, 0, 0, 1)]
+    assert wire.unpack(wire.pack(transforms) + b'\0\0\0') == transforms
+
+
+@pytest.mark.parametrize(('field', 'name'), [
+    (b'\0\0\0\0', ''), (b'\5\0\0\0ab\0c\0\0\0\0', 'ab'), (b'\3\0\0\0\xff\xfe\0\0', '\ufffd\ufffd'),
+    (b'\2\0\0\0ab\0\0', 'ab')])
+def test_odd_strings_are_read_as_rclpy_does(field, name):
+    """Empty without a NUL, a NUL within, no UTF-8, no NUL at the end."""
+    body = b'\1\0\0\0' + bytes(8) + field + b'\2\0\0\0c\0\0\0'
+    body += bytes(-len(body) % 8) + bytes(56)
+    assert wire.unpack(b'\0\1\0\0' + body)[0][2:4] == (name, 'c')
+
+
+def test_a_nul_in_a_name_is_refused():
+    """C would cut the name there, without a word."""
+    with pytest.raises(ValueError, match=r"'a\\x00b' must not contain a NUL"):
+        wire.pack([(0, 0, 'a\0b', 'c', 0, 0, 0, 0, 0, 0, 1)])
+
+
+@given(st.lists(st.tuples(names, names), min_size=1, max_size=5), st.data())
+def test_a_packet_packs_as_pack_does(edges, data):
+    """A layout made once gives the same bytes."""
+    stamp_ns = data.draw(st.integers(-2**31 * 10**9, 2**31 * 10**9 - 1))
+    poses = np.array(data.draw(st.lists(
+        st.tuples(*[numbers] * 7), min_size=len(edges), max_size=len(edges))))
+    sec, nanosec = divmod(stamp_ns, 10**9)
+    assert wire.Packet(edges).pack(stamp_ns, poses) == wire.pack(
+        [(sec, nanosec, *edge, *pose) for edge, pose in zip(edges, poses.tolist())])
+
+
+@pytest.mark.parametrize('shape', [(7,), (2, 7), (1, 6), (1, 1), (0, 7)])
+def test_a_packet_refuses_another_shape(shape):
+    """Nothing is broadcast by numpy's rules: each frame has a pose."""
+    with pytest.raises(ValueError, match=r'shape \(1, 7\)'):
+        wire.Packet([('a', 'b')]).pack(0, np.zeros(shape))
+
+
+@pytest.mark.parametrize('stamp_ns', [2**31 * 10**9, -2**31 * 10**9 - 1])
+def test_a_packet_refuses_a_stamp_that_does_not_fit(stamp_ns):
+    """Seconds are an int32 on the wire."""
+    with pytest.raises(ValueError, match='stamp must be from'):
+        wire.Packet([('a', 'b')]).pack(stamp_ns, np.zeros((1, 7)))
