@@ -1,0 +1,55 @@
+"""Broadcasting transforms that stay, on /tf_static."""
+
+from collections.abc import Iterable
+from threading import Lock
+from typing import Optional, Union
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+from dummy_arm.tf import wire
+from dummy_arm.tf.message import TFMessage
+from dummy_arm.tf.transform_broadcaster import as_list
+from dummy_arm.tf.transform_stamped import bad_fields_named, rows_to_send
+
+
+class StaticTransformBroadcaster:
+    """
+    Sends static transforms on /tf_static, as the class of this name in tf2_ros does.
+
+    Every message is latched and holds all that this broadcaster ever sent, the newest transform
+    of each child, so that a later subscriber has them all at once. Transforms are copied.
+    """
+
+    def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None) -> None:
+        """
+        Create the publisher.
+
+        :param node: the node that publishes; its remappings apply.
+        :param qos: profile of the publisher, or its depth; None: a depth of 1. Unless a profile
+            says otherwise it is reliable and transient local.
+        """
+        if qos is None or isinstance(qos, int):
+            qos = QoSProfile(depth=1 if qos is None else qos,
+                             durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.pub_tf = node.create_publisher(TFMessage, '/tf_static', qos)
+        self._rows: dict[str, wire.Row] = {}
+        self._lock = Lock()
+
+    def sendTransform(  # noqa: N802
+            self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:
+        """
+        Send one transform, or any iterable of them, together with all sent before.
+
+        :raises TypeError: on an element that is no TransformStamped.
+        :raises ValueError: as `TransformBroadcaster.sendTransform`; nothing is changed then.
+        """
+        transforms = as_list(transform)
+        with bad_fields_named(transforms), self._lock:
+            rows = dict(self._rows)
+            for row in rows_to_send(transforms):
+                rows[row[3].removeprefix('/')] = row
+            data = wire.pack(rows.values())
+            self._rows = rows
+            self.pub_tf.publish(data)

@@ -1,0 +1,185 @@
+"""`geometry_msgs/msg/TransformStamped` objects to rows of the wire, checked, and back."""
+
+from collections.abc import Iterable, Sequence
+from functools import lru_cache
+import math
+import operator
+from os import getenv
+import struct
+from typing import Any, Optional, Union
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+import numpy as np
+from numpy.typing import NDArray
+from std_msgs.msg import Header
+
+from dummy_arm.tf import wire
+
+#: Whether messages check what they are assigned, as generated message modules decide it.
+CHECK_FIELDS = getenv('ROS_PYTHON_CHECK_FIELDS', default='') == '1'
+
+_FIELDS: tuple[tuple[str, Union[type, str]], ...] = (
+    ('header', Header), ('header.stamp', Time),
+    ('header.stamp.sec', 'i'), ('header.stamp.nanosec', 'I'), ('header.frame_id', str),
+    ('child_frame_id', str), ('transform', Transform), ('transform.translation', Vector3),
+    *((f'transform.translation.{axis}', 'd') for axis in 'xyz'),
+    ('transform.rotation', Quaternion), *((f'transform.rotation.{axis}', 'd') for axis in 'xyzw'))
+_FIELD_ERRORS = (AttributeError, TypeError, UnicodeEncodeError, struct.error)
+_KINDS = {'i': 'an int32', 'I': 'a uint32', 'd': 'a number'}
+
+
+def row_of(message: TransformStamped) -> wire.Row:
+    """
+    Read a TransformStamped as it is, without a check of its values.
+
+    :raises TypeError: when it is none.
+    """
+    if not isinstance(message, TransformStamped):
+        raise TypeError(
+            f'expected a TransformStamped, got {message!r} of type {type(message).__name__}')
+    # By their slots: the properties of these sixteen fields cost as much as all the rest.
+    header, transform = message._header, message._transform
+    stamp, translation, rotation = header._stamp, transform._translation, transform._rotation
+    return (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
+            translation._x, translation._y, translation._z,
+            rotation._x, rotation._y, rotation._z, rotation._w)
+
+
+def message_of(row: wire.Row) -> TransformStamped:
+    """Build the TransformStamped of a row; by slots, at a tenth of what its constructors cost."""
+    message, header, stamp = _new(TransformStamped), _new(Header), _new(Time)
+    transform, translation, rotation = _new(Transform), _new(Vector3), _new(Quaternion)
+    message._header, message._transform = header, transform
+    header._stamp = stamp
+    transform._translation, transform._rotation = translation, rotation
+    (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
+     translation._x, translation._y, translation._z,
+     rotation._x, rotation._y, rotation._z, rotation._w) = row
+    return message
+
+
+def _new(message_type: type) -> Any:
+    message: Any = object.__new__(message_type)
+    message._check_fields = CHECK_FIELDS
+    return message
+
+
+class bad_fields_named:  # noqa: N801
+    """Context that turns what goes wrong over a field of messages into a ValueError naming it."""
+
+    def __init__(self, messages: Sequence[TransformStamped]) -> None:
+        self._messages = messages
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: Optional[type], *_: object) -> None:
+        if kind is not None and issubclass(kind, _FIELD_ERRORS):
+            for message in self._messages:
+                if isinstance(message, TransformStamped):
+                    _check_fields(message)
+
+
+def _check_fields(message: TransformStamped) -> None:
+    for path, kind in _FIELDS:
+        value: Any = message
+        for name in path.split('.'):
+            value = getattr(value, name)
+        try:
+            if isinstance(kind, str):
+                struct.pack(kind, value)
+            elif kind is str:
+                value.encode()
+            elif not isinstance(value, kind):
+                raise TypeError
+        except _FIELD_ERRORS:
+            expected = _KINDS[kind] if isinstance(kind, str) else f'a valid {kind.__name__}'
+            raise ValueError(f'TransformStamped.{path} must be {expected}, '
+                             f'got {value!r} of type {type(value).__name__}') from None
+
+
+def rows_to_send(messages: Iterable[TransformStamped]) -> list[wire.Row]:
+    """
+    Read transforms that are to be broadcast.
+
+    :raises TypeError: on an element that is no TransformStamped.
+    :raises ValueError: on a transform that no buffer would take.
+    """
+    rows = []
+    for message in messages:
+        row = row_of(message)
+        check_edge(row[2], row[3])
+        check_pose(row[2], row[3], row[4:])
+        rows.append(row)
+    return rows
+
+
+@lru_cache(maxsize=4096)
+def check_edge(frame_id: str, child_frame_id: str) -> None:
+    """
+    Check the names of a transform that is to be broadcast.
+
+    :raises ValueError: when one is empty or both are the same, a leading slash aside.
+    """
+    parent, child = frame_id.removeprefix('/'), child_frame_id.removeprefix('/')
+    if not parent or not child:
+        field = 'child_frame_id' if parent else 'header.frame_id'
+        raise ValueError(
+            f"transform '{frame_id}' -> '{child_frame_id}': {field} is empty; name the frame")
+    if parent == child:
+        raise ValueError(
+            f"transform '{frame_id}' -> '{child_frame_id}': a frame cannot be its own parent; "
+            'name two frames')
+
+
+def check_pose(frame_id: str, child_frame_id: str, pose: Sequence[float]) -> None:
+    """
+    Check a pose x, y, z (m), qx, qy, qz, qw that is to be broadcast.
+
+    :raises ValueError: when a number is not finite, or the quaternion cannot be normalised.
+    """
+    x, y, z, qx, qy, qz, qw = pose
+    norm_squared = qx * qx + qy * qy + qz * qz + qw * qw
+    rotates = 0.0 < norm_squared < math.inf
+    if rotates and math.isfinite(x + y + z):
+        return
+    if not all(map(math.isfinite, pose)):
+        raise ValueError(
+            f"transform '{frame_id}' -> '{child_frame_id}': every number must be finite, got "
+            f'translation ({x}, {y}, {z}), rotation ({qx}, {qy}, {qz}, {qw})')
+    if not rotates:
+        raise ValueError(
+            f"transform '{frame_id}' -> '{child_frame_id}': the quaternion x, y, z, w = "
+            f'({qx}, {qy}, {qz}, {qw}) cannot be normalised; no rotation is (0, 0, 0, 1)')
+
+
+def check_poses(edges: Sequence[tuple[str, str]], poses: NDArray[np.float64]) -> None:
+    """
+    Check (n, 7) poses at once, as `check_pose` does, one for each (frame_id, child_frame_id).
+
+    :raises ValueError: for the first pose that is bad.
+    """
+    rotations = poses[:, 3:]
+    norms_squared = np.einsum('ij,ij->i', rotations, rotations)
+    if norms_squared.min() > 0.0 and math.isfinite(poses.sum() + norms_squared.sum()):
+        return
+    for edge, pose in zip(edges, poses.tolist()):
+        check_pose(*edge, pose)
+
+
+def nanoseconds(time: Any) -> int:
+    """
+    Read a time in ns: an int, or what has `nanoseconds`, or `sec` and `nanosec`.
+
+    :raises TypeError: when it is none of these.
+    """
+    if hasattr(time, 'nanoseconds'):
+        return int(time.nanoseconds)
+    if hasattr(time, 'sec') and hasattr(time, 'nanosec'):
+        return int(time.sec) * 1_000_000_000 + int(time.nanosec)
+    try:
+        return operator.index(time)
+    except TypeError:
+        raise TypeError('time must have sec and nanosec, or nanoseconds, or be an int of ns; '
+                        f'got {time!r}') from None

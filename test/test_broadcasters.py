@@ -1,0 +1,195 @@
+"""The broadcasters, over DDS."""
+
+import math
+
+from geometry_msgs.msg import TransformStamped
+import numpy as np
+import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+
+from dummy_arm.tf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
+from dummy_arm.tf.transform_stamped import row_of
+
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def transform(frame_id='map', child_frame_id='base_link', x=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
+    """Build a transform."""
+    message = TransformStamped(child_frame_id=child_frame_id)
+    message.header.frame_id = frame_id
+    message.transform.translation.x = x
+    (message.transform.rotation.x, message.transform.rotation.y,
+     message.transform.rotation.z, message.transform.rotation.w) = rotation
+    return message
+
+
+@pytest.fixture
+def heard(ros):
+    """The transforms of every message on /tf."""
+    messages = []
+    ros.node.create_subscription(TFMessage, '/tf', lambda m: messages.append(m.transforms), 100)
+    return messages
+
+
+@pytest.mark.parametrize(('broadcaster', 'topic', 'durability'), [
+    (TransformBroadcaster, '/tf', DurabilityPolicy.VOLATILE),
+    (StaticTransformBroadcaster, '/tf_static', DurabilityPolicy.TRANSIENT_LOCAL)])
+def test_quality_of_service(ros, broadcaster, topic, durability):
+    """As tf2_ros has it; a profile or a depth may be given, and a depth keeps the latch."""
+    for qos in (None, 7):
+        pub_tf = broadcaster(ros.node, qos).pub_tf
+        assert pub_tf.topic_name == topic
+        assert pub_tf.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        assert pub_tf.qos_profile.durability == durability
+        assert pub_tf.qos_profile.depth == (qos or (100 if topic == '/tf' else 1))
+    profile = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
+    assert broadcaster(ros.node, qos=profile).pub_tf.qos_profile == profile
+
+
+@pytest.mark.parametrize('several', [list, tuple, iter, lambda pair: (t for t in pair)])
+def test_sends_any_iterable_in_one_message(ros, heard, several):
+    """A list, a tuple, an iterator, a generator."""
+    pair = [transform('map', 'a', 1.5), transform('/a', 'b')]
+    TransformBroadcaster(ros.node).sendTransform(several(pair))
+    ros.until(lambda: heard)
+    assert heard == [pair]
+
+
+def test_sends_one_transform(ros, heard):
+    """Without a list around it, and as the message that it is."""
+    message = transform('map', 'odom', 2.0, (0.0, 0.0, 0.6, 0.8))
+    message.header.stamp = Time(nanoseconds=1_700_000_000_123_456_789).to_msg()
+    TransformBroadcaster(ros.node).sendTransform(message)
+    ros.until(lambda: heard)
+    assert heard == [[message]]
+
+
+BAD = [
+    (transform(x=math.nan), "'map' -> 'base_link': every number must be finite"),
+    (transform(x=math.inf), 'every number must be finite'),
+    (transform(rotation=(0.0, 0.0, 0.0, math.nan)), 'every number must be finite'),
+    (transform(rotation=(0.0, 0.0, 0.0, 0.0)), r'cannot be normalised; no rotation is \(0, 0, 0'),
+    (transform(rotation=(0.0, 1e-170, 0.0, 0.0)), 'cannot be normalised'),
+    (transform(rotation=(0.0, 1e200, 0.0, 0.0)), 'cannot be normalised'),
+    (transform(frame_id=''), r"'' -> 'base_link': header.frame_id is empty"),
+    (transform(frame_id='/'), 'header.frame_id is empty'),
+    (transform(child_frame_id=''), "'map' -> '': child_frame_id is empty"),
+    (transform('map', 'map'), "'map' -> 'map': a frame cannot be its own parent"),
+    (transform('map', '/map'), 'a frame cannot be its own parent'),
+    (transform(frame_id='a\0b'), 'must not contain a NUL'),
+    (transform(frame_id=None), r'header\.frame_id must be a valid str, got None'),
+    (TransformStamped(header=None), 'header must be a valid Header, got None')]
+
+
+@pytest.mark.parametrize(('bad', 'error'), BAD)
+@pytest.mark.parametrize('kind', [TransformBroadcaster, StaticTransformBroadcaster])
+def test_a_bad_transform_is_a_value_error(ros, kind, bad, error):
+    """It names the frame and the remedy."""
+    with pytest.raises(ValueError, match=error):
+        kind(ros.node).sendTransform([transform('a', 'b'), bad])
+
+
+@pytest.mark.parametrize('bad', [42, None, 'map', [transform(), 42], [None], [[transform()]]])
+@pytest.mark.parametrize('kind', [TransformBroadcaster, StaticTransformBroadcaster])
+def test_what_is_no_transform_is_a_type_error(ros, kind, bad):
+    """Alone or in a list."""
+    with pytest.raises(TypeError, match='expected a TransformStamped, got'):
+        kind(ros.node).sendTransform(bad)
+
+
+def test_odd_but_sound_transforms_are_sent(ros, heard):
+    """Huge numbers, quaternions that are not of length one, integers."""
+    odd = [transform('map', 'far', 1.7e308), transform('map', 'b', 0.0, (0.0, 0.0, 0.0, 2.0)),
+           transform('map', 'c', 3)]
+    odd[0].transform.translation.y = 1.7e308
+    TransformBroadcaster(ros.node).sendTransform(odd)
+    ros.until(lambda: heard)
+    assert heard == [odd]
+
+
+def test_a_list_with_one_bad_element_sends_nothing(ros, heard):
+    """What arrives first is the message after it."""
+    broadcaster = TransformBroadcaster(ros.node)
+    with pytest.raises(ValueError, match='finite'):
+        broadcaster.sendTransform([transform('a', 'b'), transform(x=math.nan)])
+    broadcaster.sendTransform(transform('a', 'c'))
+    ros.until(lambda: heard)
+    assert heard == [[transform('a', 'c')]]
+
+
+def test_statics_accumulate(ros):
+    """A later subscriber has all at once, the newest of each child, as it was when sent."""
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    kept = transform('map', 'a', 1.0)
+    broadcaster.sendTransform(kept)
+    kept.transform.translation.x = 99.0  # the caller's, not the broadcaster's
+    broadcaster.sendTransform([transform('map', 'b', 2.0), transform('map', 'c', 3.0)])
+    with pytest.raises(ValueError, match='finite'):
+        broadcaster.sendTransform([transform('map', 'a', 7.0), transform('map', 'd', math.nan)])
+    broadcaster.sendTransform(transform('odom', '/b', 4.0))
+    late = []
+    ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
+    ros.until(lambda: late)
+    (message,) = late
+    assert [row_of(t)[2:5] for t in message.transforms] == [
+        ('map', 'a', 1.0), ('odom', '/b', 4.0), ('map', 'c', 3.0)]
+
+
+EDGES = [('map', 'odom'), ('odom', 'base_link')]
+POSES = np.array([[1, 2, 3, 0, 0, 0, 1], [4, 5, 6, 0, 0, 0.6, 0.8]])
+
+
+@pytest.mark.parametrize('stamp', [
+    1_500_000_000, Time(nanoseconds=1_500_000_000), Time(nanoseconds=1_500_000_000).to_msg(),
+    np.int64(1_500_000_000)])
+def test_a_prepared_set(ros, heard, stamp):
+    """Names once, then poses and a stamp at each send."""
+    prepared = TransformBroadcaster(ros.node).prepare(EDGES)
+    prepared.send(stamp, POSES)
+    ros.until(lambda: heard)
+    assert [row_of(t) for t in heard[0]] == [
+        (1, 500_000_000, *edge, *pose) for edge, pose in zip(EDGES, POSES.tolist())]
+
+
+@pytest.mark.parametrize(('row', 'column', 'value', 'error'), [
+    (1, 0, math.nan, "'odom' -> 'base_link': every number must be finite"),
+    (0, 2, math.inf, "'map' -> 'odom': every number must be finite"),
+    (0, 6, math.nan, 'finite'), (0, 6, 0.0, "'map' -> 'odom': the quaternion .* cannot be norm"),
+    (1, 5, 1e200, "'odom' -> 'base_link': the quaternion .* cannot be normalised")])
+def test_a_prepared_set_refuses_bad_poses(ros, heard, row, column, value, error):
+    """It names the frame, and sends nothing."""
+    prepared = TransformBroadcaster(ros.node).prepare(EDGES)
+    poses = POSES.copy()
+    poses[row, column] = value
+    with pytest.raises(ValueError, match=error):
+        prepared.send(1, poses)
+    prepared.send(2, POSES)
+    ros.until(lambda: heard)
+    assert heard[0][0].header.stamp.nanosec == 2
+
+
+@pytest.mark.parametrize('edges', [[], [('map', '')], [('map', 'odom'), ('a', '/a')]])
+def test_a_prepared_set_refuses_bad_names(ros, edges):
+    """When it is prepared, not when it is sent."""
+    with pytest.raises(ValueError, match=r'needs at least one|is empty|its own parent'):
+        TransformBroadcaster(ros.node).prepare(edges)
+
+
+@pytest.mark.parametrize('stamp', [None, 1.5, 'now'])
+def test_a_stamp_must_be_a_time(ros, stamp):
+    """The error says what is taken."""
+    with pytest.raises(TypeError, match='time must have sec and nanosec, or nanoseconds'):
+        TransformBroadcaster(ros.node).prepare(EDGES).send(stamp, POSES)
+
+
+def test_a_remapping_applies(domain_id):
+    """The node's `-r /tf:=…` holds for the broadcaster."""
+    from rclpy.context import Context
+    from rclpy.node import Node
+    context = Context()
+    context.init(args=['--ros-args', '-r', '/tf:=/robot/tf'], domain_id=domain_id)
+    node = Node('remapped', context=context)
+    assert TransformBroadcaster(node).pub_tf.topic_name == '/robot/tf'
+    node.destroy_node()
+    context.shutdown()
