@@ -1,0 +1,89 @@
+"""The arm: geometry and motion."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from dummy_arm.arm import Arm, Joint, Wave
+
+times = st.floats(-1e4, 1e4)
+speeds = st.floats(-10, 10)
+limits = st.floats(0, np.pi)
+
+
+def matrix(pose):
+    """Build the 4x4 matrix of a pose, by the textbook formula."""
+    x, y, z, qx, qy, qz, qw = pose
+    return np.array([
+        [1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw), x],
+        [2 * (qx * qy + qz * qw), 1 - 2 * (qx * qx + qz * qz), 2 * (qy * qz - qx * qw), y],
+        [2 * (qx * qz - qy * qw), 2 * (qy * qz + qx * qw), 1 - 2 * (qx * qx + qy * qy), z],
+        [0, 0, 0, 1]])
+
+
+def test_the_numbers_of_the_course():
+    """Offsets, speeds and limits as they were set."""
+    arm = Arm()
+    assert arm.frames == ('base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector')
+    assert [joint.speed for joint in arm.joints] == [0.3, 0.5, 0.7]
+    np.testing.assert_allclose(np.degrees([joint.limit for joint in arm.joints]), [45, 30, 60])
+    np.testing.assert_allclose(arm.poses([0, 0, 0]), [
+        [0, 0, 0.3, 0, 0, 0, 1], [0.4, 0, 0, 0, 0, 0, 1],
+        [0.3, 0, 0, 0, 0, 0, 1], [0.2, 0, 0, 0, 0, 0, 1]])
+
+
+@given(st.tuples(*[st.floats(-20, 20)] * 3))
+def test_the_end_effector_is_where_a_planar_arm_has_it(phases):
+    """The product of the poses is the textbook's sum of links."""
+    arm = Arm()
+    a, b, c = np.radians([45, 30, 60]) * np.sin(phases)
+    along = np.array([np.cos([a, a + b, a + b + c]), np.sin([a, a + b, a + b + c])])
+    end = np.linalg.multi_dot([matrix(pose) for pose in arm.poses(phases)])[:3, 3]
+    np.testing.assert_allclose(end, [*along @ [0.4, 0.3, 0.2], 0.3], atol=1e-12)
+
+
+def test_another_axis():
+    """A joint turns about its own axis."""
+    y = (0.0, 1.0, 0.0)
+    arm = Arm((Joint('elbow', 2.0, y, y, 1.0, np.pi / 2),))
+    np.testing.assert_allclose(
+        arm.poses([np.pi / 2])[0], [0, 2, 0, 0, np.sqrt(0.5), 0, np.sqrt(0.5)])
+
+
+def test_an_axis_must_be_a_unit_vector():
+    """Else the quaternion would be none."""
+    with pytest.raises(ValueError, match='unit vector'):
+        Joint('elbow', 1.0, (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), 1.0, 1.0)
+
+
+@given(times, speeds, limits)
+def test_a_wave_is_a_sine(t, speed, limit):
+    """Limit * sin(speed * t), before zero too."""
+    assert Wave(speed, limit).angle(t) == pytest.approx(limit * np.sin(speed * t), abs=1e-9)
+
+
+@given(st.lists(st.tuples(st.floats(0, 3), st.booleans(), speeds, limits), max_size=8))
+def test_changes_do_not_make_it_jump(changes):
+    """However speed and limit are changed, the angle at that time stays."""
+    wave, t = Wave(0.3, 1.0), 0.0
+    for wait, is_speed, speed, limit in changes:
+        t += wait
+        changed = wave.with_speed(speed, t) if is_speed else wave.with_limit(limit, t)
+        assert changed.angle(t) == pytest.approx(wave.angle(t), abs=1e-9)
+        assert changed.angle(t + 1e-6) == pytest.approx(wave.angle(t), abs=1e-3)
+        wave = changed
+
+
+def test_a_new_limit_is_reached_after_a_second():
+    """Blended in between, and never beyond the two."""
+    wave = Wave(0.5, 1.0).with_limit(2.0, 10.0)
+    assert [wave.limit_at(t) for t in (9.0, 10.0, 10.5, 11.0, 99.0)] == [1.0, 1.0, 1.5, 2.0, 2.0]
+    blend = [wave.limit_at(t) for t in np.linspace(10.0, 11.0, 50)]
+    assert blend == sorted(blend)
+
+
+def test_a_new_speed_keeps_the_phase():
+    """The phase goes on from where it was, at the new speed."""
+    wave = Wave(0.5, 1.0).with_speed(2.0, 10.0)
+    assert [wave.phase(t) for t in (9.0, 10.0, 11.0)] == [3.0, 5.0, 7.0]
