@@ -1,0 +1,172 @@
+"""The node of the course's final task: an arm that waves, published as TF."""
+
+import argparse
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+import math
+import sys
+from typing import Optional
+
+from geometry_msgs.msg import TransformStamped
+from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from dummy_arm.arm import Arm, Wave
+from dummy_arm.command import run_node, UsageError
+from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
+
+MAP = 'map'
+PREFIX = 'frame_prefix'
+PREFIX_DESCRIPTION = f'put before the name of every frame but {MAP}; read-only'
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A parameter that is a number: its default, range, unit and meaning."""
+
+    default: float
+    smallest: float
+    largest: float
+    unit: str
+    meaning: str
+
+    def problem(self, name: str, value: object) -> Optional[str]:
+        """Tell what is wrong with a value, or None where nothing is."""
+        if (isinstance(value, (int, float)) and not isinstance(value, bool)
+                and self.smallest <= value <= self.largest):
+            return None
+        return (f'{name} must be a number from {self.smallest:g} to {self.largest:g} '
+                f'{self.unit}, got {value!r}')
+
+
+def quantities(arm: Arm) -> dict[str, Quantity]:
+    """List the parameters of an arm that are numbers, by name."""
+    table = {'rate': Quantity(50.0, 0.1, 10000.0, 'Hz', 'how often /tf is published')}
+    for joint in arm.joints:
+        table[f'{joint.name}.speed'] = Quantity(
+            joint.speed, -100.0, 100.0, 'rad/s', f'speed of the phase of {joint.name}')
+        table[f'{joint.name}.limit'] = Quantity(
+            joint.limit, 0.0, math.pi, 'rad', f'{joint.name} waves between -limit and limit')
+        table[f'{joint.name}.offset'] = Quantity(
+            joint.offset, -100.0, 100.0, 'm', f'distance of {joint.name} from the frame before')
+    return table
+
+
+class DummyArm(Node):
+    """Publishes map -> base_link once on /tf_static, and the arm's joints on /tf at a rate."""
+
+    def __init__(self) -> None:
+        """
+        Create the node and start to publish.
+
+        :raises UsageError: on a parameter that was given a senseless value.
+        """
+        super().__init__('dummy_arm')
+        self._arm = Arm()
+        self._quantities = quantities(self._arm)
+        self._declare_parameters()
+        self._waves = [Wave(self._number(f'{joint.name}.speed'),
+                            self._number(f'{joint.name}.limit')) for joint in self._arm.joints]
+        self._set_offsets()
+        self._start_ns: Optional[int] = None
+        self._t = 0.0
+
+        prefix = self.get_parameter(PREFIX).value
+        frames = [prefix + frame for frame in self._arm.frames]
+        base = TransformStamped(child_frame_id=frames[0])
+        base.header.stamp = self.get_clock().now().to_msg()
+        base.header.frame_id = MAP
+        StaticTransformBroadcaster(self).sendTransform(base)
+        self._joints = TransformBroadcaster(self).prepare(list(pairwise(frames)))
+        self._timer = self.create_timer(1.0 / self._number('rate'), self._tick)
+        self.add_on_set_parameters_callback(self._check)
+        self.add_post_set_parameters_callback(self._apply)
+
+    def _declare_parameters(self) -> None:
+        for name, quantity in self._quantities.items():
+            # With dynamic typing, so that an integer is taken as well; checked by ourselves.
+            value = self.declare_parameter(
+                name, quantity.default, ParameterDescriptor(dynamic_typing=True)).value
+            problem = quantity.problem(name, value)
+            if problem:
+                raise UsageError(problem)
+            self.set_descriptor(name, ParameterDescriptor(
+                dynamic_typing=True, description=f'{quantity.meaning} ({quantity.unit})',
+                floating_point_range=[FloatingPointRange(
+                    from_value=quantity.smallest, to_value=quantity.largest)]))
+        prefix = self.declare_parameter(PREFIX, '', ParameterDescriptor(dynamic_typing=True)).value
+        if not isinstance(prefix, str) or prefix.startswith('/'):
+            raise UsageError(f'{PREFIX} must be text that does not begin with /, got {prefix!r}')
+        self.set_descriptor(PREFIX, ParameterDescriptor(
+            read_only=True, type=Parameter.Type.STRING.value, description=PREFIX_DESCRIPTION))
+
+    def _number(self, name: str) -> float:
+        return float(self.get_parameter(name).value)
+
+    def _set_offsets(self) -> None:
+        self._arm = replace(self._arm, joints=tuple(
+            replace(joint, offset=self._number(f'{joint.name}.offset'))
+            for joint in self._arm.joints))
+
+    def _check(self, parameters: list[Parameter]) -> SetParametersResult:
+        for parameter in parameters:
+            quantity = self._quantities.get(parameter.name)
+            problem = quantity and quantity.problem(parameter.name, parameter.value)
+            if problem:
+                return SetParametersResult(successful=False, reason=problem)
+        return SetParametersResult(successful=True)
+
+    def _apply(self, parameters: list[Parameter]) -> None:
+        changed = {parameter.name: parameter.value for parameter in parameters}
+        if 'rate' in changed:
+            self._timer.timer_period_ns = round(1e9 / changed['rate'])
+            self._timer.reset()
+        for i, joint in enumerate(self._arm.joints):
+            if f'{joint.name}.speed' in changed:
+                self._waves[i] = self._waves[i].with_speed(
+                    float(changed[f'{joint.name}.speed']), self._t)
+            if f'{joint.name}.limit' in changed:
+                self._waves[i] = self._waves[i].with_limit(
+                    float(changed[f'{joint.name}.limit']), self._t)
+        self._set_offsets()
+
+    def _tick(self) -> None:
+        now_ns = self.get_clock().now().nanoseconds
+        if self._start_ns is None:
+            self._start_ns = now_ns
+            (base, _), *_ = self._joints.edges
+            chain = ' -> '.join((base, *(child for _, child in self._joints.edges)))
+            self.get_logger().info(
+                f'publishing {MAP} -> {base} on /tf_static and {chain} on /tf at '
+                f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
+        self._t = (now_ns - self._start_ns) * 1e-9
+        self._joints.send(now_ns, self._arm.poses_at([wave.angle(self._t)
+                                                      for wave in self._waves]))
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Make the parser, whose help lists the parameters."""
+    lines = [f'  {name:15} {quantity.meaning} ({quantity.unit}; {quantity.smallest:g} to '
+             f'{quantity.largest:g}; default {quantity.default:g})'
+             for name, quantity in quantities(Arm()).items()]
+    return argparse.ArgumentParser(
+        prog='dummy_arm', formatter_class=argparse.RawDescriptionHelpFormatter,
+        description='Publish a small arm that waves as TF: map -> base_link on /tf_static, '
+                    'base_link -> joint_1 -> joint_2\n-> joint_3 -> end_effector on /tf. '
+                    'Ctrl-C ends it.',
+        epilog='\n'.join((
+            'parameters, to be given as --ros-args -p NAME:=VALUE:', *lines,
+            f'  {PREFIX:15} {PREFIX_DESCRIPTION}',
+            '  use_sim_time    take the time from /clock (default false)',
+            '', 'example: dummy_arm --ros-args -p rate:=100 -p joint_1.speed:=1.0')))
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the node; see `--help`."""
+    return run_node(make_parser(), DummyArm, args)
+
+
+if __name__ == '__main__':
+    sys.exit(main())

@@ -1,0 +1,299 @@
+"""The node `dummy_arm`, run as a user runs it and heard over DDS."""
+
+import math
+import re
+import signal
+
+import numpy as np
+import pytest
+from rcl_interfaces.msg import Log
+from rclpy.parameter import Parameter
+from rclpy.parameter_client import AsyncParameterClient
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rosgraph_msgs.msg import Clock
+
+from dummy_arm.arm import Arm
+from dummy_arm.tf import TFMessage
+
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+CHAIN = [('base_link', 'joint_1'), ('joint_1', 'joint_2'), ('joint_2', 'joint_3'),
+         ('joint_3', 'end_effector')]
+NODE = ('-m', 'dummy_arm.dummy_arm')
+
+
+def zero(process):
+    """Read the time of t = 0 (ns) from the first line of the log."""
+    return int(re.search(r't = 0 at (\d+) ns', process.line())[1])
+
+
+def ns(transform):
+    """Get the stamp in ns."""
+    stamp = transform.header.stamp
+    return stamp.sec * 10**9 + stamp.nanosec
+
+
+def edges(message):
+    """List parent and child of each transform."""
+    return [(t.header.frame_id, t.child_frame_id) for t in message.transforms]
+
+
+def poses(message):
+    """Get the (n, 7) poses."""
+    return np.array([(t.transform.translation.x, t.transform.translation.y,
+                      t.transform.translation.z, t.transform.rotation.x, t.transform.rotation.y,
+                      t.transform.rotation.z, t.transform.rotation.w) for t in message.transforms])
+
+
+def angle(message, joint):
+    """Get the angle of joint 0, 1 or 2 (rad)."""
+    rotation = message.transforms[joint].transform.rotation
+    return 2 * math.atan2(rotation.z, rotation.w)
+
+
+@pytest.fixture
+def joints(ros):
+    """The messages on /tf."""
+    messages = []
+    ros.node.create_subscription(TFMessage, '/tf', messages.append, 1000)
+    return messages
+
+
+@pytest.fixture
+def statics(ros):
+    """The messages on /tf_static."""
+    messages = []
+    ros.node.create_subscription(TFMessage, '/tf_static', messages.append, LATCHED)
+    return messages
+
+
+def assert_static(message):
+    """Check the one static transform."""
+    assert edges(message) == [('map', 'base_link')]
+    np.testing.assert_array_equal(poses(message), [[0, 0, 0, 0, 0, 0, 1]])
+
+
+def test_early_and_late_subscribers_get_the_arm(ros, joints, statics, start):
+    """Both have the static transform; the joints are as the formula says at their stamps."""
+    process = start(*NODE)
+    start_ns = zero(process)
+    ros.until(lambda: statics and len(joints) >= 100)
+    late = []
+    ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
+    ros.until(lambda: late, timeout=2.0)
+    for message in (*statics, *late):
+        assert_static(message)
+    speeds = np.array([0.3, 0.5, 0.7])
+    for message in joints:
+        assert edges(message) == CHAIN
+        (stamp_ns,) = {ns(transform) for transform in message.transforms}
+        expected = Arm().poses(speeds * (stamp_ns - start_ns) / 1e9)
+        np.testing.assert_allclose(poses(message), expected, rtol=0, atol=1e-9)
+    stamps = np.diff([ns(message.transforms[0]) for message in joints]) / 1e9
+    assert np.median(stamps) == pytest.approx(1 / 50, rel=0.1)
+
+
+def test_the_first_message_is_a_straight_arm(joints, ros, start):
+    """The phases are zero at the first tick."""
+    process = start(*NODE, '--ros-args', '-p', 'rate:=0.5')  # time enough to be discovered
+    start_ns = zero(process)
+    ros.until(lambda: joints)
+    assert ns(joints[0].transforms[0]) == start_ns
+    assert [angle(joints[0], i) for i in range(3)] == [0.0, 0.0, 0.0]
+    assert 'publishing map -> base_link on /tf_static' in process.output
+    assert 'base_link -> joint_1 -> joint_2 -> joint_3 -> end_effector on /tf at 0.5 Hz' in (
+        process.output)
+
+
+class Parameters:
+    """The parameter services of the node."""
+
+    def __init__(self, ros):
+        self._ros = ros
+        self._client = AsyncParameterClient(ros.node, 'dummy_arm')
+        ros.until(self._client.services_are_ready)
+
+    def _answer(self, future):
+        self._ros.until(future.done)
+        return future.result()
+
+    def set(self, **values):
+        """Set parameters, `__` for a dot; return the reasons of refusals ('' where taken)."""
+        results = self._answer(self._client.set_parameters([
+            Parameter(name.replace('__', '.'), value=value) for name, value in values.items()]))
+        assert all(result.successful == (not result.reason) for result in results.results)
+        return [result.reason for result in results.results]
+
+    def describe(self, *names):
+        """Get the descriptors."""
+        return self._answer(self._client.describe_parameters(list(names))).descriptors
+
+
+def test_changes_keep_the_angle_continuous(ros, joints, start):
+    """Speed and limit set by the parameter service: no jump, and then the new motion."""
+    start_ns = zero(start(*NODE, '--ros-args', '-p', 'rate:=200'))
+    parameters = Parameters(ros)
+    ros.until(lambda: len(joints) > 100)
+    assert parameters.set(joint_1__speed=3.0, joint_2__limit=2.0) == ['', '']
+    changed = len(joints)
+    ros.until(lambda: len(joints) > changed + 300)
+    assert parameters.set(joint_1__speed=-1, joint_1__limit=1) == ['', '']
+    changed = len(joints)
+    ros.until(lambda: len(joints) > changed + 300)
+
+    seconds = np.array([ns(message.transforms[0]) - start_ns for message in joints]) / 1e9
+    for joint, fastest in ((0, 3.0 * math.pi / 4 + 1.5), (1, 0.5 * 2.0 + 1.5 * 1.5)):
+        angles = np.array([angle(message, joint) for message in joints])
+        assert np.all(np.abs(np.diff(angles)) <= fastest * np.diff(seconds) + 1e-9)
+        assert np.ptp(angles) > 0.3
+    angles = np.array([angle(message, 1) for message in joints[-100:]])
+    np.testing.assert_allclose(angles, 2.0 * np.sin(0.5 * seconds[-100:]), atol=1e-9)
+    angles = np.array([angle(message, 2) for message in joints])
+    np.testing.assert_allclose(
+        angles, math.radians(60) * np.sin(0.7 * seconds), atol=1e-9)
+
+
+def test_a_new_rate_is_taken_at_once(ros, joints, start):
+    """Even from one tick in ten seconds."""
+    start(*NODE, '--ros-args', '-p', 'rate:=0.1')
+    parameters = Parameters(ros)
+    assert parameters.set(rate=100) == ['']
+    ros.until(lambda: len(joints) > 50, timeout=5.0)
+
+
+def test_a_new_offset_moves_the_frame(ros, joints, start):
+    """Along the link before."""
+    start(*NODE)
+    assert Parameters(ros).set(joint_2__offset=1.5) == ['']
+    ros.until(lambda: joints and joints[-1].transforms[1].transform.translation.x == 1.5)
+
+
+@pytest.mark.parametrize(('name', 'value', 'reason'), [
+    ('rate', 0, 'rate must be a number from 0.1 to 10000 Hz, got 0'),
+    ('rate', 0.0, 'rate out of range'), ('rate', math.nan, 'rate out of range'),
+    ('rate', 'fast', "rate must be a number from 0.1 to 10000 Hz, got 'fast'"),
+    ('rate', True, 'rate must be a number'), ('rate', None, 'rate must be a number'),
+    ('joint_1__limit', 3.2, 'joint_1.limit out of range'),
+    ('joint_1__limit', 4, 'joint_1.limit must be a number from 0 to 3.14159 rad, got 4'),
+    ('joint_3__speed', math.inf, 'joint_3.speed out of range'),
+    ('frame_prefix', 'x/', 'read-only')])
+def test_nonsense_is_refused_with_a_reason(ros, joints, start, name, value, reason):
+    """And the arm goes on."""
+    start(*NODE)
+    (given,) = Parameters(ros).set(**{name: value})
+    assert reason in given
+    count = len(joints)
+    ros.until(lambda: len(joints) > count + 5)
+
+
+def test_parameters_are_described(ros, start):
+    """Each has a description and, as a number, its range."""
+    start(*NODE)
+    rate, limit, prefix = Parameters(ros).describe('rate', 'joint_2.limit', 'frame_prefix')
+    assert 'Hz' in rate.description
+    assert rate.floating_point_range[0].to_value == 10000.0
+    assert 'rad' in limit.description
+    assert limit.floating_point_range[0].to_value == math.pi
+    assert prefix.read_only
+    assert 'map' in prefix.description
+
+
+def test_parameters_at_the_start(ros, joints, statics, start):
+    """Speeds, limits, a prefix, given on the command line, integers too."""
+    start_ns = zero(start(
+        *NODE, '--ros-args', '-p', 'joint_1.speed:=2', '-p', 'joint_1.limit:=0.25',
+        '-p', 'joint_1.offset:=1', '-p', 'frame_prefix:=robot1/'))
+    ros.until(lambda: statics and len(joints) > 20)
+    assert edges(statics[0]) == [('map', 'robot1/base_link')]
+    for message in joints:
+        assert edges(message) == [(f'robot1/{a}', f'robot1/{b}') for a, b in CHAIN]
+        assert message.transforms[0].transform.translation.z == 1.0
+        t = (ns(message.transforms[0]) - start_ns) / 1e9
+        assert angle(message, 0) == pytest.approx(0.25 * math.sin(2 * t), abs=1e-9)
+
+
+@pytest.mark.parametrize('arguments', [
+    ('-p', 'rate:=0'), ('-p', 'rate:=-5.0'), ('-p', 'rate:=.nan'), ('-p', 'rate:=fast'),
+    ('-p', 'joint_1.limit:=3.2'), ('-p', 'frame_prefix:=/x'), ('-p', 'frame_prefix:=7'),
+    ('-p', 'rate'), ('--no-such-option',)])
+def test_a_bad_start_is_one_line_and_exit_code_2(start, arguments):
+    """Said on stderr, by the command's name."""
+    process = start(*NODE, '--ros-args', *arguments)
+    assert process.exit_code() == 2
+    assert re.fullmatch(r'dummy_arm: .+\n', process.output)
+
+
+def test_an_unknown_argument_is_exit_code_2(start):
+    """With the usage."""
+    process = start(*NODE, '--fast')
+    assert process.exit_code() == 2
+    assert 'usage: dummy_arm' in process.output
+
+
+def test_help(start):
+    """It says what it is, and its parameters."""
+    process = start(*NODE, '--help')
+    assert process.exit_code() == 0
+    for text in ('small arm that waves', 'rate', 'joint_3.limit', 'frame_prefix', 'example:'):
+        assert text in process.output
+
+
+@pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('rate', [50, 1000, 10000])
+def test_signals_are_normal_ends(start, signal_number, rate):
+    """Within a second, exit code 0, no traceback, whatever it is doing."""
+    for _ in range(3):
+        process = start(*NODE, '--ros-args', '-p', f'rate:={rate}')
+        zero(process)
+        assert process.end(signal_number) < 1.0
+        assert process.exit_code() == 0
+        assert process.output.count('\n') == 1, process.output
+
+
+def test_a_kill_and_a_restart_are_picked_up(ros, joints, statics, start):
+    """A subscriber that keeps running hears the new arm."""
+    process = start(*NODE)
+    ros.until(lambda: statics and joints)
+    process.end(signal.SIGKILL)
+    statics.clear()
+    start_ns = zero(start(*NODE))
+    ros.until(lambda: statics and joints and ns(joints[-1].transforms[0]) > start_ns)
+    assert_static(statics[0])
+
+
+def test_sim_time_is_followed_backwards_too(ros, joints, start):
+    """Stamps and phases are those of /clock."""
+    publisher = ros.node.create_publisher(Clock, '/clock', 10)
+    start(*NODE, '--ros-args', '-p', 'use_sim_time:=true')
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    logs = []
+    ros.node.create_subscription(Log, '/rosout', logs.append, LATCHED)
+    clock = Clock()
+
+    def publish_from(start_ns, step_ns, count):
+        """Move /clock on until that many messages more have come."""
+        enough, now_ns = len(joints) + count, start_ns
+        while len(joints) < enough:
+            clock.clock.sec, clock.clock.nanosec = divmod(now_ns, 10**9)
+            publisher.publish(clock)
+            ros.executor.spin_once(timeout_sec=0.02)
+            now_ns += step_ns
+            assert now_ns < start_ns + 1000 * step_ns
+        return now_ns
+
+    def check(messages, earliest_ns, latest_ns):
+        for message in messages:
+            t = (ns(message.transforms[0]) - start_ns) / 1e9
+            assert earliest_ns <= ns(message.transforms[0]) <= latest_ns
+            np.testing.assert_allclose(
+                poses(message), Arm().poses(np.array([0.3, 0.5, 0.7]) * t), atol=1e-9)
+
+    end_ns = publish_from(100 * 10**9, 5 * 10**7, 30)
+    ros.until(lambda: logs)
+    start_ns = int(re.search(r't = 0 at (\d+) ns', logs[0].msg)[1])
+    assert 100 * 10**9 <= start_ns < end_ns
+    check(joints, start_ns, end_ns)
+    count = len(joints)
+    end_ns = publish_from(40 * 10**9, 5 * 10**7, 30)
+    backwards = [m for m in joints[count:] if ns(m.transforms[0]) < 100 * 10**9]
+    assert len(backwards) > 20
+    check(backwards, 40 * 10**9, end_ns)
