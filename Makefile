@@ -1,0 +1,45 @@
+# make demo, make test: all that a Linux x86-64 machine with Python 3.10 or later needs.
+
+PYTHON ?= python3
+VENV ?= .venv
+INSTALLED := $(VENV)/installed
+
+export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
+# A ROS installation that is sourced is for another Python; the venv brings all of its own.
+unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
+unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+
+.PHONY: demo listen test lint bench clean
+
+demo: $(INSTALLED)
+	@$(VENV)/bin/dummy_arm
+
+listen: $(INSTALLED)
+	@$(VENV)/bin/python docs/examples/listen.py
+
+test: $(INSTALLED)
+	@rm -rf build
+	$(VENV)/bin/colcon build
+	$(VENV)/bin/colcon test --event-handlers console_direct+
+	$(VENV)/bin/colcon test-result --verbose
+	@$(VENV)/bin/colcon test-result | grep -q '^Summary: [1-9]' || { echo 'no test ran'; exit 1; }
+
+lint: $(INSTALLED)
+	$(VENV)/bin/ruff check
+	$(VENV)/bin/mypy
+
+bench: $(INSTALLED)
+	$(VENV)/bin/python bench/bench.py
+
+clean:
+	rm -rf build install log $(VENV)
+
+$(INSTALLED): setup.py
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
+	    { echo 'Python 3.10 or later is needed; name one: make PYTHON=python3.12'; exit 1; }
+	@$(PYTHON) -c 'import ensurepip' 2> /dev/null || { $(PYTHON) -c 'import sys; print( \
+	    "the venv module is missing: apt install python3.%d-venv" % sys.version_info[1])'; exit 1; }
+	$(PYTHON) -m venv $(VENV)
+	@touch $(VENV)/COLCON_IGNORE
+	$(VENV)/bin/python -m pip install --quiet --editable '.[ros,test]'
+	@touch $@

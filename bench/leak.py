@@ -1,0 +1,46 @@
+"""
+Publish and take a million TFMessages as objects; print how the resident memory goes.
+
+Bounded: by its count of messages.
+"""
+
+import os
+import sys
+
+os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+os.environ.setdefault('ROS_DOMAIN_ID', '97')
+
+import rclpy
+
+from dummy_arm.tf import TFMessage
+from dummy_arm.tf.transform_stamped import message_of
+
+
+def resident() -> float:
+    """Read the resident memory (MiB)."""
+    with open('/proc/self/statm') as statm:
+        return int(statm.read().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 2**20
+
+
+def main(count: int = 1_000_000) -> None:
+    """Print a table in Markdown: messages so far, resident memory."""
+    rclpy.init()
+    node = rclpy.create_node('leak')
+    taken = 0
+    subscription = node.create_subscription(TFMessage, '/tf', lambda _: None, 10)
+    publisher = node.create_publisher(TFMessage, '/tf', 10)
+    message = TFMessage(transforms=[
+        message_of((1, 2, 'map', f'frame_{i}', 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+        for i in range(2)])
+    print('| published | taken | resident (MiB) |\n|---|---|---|')
+    for published in range(count + 1):
+        if published % (count // 10) == 0:
+            print(f'| {published} | {taken} | {resident():.1f} |', flush=True)
+        publisher.publish(message)
+        with subscription.handle:
+            taken += subscription.handle.take_message(TFMessage, False) is not None
+    rclpy.shutdown()
+
+
+if __name__ == '__main__':
+    main(*map(int, sys.argv[1:]))

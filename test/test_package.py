@@ -1,0 +1,58 @@
+"""The package as a whole."""
+
+import os
+from pathlib import Path
+import re
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+
+def test_setup_py_and_package_xml_agree():
+    """Name, version, description, licence and maintainer stand in both."""
+    done = subprocess.run(
+        [sys.executable, 'setup.py', '--name', '--version', '--description', '--license',
+         '--maintainer', '--maintainer-email'],
+        cwd=ROOT, text=True, capture_output=True, check=True, timeout=60)
+    xml = ElementTree.parse(ROOT / 'package.xml')
+    maintainer = xml.find('maintainer')
+    assert done.stdout.splitlines()[-6:] == [
+        *(xml.find(tag).text for tag in ('name', 'version', 'description', 'license')),
+        maintainer.text, maintainer.get('email')]
+
+
+def test_the_changelog_tells_of_this_version():
+    """In the form that catkin_prepare_release reads."""
+    version = ElementTree.parse(ROOT / 'package.xml').find('version').text
+    changelog = (ROOT / 'CHANGELOG.rst').read_text()
+    heading = rf'^({re.escape(version)} \(\d{{4}}-\d\d-\d\d\)|Forthcoming)\n-+\n\* '
+    assert re.search(heading, changelog, re.MULTILINE)
+
+
+CORE = ('dummy_arm.arm', 'dummy_arm.tf', 'dummy_arm.tf.wire')
+
+
+@pytest.mark.parametrize('module', CORE)
+def test_the_core_needs_no_ros(module):
+    """It imports where there is neither rclpy nor a message package."""
+    code = (
+        'import sys\n'
+        'class Blocked:\n'
+        '    def find_spec(self, name, *_):\n'
+        '        if name.split(".")[0] in ("rclpy", "geometry_msgs", "std_msgs", "tf2_msgs"):\n'
+        '            raise ImportError(name)\n'
+        'sys.meta_path.insert(0, Blocked())\n'
+        f'import {module}\n')
+    subprocess.run([sys.executable, '-c', code], check=True, env=os.environ, timeout=60)
+
+
+def test_names_of_tf_are_listed_and_unknown_ones_are_not_there():
+    """Imported late, they still show in dir()."""
+    from dummy_arm import tf
+    assert {'TFMessage', 'TransformBroadcaster', 'StaticTransformBroadcaster'} <= set(dir(tf))
+    with pytest.raises(AttributeError, match="no attribute 'Nonsense'"):
+        _ = tf.Nonsense

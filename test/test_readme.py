@@ -1,0 +1,30 @@
+"""The README's programs, and the examples."""
+
+from pathlib import Path
+import re
+import signal
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+BLOCKS = re.findall(r'^```python\n(.*?)^```$', (ROOT / 'README.md').read_text(), re.M | re.S)
+
+
+@pytest.mark.parametrize('code', BLOCKS)
+def test_python_of_the_readme_runs(start, code):
+    """Each block is a whole program."""
+    process = start('-c', code)
+    assert process.exit_code() == 0, process.output
+    assert process.output == ''
+
+
+@pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
+def test_listen_hears_the_arm(start, signal_number):
+    """`make demo` in one shell, `make listen` in another."""
+    start('-m', 'dummy_arm.dummy_arm').line_with('t = 0')
+    listener = start(str(ROOT / 'docs' / 'examples' / 'listen.py'))
+    listener.line_with('map -> base_link')
+    listener.line_with('joint_3 -> end_effector xyz  0.200  0.000  0.000')
+    listener.end(signal_number)
+    assert listener.exit_code() == 0
+    assert 'Traceback' not in listener.output
