@@ -109,6 +109,7 @@ def start(domain_id: int) -> Iterator[Callable[..., Process]]:
     yield start_process
     for process in processes:
         process.close()
+        print(process.output)  # shown where the test failed
 
 
 class Ros:

@@ -3,6 +3,7 @@
 import math
 import re
 import signal
+import time
 
 import numpy as np
 import pytest
@@ -112,20 +113,30 @@ class Parameters:
         self._client = AsyncParameterClient(ros.node, 'dummy_arm')
         ros.until(self._client.services_are_ready)
 
-    def _answer(self, future):
-        self._ros.until(future.done)
-        return future.result()
+    def _answer(self, ask):
+        """Ask until there is an answer: DDS may lose one whose client it has just discovered."""
+        futures = []
+
+        def answered():
+            if not futures or time.monotonic() > self._asked + 2.0:
+                futures.append(ask())
+                self._asked = time.monotonic()
+            return any(future.done() for future in futures)
+
+        self._ros.until(answered)
+        return next(future.result() for future in futures if future.done())
 
     def set(self, **values):
         """Set parameters, `__` for a dot; return the reasons of refusals ('' where taken)."""
-        results = self._answer(self._client.set_parameters([
-            Parameter(name.replace('__', '.'), value=value) for name, value in values.items()]))
+        parameters = [
+            Parameter(name.replace('__', '.'), value=value) for name, value in values.items()]
+        results = self._answer(lambda: self._client.set_parameters(parameters))
         assert all(result.successful == (not result.reason) for result in results.results)
         return [result.reason for result in results.results]
 
     def describe(self, *names):
         """Get the descriptors."""
-        return self._answer(self._client.describe_parameters(list(names))).descriptors
+        return self._answer(lambda: self._client.describe_parameters(list(names))).descriptors
 
 
 def test_changes_keep_the_angle_continuous(ros, joints, start):

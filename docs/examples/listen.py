@@ -1,11 +1,13 @@
 """Print, once a second, the newest transform of every frame on /tf and /tf_static."""
 
 from geometry_msgs.msg import TransformStamped
-import rclpy
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
+import argparse
+import sys
+
+from dummy_arm.command import run_node
 from dummy_arm.tf import TFMessage
 
 
@@ -34,8 +36,4 @@ class Listener(Node):
                   f'xyzw {q.x:6.3f} {q.y:6.3f} {q.z:6.3f} {q.w:6.3f}', flush=True)
 
 
-try:
-    rclpy.init()
-    rclpy.spin(Listener())
-except (KeyboardInterrupt, ExternalShutdownException):
-    pass
+sys.exit(run_node(argparse.ArgumentParser(prog='listen', description=__doc__), Listener))
