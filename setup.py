@@ -27,7 +27,7 @@ setup(
     license='MIT',
     entry_points={
         'console_scripts': [
-            'dummy_arm = dummy_arm.dummy_arm:main',
+            'dummy_arm = dummy_arm.entry_points:dummy_arm',
         ],
     },
 )

@@ -28,6 +28,7 @@ from dummy_arm.tf.transform_stamped import message_of
 
 Row = tuple[str, str, str]
 TICKS = 10_000
+ARM = (sys.executable, '-c', 'from dummy_arm.entry_points import dummy_arm; dummy_arm()')
 
 
 def best(work: Callable[[], object]) -> float:
@@ -97,8 +98,8 @@ def ticking(node: Node) -> Iterator[Row]:
     node.create_subscription(TFMessage, '/tf', take, 1000, raw=True)
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    with subprocess.Popen([sys.executable, '-m', 'dummy_arm.dummy_arm', '--ros-args',
-                           '-p', 'rate:=1000'], stderr=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen([*ARM, '--ros-args', '-p', 'rate:=1000'],
+                          stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         assert re.search('t = 0', process.stderr.readline())
         while len(stamps) < TICKS and process.poll() is None:

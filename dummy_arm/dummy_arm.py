@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 import math
-import sys
 from typing import Optional
 
 from geometry_msgs.msg import TransformStamped
@@ -166,7 +165,3 @@ def make_parser() -> argparse.ArgumentParser:
 def main(args: Optional[Sequence[str]] = None) -> int:
     """Run the node; see `--help`."""
     return run_node(make_parser(), DummyArm, args)
-
-
-if __name__ == '__main__':
-    sys.exit(main())

@@ -19,7 +19,7 @@ from dummy_arm.tf import TFMessage
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 CHAIN = [('base_link', 'joint_1'), ('joint_1', 'joint_2'), ('joint_2', 'joint_3'),
          ('joint_3', 'end_effector')]
-NODE = ('-m', 'dummy_arm.dummy_arm')
+NODE = ('-c', 'import sys, dummy_arm.entry_points; sys.exit(dummy_arm.entry_points.dummy_arm())')
 
 
 def zero(process):
@@ -258,6 +258,17 @@ def test_signals_are_normal_ends(start, signal_number, rate):
         assert process.end(signal_number) < 1.0
         assert process.exit_code() == 0
         assert process.output.count('\n') == 1, process.output
+
+
+@pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('module', ['numpy', 'rclpy', 'geometry_msgs', 'dummy_arm.tf.wire'])
+def test_signals_while_it_imports_are_normal_ends(start, signal_number, module):
+    """Not a traceback out of the midst of an import."""
+    process = start('-X', 'importtime', *NODE)
+    process.line_with(f'| {module}' if module == 'dummy_arm.tf.wire' else f' {module}.')
+    process.end(signal_number)
+    assert process.exit_code() == 0
+    assert 'Traceback' not in process.output
 
 
 def test_a_kill_and_a_restart_are_picked_up(ros, joints, statics, start):

@@ -1,11 +1,11 @@
 """Print, once a second, the newest transform of every frame on /tf and /tf_static."""
 
+import argparse
+import sys
+
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-
-import argparse
-import sys
 
 from dummy_arm.command import run_node
 from dummy_arm.tf import TFMessage
