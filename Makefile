@@ -41,5 +41,5 @@ $(INSTALLED): setup.py
 	    "the venv module is missing: apt install python3.%d-venv" % sys.version_info[1])'; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	@touch $(VENV)/COLCON_IGNORE
-	$(VENV)/bin/python -m pip install --quiet --editable '.[ros,test]'
+	$(VENV)/bin/python -m pip install --quiet --use-pep517 --editable '.[ros,test]'
 	@touch $@
