@@ -35,6 +35,8 @@ clean:
 	rm -rf build install log $(VENV)
 
 $(INSTALLED): setup.py
+	@[ "$$(uname -sm)" = 'Linux x86_64' ] || \
+	    { echo 'wheels of rclpy exist only for Linux x86-64; see README.md'; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
 	    { echo 'Python 3.10 or later is needed; name one: make PYTHON=python3.12'; exit 1; }
 	@$(PYTHON) -c 'import ensurepip' 2> /dev/null || { $(PYTHON) -c 'import sys; print( \

@@ -82,7 +82,8 @@ class Arm:
         poses = np.zeros((len(self.joints) + 1, 7))
         for pose, joint, angle in zip(poses, self.joints, angles):
             pose[:3] = [joint.offset * component for component in joint.direction]
-            pose[3:6] = [math.sin(angle / 2) * component for component in joint.axis]
+            # With 0.0 added, so that no component is a negative zero.
+            pose[3:6] = [math.sin(angle / 2) * component + 0.0 for component in joint.axis]
             pose[6] = math.cos(angle / 2)
         poses[-1] = self.tool, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
         return poses

@@ -7,11 +7,13 @@ import sys
 from typing import Optional
 
 import rclpy
-from rclpy.exceptions import ROSInterruptException
-from rclpy.executors import ExternalShutdownException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args
+
+_LONGEST_WAIT = 0.2  # s; a signal does not end a wait in the middleware
 
 
 class UsageError(ValueError):
@@ -29,11 +31,13 @@ def run_node(parser: argparse.ArgumentParser, make_node: Callable[[], Node],
     :returns: the exit code: 0, or 2 after a line on stderr that says what was used wrongly.
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         parser.parse_args(remove_ros_args(arguments)[1:])
-        rclpy.init(args=arguments)
-        rclpy.spin(make_node())
-    except (KeyboardInterrupt, ExternalShutdownException, ROSInterruptException):
+        # Not rclpy's handlers: they shut the context down while the node may be at work in it.
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+        _spin_until_signal(make_node())
+    except (KeyboardInterrupt, ExternalShutdownException):
         pass
     except _rclpy.UnknownROSArgsError as error:
         print(f'{parser.prog}: unknown ROS arguments: {error}', file=sys.stderr)
@@ -41,11 +45,17 @@ def run_node(parser: argparse.ArgumentParser, make_node: Callable[[], Node],
     except (UsageError, _rclpy.RCLInvalidROSArgsError) as error:
         print(f'{parser.prog}: {str(error).splitlines()[0]}', file=sys.stderr)
         return 2
-    except Exception:
-        if rclpy.ok():
-            raise
-        # The context was shut down while the node was at work: a normal end as well.
     finally:
-        signal.signal(signal.SIGINT, signal.SIG_IGN)  # a second Ctrl-C is no error either
         rclpy.try_shutdown()
     return 0
+
+
+def _spin_until_signal(node: Node) -> None:
+    signals: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda number, _: signals.append(number))
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while not signals:
+        executor.spin_once(timeout_sec=_LONGEST_WAIT)
+    node.destroy_node()

@@ -9,6 +9,7 @@ from typing import Optional
 
 from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -17,6 +18,7 @@ from dummy_arm.command import run_node, UsageError
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
 
 MAP = 'map'
+CLOCK_PATIENCE = 5.0  # s
 PREFIX = 'frame_prefix'
 PREFIX_DESCRIPTION = f'put before the name of every frame but {MAP}; read-only'
 
@@ -80,6 +82,8 @@ class DummyArm(Node):
         StaticTransformBroadcaster(self).sendTransform(base)
         self._joints = TransformBroadcaster(self).prepare(list(pairwise(frames)))
         self._timer = self.create_timer(1.0 / self._number('rate'), self._tick)
+        self._warning = self.create_timer(
+            CLOCK_PATIENCE, self._warn_of_clock, clock=Clock(clock_type=ClockType.STEADY_TIME))
         self.add_on_set_parameters_callback(self._check)
         self.add_post_set_parameters_callback(self._apply)
 
@@ -130,6 +134,12 @@ class DummyArm(Node):
                 self._waves[i] = self._waves[i].with_limit(
                     float(changed[f'{joint.name}.limit']), self._t)
         self._set_offsets()
+
+    def _warn_of_clock(self) -> None:
+        self._warning.cancel()
+        if self._start_ns is None and self.get_clock().ros_time_is_active:
+            self.get_logger().warning(
+                'waiting for the time: use_sim_time is true, and nothing comes on /clock')
 
     def _tick(self) -> None:
         now_ns = self.get_clock().now().nanoseconds

@@ -5,6 +5,7 @@ import os
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # before rclpy starts
 
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 import json
 from pathlib import Path
 import queue
@@ -17,6 +18,11 @@ import time
 import pytest
 
 TIMEOUT = 20.0  # s; for what takes well under a second on a machine that is not overloaded
+
+
+made_at_run_time = pytest.mark.skipif(
+    find_spec('tf2_msgs') is not None,
+    reason='about the TFMessage made where tf2_msgs is not installed')
 
 
 @pytest.fixture(scope='session')

@@ -282,6 +282,12 @@ def test_a_kill_and_a_restart_are_picked_up(ros, joints, statics, start):
     assert_static(statics[0])
 
 
+def test_sim_time_without_a_clock_is_said(start):
+    """Else it would look as if the arm did nothing."""
+    process = start(*NODE, '--ros-args', '-p', 'use_sim_time:=true')
+    assert 'nothing comes on /clock' in process.line()
+
+
 def test_sim_time_is_followed_backwards_too(ros, joints, start):
     """Stamps and phases are those of /clock."""
     publisher = ros.node.create_publisher(Clock, '/clock', 10)

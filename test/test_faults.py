@@ -1,5 +1,6 @@
 """What must neither crash nor stop a process: over DDS, in processes of their own."""
 
+from conftest import made_at_run_time
 from geometry_msgs.msg import TransformStamped
 import pytest
 
@@ -18,6 +19,7 @@ rclpy.spin(node)
 """
 
 
+@made_at_run_time
 def matched(ros, publisher):
     """Wait until somebody has subscribed."""
     ros.until(lambda: publisher.get_subscription_count() == 1)
@@ -44,6 +46,7 @@ def test_malformed_messages_are_dropped(ros, start, golden_messages):
     assert 'Traceback' not in process.output
 
 
+@made_at_run_time
 @pytest.mark.parametrize('wrong', [42, None, TransformStamped(header=None)])
 def test_a_wrong_element_sends_nothing(ros, start, wrong):
     """The publish raises, and no message arrives before the next."""
