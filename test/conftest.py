@@ -60,10 +60,10 @@ class Process:
         self._popen = subprocess.Popen(
             [sys.executable, '-u', *arguments], text=True, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
+        self.output = ''
         self._lines: queue.Queue[str] = queue.Queue()
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
-        self.output = ''
 
     def _read(self) -> None:
         for line in self._popen.stdout:

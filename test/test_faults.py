@@ -106,7 +106,8 @@ def take(message):
 node.create_subscription(TFMessage, '/tf', take, 10)
 executor = MultiThreadedExecutor(2)
 executor.add_node(node)
-threading.Thread(target=executor.spin, daemon=True).start()
+spinner = threading.Thread(target=executor.spin)
+spinner.start()
 def work(publish, argument):
     for _ in range(1500):
         publish(argument)
@@ -121,8 +122,9 @@ for thread in threads:
     thread.join()
 while not taken:
     time.sleep(0.01)
+rclpy.shutdown()
+spinner.join()
 print('done')
-executor.shutdown()
 """
 
 
