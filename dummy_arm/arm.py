@@ -125,3 +125,7 @@ class Wave:
     def with_limit(self, limit: float, t: float) -> 'Wave':
         """Change the limit (rad) from t on, smoothly."""
         return replace(self, limit=limit, limit_before=self.limit_at(t), limit_changed=t)
+
+    def settled(self) -> 'Wave':
+        """Take a change of the limit for done."""
+        return replace(self, limit_changed=-math.inf)

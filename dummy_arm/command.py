@@ -7,6 +7,7 @@ import sys
 from typing import Optional
 
 import rclpy
+from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
@@ -31,6 +32,7 @@ def run_node(parser: argparse.ArgumentParser, make_node: Callable[[], Node],
     :returns: the exit code: 0, or 2 after a line on stderr that says what was used wrongly.
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         parser.parse_args(remove_ros_args(arguments)[1:])
@@ -42,11 +44,13 @@ def run_node(parser: argparse.ArgumentParser, make_node: Callable[[], Node],
     except _rclpy.UnknownROSArgsError as error:
         print(f'{parser.prog}: unknown ROS arguments: {error}', file=sys.stderr)
         return 2
-    except (UsageError, _rclpy.RCLInvalidROSArgsError) as error:
+    except (UsageError, ParameterException, _rclpy.RCLInvalidROSArgsError) as error:
         print(f'{parser.prog}: {str(error).splitlines()[0]}', file=sys.stderr)
         return 2
     finally:
         rclpy.try_shutdown()
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
     return 0
 
 

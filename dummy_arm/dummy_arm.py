@@ -68,8 +68,7 @@ class DummyArm(Node):
         self._arm = Arm()
         self._quantities = quantities(self._arm)
         self._declare_parameters()
-        self._waves = [Wave(self._number(f'{joint.name}.speed'),
-                            self._number(f'{joint.name}.limit')) for joint in self._arm.joints]
+        self._set_waves()
         self._set_offsets()
         self._start_ns: Optional[int] = None
         self._t = 0.0
@@ -108,6 +107,10 @@ class DummyArm(Node):
     def _number(self, name: str) -> float:
         return float(self.get_parameter(name).value)
 
+    def _set_waves(self) -> None:
+        self._waves = [Wave(self._number(f'{joint.name}.speed'),
+                            self._number(f'{joint.name}.limit')) for joint in self._arm.joints]
+
     def _set_offsets(self) -> None:
         self._arm = replace(self._arm, joints=tuple(
             replace(joint, offset=self._number(f'{joint.name}.offset'))
@@ -126,14 +129,22 @@ class DummyArm(Node):
         if 'rate' in changed:
             self._timer.timer_period_ns = round(1e9 / changed['rate'])
             self._timer.reset()
+        self._set_offsets()
+        if self._start_ns is None:
+            self._set_waves()
+            return
+        t = self._seconds(self.get_clock().now().nanoseconds)
         for i, joint in enumerate(self._arm.joints):
             if f'{joint.name}.speed' in changed:
-                self._waves[i] = self._waves[i].with_speed(
-                    float(changed[f'{joint.name}.speed']), self._t)
+                speed = float(changed[f'{joint.name}.speed'])
+                self._waves[i] = self._waves[i].with_speed(speed, t)
             if f'{joint.name}.limit' in changed:
-                self._waves[i] = self._waves[i].with_limit(
-                    float(changed[f'{joint.name}.limit']), self._t)
-        self._set_offsets()
+                limit = float(changed[f'{joint.name}.limit'])
+                self._waves[i] = self._waves[i].with_limit(limit, t)
+
+    def _seconds(self, time_ns: int) -> float:
+        """Get the time since the first tick (s)."""
+        return (time_ns - (self._start_ns or 0)) * 1e-9
 
     def _warn_of_clock(self) -> None:
         self._warning.cancel()
@@ -150,9 +161,11 @@ class DummyArm(Node):
             self.get_logger().info(
                 f'publishing {MAP} -> {base} on /tf_static and {chain} on /tf at '
                 f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
-        self._t = (now_ns - self._start_ns) * 1e-9
-        self._joints.send(now_ns, self._arm.poses_at([wave.angle(self._t)
-                                                      for wave in self._waves]))
+        t = self._seconds(now_ns)
+        if t < self._t:  # the clock went back: the limits stay as they were set
+            self._waves = [wave.settled() for wave in self._waves]
+        self._t = t
+        self._joints.send(now_ns, self._arm.poses_at([wave.angle(t) for wave in self._waves]))
 
 
 def make_parser() -> argparse.ArgumentParser:

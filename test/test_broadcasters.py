@@ -1,6 +1,8 @@
 """The broadcasters, over DDS."""
 
+from decimal import Decimal
 import math
+import warnings
 
 from geometry_msgs.msg import TransformStamped
 import numpy as np
@@ -78,8 +80,12 @@ BAD = [
     (transform('map', 'map'), "'map' -> 'map': a frame cannot be its own parent"),
     (transform('map', '/map'), 'a frame cannot be its own parent'),
     (transform(frame_id='a\0b'), 'must not contain a NUL'),
-    (transform(frame_id=None), r'header\.frame_id must be a valid str, got None'),
-    (TransformStamped(header=None), 'header must be a valid Header, got None')]
+    (transform(frame_id='\ud800'), 'must be valid Unicode'),
+    (transform(frame_id=None), r"2 of 2, to child 'base_link': header\.frame_id must be a str"),
+    (transform(x=10**400), r'transform\.translation\.x must be a number, got 10000'),
+    (transform(x=Decimal(1)), r'transform\.translation\.x must be a number, got Decimal'),
+    (transform(rotation=(0.0, 0.0, 0.0, 10**400)), r'transform\.rotation\.w must be a number'),
+    (TransformStamped(header=None), 'header must be a Header, got None')]
 
 
 @pytest.mark.parametrize(('bad', 'error'), BAD)
@@ -174,6 +180,25 @@ def test_a_prepared_set_refuses_bad_names(ros, edges):
     """When it is prepared, not when it is sent."""
     with pytest.raises(ValueError, match=r'needs at least one|is empty|its own parent'):
         TransformBroadcaster(ros.node).prepare(edges)
+
+
+@pytest.mark.parametrize('edge', [
+    ('map', 5), ('map', None), ('map', ['a']), ('map', 'a', 'b'), ('map',), 'ab'])
+def test_an_edge_must_be_two_names(ros, edge):
+    """Else it is a TypeError that shows it."""
+    with pytest.raises(TypeError, match='an edge must be two names'):
+        TransformBroadcaster(ros.node).prepare([('a', 'b'), edge])
+
+
+def test_a_prepared_set_sends_huge_numbers_without_a_warning(ros, heard):
+    """Their sum overflows, they do not."""
+    poses = POSES.copy()
+    poses[:, 0] = 1.7e308
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        TransformBroadcaster(ros.node).prepare(EDGES).send(1, poses)
+    ros.until(lambda: heard)
+    assert heard[0][1].transform.translation.x == 1.7e308
 
 
 @pytest.mark.parametrize('stamp', [None, 1.5, 'now'])

@@ -225,7 +225,7 @@ def test_parameters_at_the_start(ros, joints, statics, start):
 @pytest.mark.parametrize('arguments', [
     ('-p', 'rate:=0'), ('-p', 'rate:=-5.0'), ('-p', 'rate:=.nan'), ('-p', 'rate:=fast'),
     ('-p', 'joint_1.limit:=3.2'), ('-p', 'frame_prefix:=/x'), ('-p', 'frame_prefix:=7'),
-    ('-p', 'rate'), ('--no-such-option',)])
+    ('-p', 'use_sim_time:=7'), ('-p', 'rate'), ('--no-such-option',)])
 def test_a_bad_start_is_one_line_and_exit_code_2(start, arguments):
     """Said on stderr, by the command's name."""
     process = start(*NODE, '--ros-args', *arguments)
@@ -325,3 +325,26 @@ def test_sim_time_is_followed_backwards_too(ros, joints, start):
     backwards = [m for m in joints[count:] if ns(m.transforms[0]) < 100 * 10**9]
     assert len(backwards) > 20
     check(backwards, 40 * 10**9, end_ns)
+
+
+def test_a_limit_stays_when_the_clock_goes_back(ros, joints, start):
+    """A bag that is played in a loop does not bring the old one back."""
+    publisher = ros.node.create_publisher(Clock, '/clock', 10)
+    start(*NODE, '--ros-args', '-p', 'use_sim_time:=true')
+    parameters, clock = Parameters(ros), Clock()
+
+    def play(start_s):
+        joints.clear()
+        for step in range(1000):
+            clock.clock.sec, clock.clock.nanosec = divmod(start_s * 10**9 + step * 10**8, 10**9)
+            publisher.publish(clock)
+            ros.executor.spin_once(timeout_sec=0.02)
+            if len(joints) > 20 and joints[-1].transforms[0].header.stamp.sec < start_s + 100:
+                return
+
+    play(100)
+    assert parameters.set(joint_1__limit=0.0) == ['']
+    play(10)
+    last = [m for m in joints if ns(m.transforms[0]) < 100 * 10**9]
+    assert len(last) > 10
+    assert [angle(message, 0) for message in last] == [0.0] * len(last)

@@ -74,15 +74,24 @@ def test_a_wrong_element_is_not_serialized(element):
 
 def test_the_error_names_the_field():
     """The line says which field, what it must be and what it is."""
-    transform = TransformStamped()
+    transform = TransformStamped(child_frame_id='a')
     transform.header.stamp.nanosec = -1
-    with pytest.raises(ValueError, match=r'header\.stamp\.nanosec must be a uint32, got -1'):
+    error = r"1 of 1, to child 'a': header\.stamp\.nanosec must be a uint32, got -1"
+    with pytest.raises(ValueError, match=error):
         serialize_message(TFMessage(transforms=[transform]))
     with pytest.raises(TypeError, match='expected a TransformStamped, got 42 of type int'):
         serialize_message(TFMessage(transforms=[42]))
 
 
 @made_at_run_time
+@pytest.mark.parametrize('data', ['text', bytearray(8), None, 7])
+@made_at_run_time
+def test_only_bytes_are_deserialized(data):
+    """Anything else is a TypeError."""
+    with pytest.raises(TypeError, match='expected bytes, got'):
+        deserialize_message(data, TFMessage)
+
+
 def test_it_is_a_message_class():
     """Fields, equality, repr, copies, as of any generated class."""
     transform = TransformStamped(child_frame_id='a')

@@ -62,6 +62,7 @@ class TransformBroadcaster:
         Prepare a set of frames that is sent again and again, at a fraction of the cost.
 
         :param edges: n >= 1 pairs (frame_id, child_frame_id).
+        :raises TypeError: on what is no pair of names.
         :raises ValueError: as `sendTransform`, for the names.
         """
         return PreparedTransforms(self.pub_tf, edges)
@@ -71,11 +72,14 @@ class PreparedTransforms:
     """Frames whose names were given once; see `TransformBroadcaster.prepare`."""
 
     def __init__(self, publisher: Publisher, edges: Sequence[tuple[str, str]]) -> None:
-        self.edges = tuple((parent, child) for parent, child in edges)
+        self.edges = tuple(edges)
         if not self.edges:
             raise ValueError('a prepared set needs at least one (frame_id, child_frame_id)')
-        for parent, child in self.edges:
-            check_edge(parent, child)
+        for edge in self.edges:
+            if isinstance(edge, str) or [*map(type, edge)] != [str, str]:
+                raise TypeError(f'an edge must be two names, frame_id and child_frame_id; '
+                                f'got {edge!r}')
+            check_edge(*edge)
         self._packet = wire.Packet(self.edges)
         self._publisher = publisher
 

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 import math
+from numbers import Real
 import operator
 from os import getenv
 import struct
@@ -25,7 +26,7 @@ _FIELDS: tuple[tuple[str, Union[type, str]], ...] = (
     ('child_frame_id', str), ('transform', Transform), ('transform.translation', Vector3),
     *((f'transform.translation.{axis}', 'd') for axis in 'xyz'),
     ('transform.rotation', Quaternion), *((f'transform.rotation.{axis}', 'd') for axis in 'xyzw'))
-_FIELD_ERRORS = (AttributeError, TypeError, UnicodeEncodeError, struct.error)
+_FIELD_ERRORS = (ArithmeticError, AttributeError, TypeError, struct.error)
 _KINDS = {'i': 'an int32', 'I': 'a uint32', 'd': 'a number'}
 
 
@@ -76,27 +77,35 @@ class bad_fields_named:  # noqa: N801
 
     def __exit__(self, kind: Optional[type], *_: object) -> None:
         if kind is not None and issubclass(kind, _FIELD_ERRORS):
-            for message in self._messages:
+            for i, message in enumerate(self._messages):
                 if isinstance(message, TransformStamped):
-                    _check_fields(message)
+                    problem = _bad_field(message)
+                    if problem:
+                        raise ValueError(
+                            f'transform {i + 1} of {len(self._messages)}, to child '
+                            f'{message.child_frame_id!r}: {problem}') from None
 
 
-def _check_fields(message: TransformStamped) -> None:
+def _bad_field(message: TransformStamped) -> Optional[str]:
+    """Tell of the first field whose value cannot be sent."""
     for path, kind in _FIELDS:
         value: Any = message
         for name in path.split('.'):
             value = getattr(value, name)
-        try:
-            if isinstance(kind, str):
-                struct.pack(kind, value)
-            elif kind is str:
-                value.encode()
-            elif not isinstance(value, kind):
-                raise TypeError
-        except _FIELD_ERRORS:
-            expected = _KINDS[kind] if isinstance(kind, str) else f'a valid {kind.__name__}'
-            raise ValueError(f'TransformStamped.{path} must be {expected}, '
-                             f'got {value!r} of type {type(value).__name__}') from None
+        if not _fits(value, kind):
+            expected = _KINDS[kind] if isinstance(kind, str) else f'a {kind.__name__}'
+            return f'{path} must be {expected}, got {value!r} of type {type(value).__name__}'
+    return None
+
+
+def _fits(value: object, kind: Union[type, str]) -> bool:
+    if isinstance(kind, type):
+        return isinstance(value, kind)
+    try:
+        struct.pack(kind, value)
+    except (ArithmeticError, TypeError, struct.error):
+        return False
+    return isinstance(value, Real)
 
 
 def rows_to_send(messages: Iterable[TransformStamped]) -> list[wire.Row]:
@@ -161,9 +170,10 @@ def check_poses(edges: Sequence[tuple[str, str]], poses: NDArray[np.float64]) ->
     :raises ValueError: for the first pose that is bad.
     """
     rotations = poses[:, 3:]
-    norms_squared = np.einsum('ij,ij->i', rotations, rotations)
-    if norms_squared.min() > 0.0 and math.isfinite(poses.sum() + norms_squared.sum()):
-        return
+    with np.errstate(over='ignore', invalid='ignore'):
+        norms_squared = np.einsum('ij,ij->i', rotations, rotations)
+        if norms_squared.min() > 0.0 and math.isfinite(poses.sum() + norms_squared.sum()):
+            return
     for edge, pose in zip(edges, poses.tolist()):
         check_pose(*edge, pose)
 

@@ -247,6 +247,7 @@ _members.members = ctypes.pointer(_member)
 _introspection = _TypeSupport(_INTROSPECTION, ctypes.addressof(_members),
                               _polygon_introspection.func, *_described_functions)
 
+# A dict's compiled method, called by a compiled function: no bytecode runs in between.
 _Handle.__getitem__ = {
     _FASTRTPS: ctypes.addressof(_fastrtps),
     _INTROSPECTION: ctypes.addressof(_introspection)}.get

@@ -41,7 +41,10 @@ def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
     """Pack both names, padded up to the pose; `position` is that of the first, modulo 8."""
     packed = b''
     for name, alignment in ((frame_id, 4), (child_frame_id, 8)):
-        text = name.encode()
+        try:
+            text = name.encode()
+        except UnicodeEncodeError as error:
+            raise ValueError(f'frame id {name!r} must be valid Unicode: {error}') from None
         if b'\0' in text:
             raise ValueError(f'frame id {name!r} must not contain a NUL character')
         packed += struct.pack('<I', len(text) + 1) + text + b'\0'
@@ -53,7 +56,7 @@ def pack(rows: Iterable[Row]) -> bytes:
     """
     Pack transforms into the bytes of one message.
 
-    :raises ValueError: on a frame id with a NUL in it.
+    :raises ValueError: on a frame id with a NUL in it or that is not valid Unicode.
     :raises struct.error: on a number that is none or does not fit its field.
     """
     parts = []
@@ -74,7 +77,10 @@ def unpack(data: bytes) -> list[Row]:
     What follows after the last transform is ignored, as Fast DDS does.
 
     :raises MalformedMessage: when the bytes end too early or are in another encoding.
+    :raises TypeError: when it is no bytes object.
     """
+    if not isinstance(data, bytes):
+        raise TypeError(f'expected bytes, got {type(data).__name__}')
     order = _BYTE_ORDER.get(data[:2])
     if order is None:
         raise MalformedMessage(
