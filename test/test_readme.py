@@ -28,3 +28,10 @@ def test_listen_hears_the_arm(start, signal_number):
     listener.end(signal_number)
     assert listener.exit_code() == 0
     assert 'Traceback' not in listener.output
+
+
+@pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md'])
+def test_links_lead_to_files(page):
+    """Relative ones, of the pages that are read on disk."""
+    links = re.findall(r'\]\((?!http)([^)#]+)\)', (ROOT / page).read_text())
+    assert [link for link in links if not (ROOT / link).exists()] == []
