@@ -86,6 +86,21 @@ def test_objects_and_bytes_both_ways(ros):
     assert objects[1] == message
 
 
+def test_a_large_message_arrives(ros, start):
+    """Half a megabyte, published as object and taken as object by another process."""
+    process = start('-c', SUBSCRIBER.replace('[t.child_frame_id for t in m.transforms]',
+                                             'len(m.transforms), m.transforms[-1].transform'))
+    process.line_with('ready')
+    publisher = ros.node.create_publisher(TFMessage, '/tf', 10)
+    matched(ros, publisher)
+    rows = [(1, 2, f'frame_{i}', f'frame_{i + 1}', i, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+            for i in range(5000)]
+    publisher.publish(TFMessage(transforms=[message_of(row) for row in rows]))
+    line = process.line()
+    assert line.startswith('5000 ')
+    assert 'x=4999.0' in line
+
+
 THREADS = """
 import sys, threading, time
 import rclpy

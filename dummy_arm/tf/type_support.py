@@ -5,15 +5,11 @@ The middleware knows a type by a `rosidl_message_type_support_t`. Like a TFMessa
 `geometry_msgs/msg/Polygon` is one unbounded sequence; so its tables are copied, and name, element
 type, description and hash replaced. No Python code runs when C calls in: every pointer here is of
 compiled code, or of a ctypes callback whose Python end is itself compiled.
-
-Layouts: rosidl_runtime_c/message_type_support_struct.h, rosidl_runtime_c/type_description/*.h,
-rosidl_typesupport_fastrtps_cpp/message_type_support.h and
-rosidl_typesupport_introspection_c/message_introspection.h.
 """
 
 from collections.abc import Callable, Iterable
 import ctypes
-from ctypes import c_bool, c_char_p, c_size_t, c_uint8, c_uint32, c_uint64, c_void_p, POINTER
+from ctypes import c_char_p, c_uint8, c_void_p, POINTER
 from hashlib import sha256
 from itertools import repeat
 import json
@@ -23,94 +19,29 @@ from typing import Any, Optional
 from geometry_msgs.msg import Polygon, TransformStamped
 from rclpy.type_support import check_for_type_support
 
+from dummy_arm.tf.rosidl_structs import (
+    FastRTPSCallbacks,
+    Field,
+    Fields,
+    FieldType,
+    IndividualTypeDescription,
+    IndividualTypeDescriptions,
+    Member,
+    Members,
+    String,
+    TypeDescription,
+    TypeHash,
+    TypeSource,
+    TypeSources,
+    TypeSupport,
+)
+
 _NAME = 'tf2_msgs/msg/TFMessage'
 _SOURCE = 'geometry_msgs/TransformStamped[] transforms\n'
 _NESTED_TYPE_UNBOUNDED_SEQUENCE = 145  # rosidl_runtime_c/type_description/field_type__struct.h
 _ROS_TYPE_MESSAGE = 18  # rosidl_typesupport_introspection_c/field_types.h
 _FASTRTPS = b'rosidl_typesupport_fastrtps_c'
 _INTROSPECTION = b'rosidl_typesupport_introspection_c'
-
-
-class _String(ctypes.Structure):
-    _fields_ = [('data', c_char_p), ('size', c_size_t), ('capacity', c_size_t)]
-
-    @classmethod
-    def of(cls, text: str) -> '_String':
-        data = text.encode()
-        return cls(data, len(data), len(data) + 1)
-
-    def __str__(self) -> str:
-        return (self.data or b'').decode()
-
-
-def _sequence(element: type) -> type:
-    fields = [('data', POINTER(element)), ('size', c_size_t), ('capacity', c_size_t)]
-    return type(f'{element.__name__}Sequence', (ctypes.Structure,), {
-        '_fields_': fields, '__iter__': lambda self: (self.data[i] for i in range(self.size))})
-
-
-class _FieldType(ctypes.Structure):
-    _fields_ = [('type_id', c_uint8), ('capacity', c_uint64), ('string_capacity', c_uint64),
-                ('nested_type_name', _String)]
-
-
-class _Field(ctypes.Structure):
-    _fields_ = [('name', _String), ('type', _FieldType), ('default_value', _String)]
-
-
-_Fields = _sequence(_Field)
-
-
-class _IndividualTypeDescription(ctypes.Structure):
-    _fields_ = [('type_name', _String), ('fields', _Fields)]
-
-
-_IndividualTypeDescriptions = _sequence(_IndividualTypeDescription)
-
-
-class _TypeDescription(ctypes.Structure):
-    _fields_ = [('type_description', _IndividualTypeDescription),
-                ('referenced_type_descriptions', _IndividualTypeDescriptions)]
-
-
-class _TypeSource(ctypes.Structure):
-    _fields_ = [('type_name', _String), ('encoding', _String), ('raw_file_contents', _String)]
-
-
-_TypeSources = _sequence(_TypeSource)
-
-
-class _TypeHash(ctypes.Structure):
-    _fields_ = [('version', c_uint8), ('value', c_uint8 * 32)]
-
-
-class _TypeSupport(ctypes.Structure):
-    _fields_ = [('typesupport_identifier', c_char_p), ('data', c_void_p), ('func', c_void_p),
-                ('get_type_hash_func', c_void_p), ('get_type_description_func', c_void_p),
-                ('get_type_description_sources_func', c_void_p)]
-
-
-class _FastRTPSCallbacks(ctypes.Structure):
-    _fields_ = [('message_namespace', c_char_p), ('message_name', c_char_p),
-                *((name, c_void_p) for name in (
-                    'cdr_serialize', 'cdr_deserialize', 'get_serialized_size',
-                    'max_serialized_size', 'key_callbacks'))]
-
-
-class _Member(ctypes.Structure):
-    _fields_ = [('name', c_char_p), ('type_id', c_uint8), ('string_upper_bound', c_size_t),
-                ('members', c_void_p), ('is_key', c_bool), ('is_array', c_bool),
-                ('array_size', c_size_t), ('is_upper_bound', c_bool), ('offset', c_uint32),
-                ('default_value', c_void_p),
-                *((f'{name}_function', c_void_p) for name in (
-                    'size', 'get_const', 'get', 'fetch', 'assign', 'resize'))]
-
-
-class _Members(ctypes.Structure):
-    _fields_ = [('message_namespace', c_char_p), ('message_name', c_char_p),
-                ('member_count', c_uint32), ('size_of', c_size_t),
-                ('has_any_key_member', c_bool), ('members', POINTER(_Member)),
-                ('init_function', c_void_p), ('fini_function', c_void_p)]
 
 
 class _Handle(c_void_p):
@@ -138,40 +69,40 @@ _new_capsule = ctypes.PYFUNCTYPE(ctypes.py_object, c_void_p, c_char_p, c_void_p)
     ('PyCapsule_New', ctypes.pythonapi))
 
 
-def _type_support_of(message_type: type, identifier: bytes) -> _TypeSupport:
+def _type_support_of(message_type: type, identifier: bytes) -> TypeSupport:
     """Get the type support of a compiled message type, in one of its two kinds."""
     check_for_type_support(message_type)
     capsule = message_type.__class__._TYPE_SUPPORT  # type: ignore[attr-defined]
     address = _get_capsule_pointer(capsule, _get_capsule_name(capsule))
-    handle = _TypeSupport.from_address(address)
+    handle = TypeSupport.from_address(address)
     _expect('the identifier of a type support', b'rosidl_typesupport_c',
             handle.typesupport_identifier)
     get = ctypes.CFUNCTYPE(c_void_p, c_void_p, c_char_p)(handle.func)
     address = get(address, identifier)
     _expect(f'the type support {identifier.decode()}', True, address is not None)
-    kind = _TypeSupport.from_address(address)
+    kind = TypeSupport.from_address(address)
     _expect('the identifier of a type support', identifier, kind.typesupport_identifier)
     return kind
 
 
-def _described(handle: _TypeSupport) -> tuple[_TypeDescription, Iterable[_TypeSource]]:
+def _described(handle: TypeSupport) -> tuple[TypeDescription, Iterable[TypeSource]]:
     """Get the description of a type and its sources, checked against the type's hash."""
     address = ctypes.addressof(handle)
     hash_, description, sources = (
         ctypes.CFUNCTYPE(POINTER(layout), c_void_p)(function)(address).contents
         for layout, function in (
-            (_TypeHash, handle.get_type_hash_func),
-            (_TypeDescription, handle.get_type_description_func),
-            (_TypeSources, handle.get_type_description_sources_func)))
+            (TypeHash, handle.get_type_hash_func),
+            (TypeDescription, handle.get_type_description_func),
+            (TypeSources, handle.get_type_description_sources_func)))
     _expect('the version of a type hash', 1, hash_.version)
     _expect(f'the hash of {description.type_description.type_name}',
             _hash_of(description).hex(), bytes(hash_.value).hex())
     return description, sources
 
 
-def _hash_of(description: _TypeDescription) -> bytes:
+def _hash_of(description: TypeDescription) -> bytes:
     """Hash a type description: the SHA-256 of its canonical JSON (REP-2011)."""
-    def plain(individual: _IndividualTypeDescription) -> dict[str, Any]:
+    def plain(individual: IndividualTypeDescription) -> dict[str, Any]:
         return {'type_name': str(individual.type_name), 'fields': [
             {'name': str(field.name), 'type': {
                 'type_id': field.type.type_id, 'capacity': field.type.capacity,
@@ -208,34 +139,34 @@ _polygon_introspection = _type_support_of(Polygon, _INTROSPECTION)
 
 # The description: one field, an unbounded sequence of TransformStamped.
 _element_description, _element_sources = _described(_element_fastrtps)
-_itself = _IndividualTypeDescription(_String.of(_NAME), _array(_Fields, [_Field(
-    _String.of('transforms'),
-    _FieldType(_NESTED_TYPE_UNBOUNDED_SEQUENCE, 0, 0,
+_itself = IndividualTypeDescription(String.of(_NAME), _array(Fields, [Field(
+    String.of('transforms'),
+    FieldType(_NESTED_TYPE_UNBOUNDED_SEQUENCE, 0, 0,
                _element_description.type_description.type_name))]))
-_description = _TypeDescription(_itself, _array(_IndividualTypeDescriptions, sorted(
+_description = TypeDescription(_itself, _array(IndividualTypeDescriptions, sorted(
     (_element_description.type_description, *_element_description.referenced_type_descriptions),
     key=lambda individual: str(individual.type_name))))
-_sources = _array(_TypeSources, (
-    _TypeSource(_String.of(_NAME), _String.of('msg'), _String.of(_SOURCE)), *_element_sources))
-_hash = _TypeHash(1, (c_uint8 * 32)(*_hash_of(_description)))
+_sources = _array(TypeSources, (
+    TypeSource(String.of(_NAME), String.of('msg'), String.of(_SOURCE)), *_element_sources))
+_hash = TypeHash(1, (c_uint8 * 32)(*_hash_of(_description)))
 _described_functions = [_constant(value) for value in (_hash, _description, _sources)]
 
-# The callbacks of Fast DDS, which it asks only for sizes: objects never get so far.
-_callbacks = _FastRTPSCallbacks.from_buffer_copy(
-    _FastRTPSCallbacks.from_address(_polygon_fastrtps.data))
+# The callbacks of Fast DDS; it asks them only whether the type is bounded.
+_callbacks = FastRTPSCallbacks.from_buffer_copy(
+    FastRTPSCallbacks.from_address(_polygon_fastrtps.data))
 _expect("Polygon's name", (b'geometry_msgs::msg', b'Polygon'),
         (_callbacks.message_namespace, _callbacks.message_name))
 _callbacks.message_namespace = b'tf2_msgs::msg'
 _callbacks.message_name = b'TFMessage'
-_fastrtps = _TypeSupport(_FASTRTPS, ctypes.addressof(_callbacks), _polygon_fastrtps.func,
+_fastrtps = TypeSupport(_FASTRTPS, ctypes.addressof(_callbacks), _polygon_fastrtps.func,
                          *_described_functions)
 
 # The introspection, of which the middleware registers the type.
-_members = _Members.from_buffer_copy(_Members.from_address(_polygon_introspection.data))
+_members = Members.from_buffer_copy(Members.from_address(_polygon_introspection.data))
 _expect("Polygon's introspection", (b'geometry_msgs__msg', b'Polygon', 1, 24),
         (_members.message_namespace, _members.message_name, _members.member_count,
          _members.size_of))
-_member = _Member.from_buffer_copy(_members.members[0])
+_member = Member.from_buffer_copy(_members.members[0])
 _expect("Polygon's member", (b'points', _ROS_TYPE_MESSAGE, True, 0, False, 0),
         (_member.name, _member.type_id, _member.is_array, _member.array_size,
          _member.is_upper_bound, _member.offset))
@@ -244,7 +175,7 @@ _member.members = ctypes.addressof(_element_introspection)
 _members.message_namespace = b'tf2_msgs__msg'
 _members.message_name = b'TFMessage'
 _members.members = ctypes.pointer(_member)
-_introspection = _TypeSupport(_INTROSPECTION, ctypes.addressof(_members),
+_introspection = TypeSupport(_INTROSPECTION, ctypes.addressof(_members),
                               _polygon_introspection.func, *_described_functions)
 
 # A dict's compiled method, called by a compiled function: no bytecode runs in between.
@@ -252,7 +183,7 @@ _Handle.__getitem__ = {
     _FASTRTPS: ctypes.addressof(_fastrtps),
     _INTROSPECTION: ctypes.addressof(_introspection)}.get
 _dispatch = _Dispatch(operator.getitem)
-_handle = _TypeSupport(b'rosidl_typesupport_c', None, ctypes.cast(_dispatch, c_void_p).value,
+_handle = TypeSupport(b'rosidl_typesupport_c', None, ctypes.cast(_dispatch, c_void_p).value,
                        *_described_functions)
 
 TYPE_SUPPORT = _new_capsule(ctypes.addressof(_handle), None, None)
