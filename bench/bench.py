@@ -15,16 +15,17 @@ from timeit import Timer
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', '97')
 
-from geometry_msgs.msg import PoseStamped, TransformStamped
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 from nav_msgs.msg import Path
 import numpy as np
 import rclpy
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
+from std_msgs.msg import Header
 
 from dummy_arm.tf import TFMessage, TransformBroadcaster
-from dummy_arm.tf.transform_stamped import message_of
 
 Row = tuple[str, str, str]
 TICKS = 10_000
@@ -40,9 +41,13 @@ def best(work: Callable[[], object]) -> float:
 
 
 def transforms(count: int) -> list[TransformStamped]:
-    """Build a chain of transforms."""
-    return [message_of((1_700_000_000, 123, f'frame_{i}', f'frame_{i + 1}',
-                        0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8)) for i in range(count)]
+    """Build a chain of transforms, by the constructors that everybody uses."""
+    return [TransformStamped(
+        header=Header(stamp=Time(sec=1_700_000_000, nanosec=123), frame_id=f'frame_{i}'),
+        child_frame_id=f'frame_{i + 1}',
+        transform=Transform(translation=Vector3(x=0.1, y=0.2, z=0.3),
+                            rotation=Quaternion(x=0.0, y=0.0, z=0.6, w=0.8)))
+            for i in range(count)]
 
 
 def poses_of(built: list[TransformStamped]) -> Path:
@@ -69,6 +74,8 @@ def sending(node: Node, u: float) -> Iterator[Row]:
         rclpy_time = best(lambda: paths.publish(path))  # noqa: B023
         works = [
             ('prepared set, packed and sent', lambda: prepared.send(1, poses)),  # noqa: B023
+            ('sendTransform of objects, and building them',
+             lambda: broadcaster.sendTransform(transforms(count))),  # noqa: B023
             ('sendTransform of built objects',
              lambda: broadcaster.sendTransform(built)),  # noqa: B023
             (f'publish(TFMessage), {"tf2_msgs" if is_real else "this package"}',

@@ -78,7 +78,8 @@ class DummyArm(Node):
         base = TransformStamped(child_frame_id=frames[0])
         base.header.stamp = self.get_clock().now().to_msg()
         base.header.frame_id = MAP
-        StaticTransformBroadcaster(self).sendTransform(base)
+        self._static = StaticTransformBroadcaster(self)
+        self._static.sendTransform(base)
         self._joints = TransformBroadcaster(self).prepare(list(pairwise(frames)))
         self._timer = self.create_timer(1.0 / self._number('rate'), self._tick)
         self._warning = self.create_timer(
