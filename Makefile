@@ -33,7 +33,8 @@ bench: $(INSTALLED)
 	$(VENV)/bin/python bench/bench.py
 
 clean:
-	rm -rf build install log $(VENV)
+	rm -rf build install log $(VENV) dummy_arm.egg-info
+	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
 $(INSTALLED): setup.py
 	@[ "$$(uname -sm)" = 'Linux x86_64' ] || \
