@@ -19,12 +19,12 @@ rclpy.spin(node)
 """
 
 
-@made_at_run_time
 def matched(ros, publisher):
     """Wait until somebody has subscribed."""
     ros.until(lambda: publisher.get_subscription_count() == 1)
 
 
+@made_at_run_time
 def test_malformed_messages_are_dropped(ros, start, golden_messages):
     """Every prefix of a golden message is dropped by a subscriber, and the next good one taken."""
     process = start('-c', SUBSCRIBER)
@@ -46,8 +46,8 @@ def test_malformed_messages_are_dropped(ros, start, golden_messages):
     assert 'Traceback' not in process.output
 
 
-@made_at_run_time
 @pytest.mark.parametrize('wrong', [42, None, TransformStamped(header=None)])
+@made_at_run_time
 def test_a_wrong_element_sends_nothing(ros, start, wrong):
     """The publish raises, and no message arrives before the next."""
     process = start('-c', SUBSCRIBER)

@@ -11,8 +11,9 @@ from geometry_msgs.msg import Transform, TransformStamped
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
+from type_description_interfaces.srv import GetTypeDescription
 
-from dummy_arm.tf import TFMessage
+from dummy_arm.tf import TFMessage, wire
 from dummy_arm.tf.transform_stamped import message_of, row_of
 
 HASH = 'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
@@ -25,7 +26,6 @@ def message(case):
 
 def without_padding(data, case):
     """Zero the alignment padding, in which real messages have garbage."""
-    from dummy_arm.tf import wire
     return wire.pack(wire.unpack(data)) if case['transforms'] else data[:8]
 
 
@@ -37,13 +37,13 @@ def test_serializes_as_tf2_msgs_does(golden_messages):
         assert without_padding(data, case).hex() == case['cdr_hex']
 
 
-@made_at_run_time
 def test_deserializes_as_tf2_msgs_does(golden_messages):
     """The golden transforms."""
     for case in golden_messages:
         assert deserialize_message(bytes.fromhex(case['cdr_hex']), TFMessage) == message(case)
 
 
+@made_at_run_time
 def test_every_prefix_ends_in_an_exception(golden_messages):
     """A cut message cannot crash the process; see also test_faults.py."""
     for case in golden_messages:
@@ -59,12 +59,11 @@ def test_other_types_are_serialized_as_ever():
     assert deserialize_message(serialize_message(transform), TransformStamped) == transform
 
 
-@made_at_run_time
-@made_at_run_time
 @pytest.mark.parametrize('element', [
     42, None, 'map', Transform(), TransformStamped(header=None), TransformStamped(transform=None),
     TransformStamped(header=Header(stamp=None)), TransformStamped(child_frame_id=b'a'),
     TransformStamped(child_frame_id='\ud800'), TransformStamped(transform=Transform(rotation=0))])
+@made_at_run_time
 def test_a_wrong_element_is_not_serialized(element):
     """It raises, wherever in the list it stands."""
     for elements in ([element], [TransformStamped(), element]):
@@ -72,6 +71,7 @@ def test_a_wrong_element_is_not_serialized(element):
             serialize_message(TFMessage(transforms=elements))
 
 
+@made_at_run_time
 def test_the_error_names_the_field():
     """The line says which field, what it must be and what it is."""
     transform = TransformStamped(child_frame_id='a')
@@ -83,7 +83,6 @@ def test_the_error_names_the_field():
         serialize_message(TFMessage(transforms=[42]))
 
 
-@made_at_run_time
 @pytest.mark.parametrize('data', ['text', bytearray(8), None, 7])
 @made_at_run_time
 def test_only_bytes_are_deserialized(data):
@@ -109,6 +108,7 @@ def test_it_is_a_message_class():
         assert duplicate == full
 
 
+@made_at_run_time
 def test_fields_are_checked_on_request():
     """With check_fields, as generated classes do."""
     checked = TFMessage(check_fields=True)
@@ -131,7 +131,6 @@ def test_its_name_and_hash_are_those_of_tf2_msgs(ros):
 
 def test_its_description_is_told_to_who_asks(ros):
     """The type description service of the node knows it, by its hash."""
-    from type_description_interfaces.srv import GetTypeDescription
     ros.node.create_publisher(TFMessage, '/tf', 10)
     client = ros.node.create_client(GetTypeDescription, '/test/get_type_description')
     ros.until(client.service_is_ready)
@@ -156,13 +155,13 @@ def run(code):
     return done.stdout
 
 
-@made_at_run_time
 @pytest.mark.parametrize(('change', 'error'), [
     ('msg.Polygon = msg.Point32', "found (b'geometry_msgs::msg', b'Point32')"),
     ('msg.Polygon = msg.PolygonInstance', "found (b'geometry_msgs::msg', b'PolygonInstance')"),
     ('msg.TransformStamped.__class__._TYPE_SUPPORT = None; '
      'msg.TransformStamped.__class__.__import_type_support__(); '
      'import json; json.dumps = lambda value: ""', 'the hash of geometry_msgs/msg/TransformSt')])
+@made_at_run_time
 def test_a_mismatch_is_an_import_error(change, error):
     """Where geometry_msgs is not that of Jazzy, the error says what was expected and found."""
     printed = run(

@@ -4,6 +4,7 @@ from pathlib import Path
 import re
 import signal
 
+from conftest import ARM
 import pytest
 
 ROOT = Path(__file__).parent.parent
@@ -21,7 +22,7 @@ def test_python_of_the_readme_runs(start, code):
 @pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
 def test_listen_hears_the_arm(start, signal_number):
     """`make demo` in one shell, `make listen` in another."""
-    start('-c', 'from dummy_arm.entry_points import dummy_arm; dummy_arm()').line_with('t = 0')
+    start(*ARM).line_with('t = 0')
     listener = start(str(ROOT / 'docs' / 'examples' / 'listen.py'))
     listener.line_with('map -> base_link')
     listener.line_with('joint_3 -> end_effector xyz  0.200  0.000  0.000')
