@@ -64,6 +64,11 @@ def poses_of(built: list[TransformStamped]) -> Path:
 def sending(node: Node, u: float) -> Iterator[Row]:
     """Measure what it costs to send 4, 100 and 1000 transforms."""
     broadcaster = TransformBroadcaster(node)
+    try:
+        import tf2_ros
+        real = tf2_ros.TransformBroadcaster(node)
+    except ImportError:
+        real = None
     paths = node.create_publisher(Path, '/path', 100)
     is_real = TFMessage.__module__.startswith('tf2_msgs')
     for count in (4, 100, 1000):
@@ -78,12 +83,8 @@ def sending(node: Node, u: float) -> Iterator[Row]:
              lambda: broadcaster.sendTransform(built)),  # noqa: B023
             (f'publish(TFMessage), {"tf2_msgs" if is_real else "this package"}',
              lambda: broadcaster.pub_tf.publish(message))]  # noqa: B023
-        try:
-            from tf2_ros import TransformBroadcaster as RealBroadcaster
-            real = RealBroadcaster(node)
+        if real is not None:
             works.append(('tf2_ros sendTransform', lambda: real.sendTransform(built)))  # noqa: B023
-        except ImportError:
-            pass
         for name, work in works:
             seconds = best(work)
             yield (f'{name}, {count} transforms', f'{seconds / u:.2f} u',
@@ -111,7 +112,7 @@ def ticking(node: Node) -> Iterator[Row]:
         assert re.search('t = 0', process.stderr.readline())
         while len(stamps) < TICKS and process.poll() is None:
             executor.spin_once(timeout_sec=1.0)
-        cpu = sum(os_times(process.pid))
+        cpu = cpu_seconds(process.pid)
         process.terminate()
     seconds = (stamps[-1] - stamps[0]) / 1e9
     due = round(seconds * 1000) + 1
@@ -119,12 +120,11 @@ def ticking(node: Node) -> Iterator[Row]:
            f'{cpu / seconds:.0%} of a core')
 
 
-def os_times(pid: int) -> tuple[float, float]:
-    """Read the user and system time (s) of a process."""
+def cpu_seconds(pid: int) -> float:
+    """Read the user and system time (s) of a process, added up."""
     with open(f'/proc/{pid}/stat') as stat:
         fields = stat.read().rpartition(')')[2].split()
-    tick = os.sysconf('SC_CLK_TCK')
-    return int(fields[11]) / tick, int(fields[12]) / tick
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
 
 
 def main() -> None:

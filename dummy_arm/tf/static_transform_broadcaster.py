@@ -10,8 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from dummy_arm.tf import wire
 from dummy_arm.tf.message import TFMessage
-from dummy_arm.tf.transform_broadcaster import as_list
-from dummy_arm.tf.transform_stamped import bad_fields_named, rows_to_send
+from dummy_arm.tf.transform_stamped import as_list, bad_fields_named, rows_to_send
 
 
 class StaticTransformBroadcaster:

@@ -13,18 +13,13 @@ from rclpy.qos import QoSProfile
 from dummy_arm.tf import wire
 from dummy_arm.tf.message import TFMessage
 from dummy_arm.tf.transform_stamped import (
+    as_list,
     bad_fields_named,
     check_edge,
     check_poses,
     nanoseconds,
     rows_to_send,
 )
-
-
-def as_list(transform: Union[TransformStamped, Iterable[TransformStamped]]
-            ) -> list[TransformStamped]:
-    """List one transform, or any iterable of them."""
-    return list(transform) if isinstance(transform, Iterable) else [transform]
 
 
 class TransformBroadcaster:

@@ -78,12 +78,10 @@ class bad_fields_named:  # noqa: N801
     def __exit__(self, kind: Optional[type], *_: object) -> None:
         if kind is not None and issubclass(kind, _FIELD_ERRORS):
             for i, message in enumerate(self._messages):
-                if isinstance(message, TransformStamped):
-                    problem = _bad_field(message)
-                    if problem:
-                        raise ValueError(
-                            f'transform {i + 1} of {len(self._messages)}, to child '
-                            f'{message.child_frame_id!r}: {problem}') from None
+                if isinstance(message, TransformStamped) and (problem := _bad_field(message)):
+                    raise ValueError(
+                        f'transform {i + 1} of {len(self._messages)}, to child '
+                        f'{message.child_frame_id!r}: {problem}') from None
 
 
 def _bad_field(message: TransformStamped) -> Optional[str]:
@@ -106,6 +104,12 @@ def _fits(value: object, kind: Union[type, str]) -> bool:
     except (ArithmeticError, TypeError, struct.error):
         return False
     return isinstance(value, Real)
+
+
+def as_list(transform: Union[TransformStamped, Iterable[TransformStamped]]
+            ) -> list[TransformStamped]:
+    """List one transform, or any iterable of them."""
+    return list(transform) if isinstance(transform, Iterable) else [transform]
 
 
 def rows_to_send(messages: Iterable[TransformStamped]) -> list[wire.Row]:

@@ -142,7 +142,7 @@ _element_description, _element_sources = _described(_element_fastrtps)
 _itself = IndividualTypeDescription(String.of(_NAME), _array(Fields, [Field(
     String.of('transforms'),
     FieldType(_NESTED_TYPE_UNBOUNDED_SEQUENCE, 0, 0,
-               _element_description.type_description.type_name))]))
+              _element_description.type_description.type_name))]))
 _description = TypeDescription(_itself, _array(IndividualTypeDescriptions, sorted(
     (_element_description.type_description, *_element_description.referenced_type_descriptions),
     key=lambda individual: str(individual.type_name))))
@@ -159,7 +159,7 @@ _expect("Polygon's name", (b'geometry_msgs::msg', b'Polygon'),
 _callbacks.message_namespace = b'tf2_msgs::msg'
 _callbacks.message_name = b'TFMessage'
 _fastrtps = TypeSupport(_FASTRTPS, ctypes.addressof(_callbacks), _polygon_fastrtps.func,
-                         *_described_functions)
+                        *_described_functions)
 
 # The introspection, of which the middleware registers the type.
 _members = Members.from_buffer_copy(Members.from_address(_polygon_introspection.data))
@@ -176,7 +176,7 @@ _members.message_namespace = b'tf2_msgs__msg'
 _members.message_name = b'TFMessage'
 _members.members = ctypes.pointer(_member)
 _introspection = TypeSupport(_INTROSPECTION, ctypes.addressof(_members),
-                              _polygon_introspection.func, *_described_functions)
+                             _polygon_introspection.func, *_described_functions)
 
 # A dict's compiled method, called by a compiled function: no bytecode runs in between.
 _Handle.__getitem__ = {
@@ -184,7 +184,7 @@ _Handle.__getitem__ = {
     _INTROSPECTION: ctypes.addressof(_introspection)}.get
 _dispatch = _Dispatch(operator.getitem)
 _handle = TypeSupport(b'rosidl_typesupport_c', None, ctypes.cast(_dispatch, c_void_p).value,
-                       *_described_functions)
+                      *_described_functions)
 
 TYPE_SUPPORT = _new_capsule(ctypes.addressof(_handle), None, None)
 CREATE_ROS_MESSAGE = Polygon.__class__._CREATE_ROS_MESSAGE
