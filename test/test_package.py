@@ -33,7 +33,8 @@ def test_the_changelog_tells_of_this_version():
     assert re.search(heading, changelog, re.MULTILINE)
 
 
-CORE = ('dummy_arm.arm', 'dummy_arm.tf', 'dummy_arm.tf.wire')
+CORE = ('dummy_arm.arm', 'dummy_arm.tf', 'dummy_arm.tf.buffer_core', 'dummy_arm.tf.exceptions',
+        'dummy_arm.tf.transform', 'dummy_arm.tf.wire')
 
 
 @pytest.mark.parametrize('module', CORE)
@@ -43,7 +44,8 @@ def test_the_core_needs_no_ros(module):
         'import sys\n'
         'class Blocked:\n'
         '    def find_spec(self, name, *_):\n'
-        '        if name.split(".")[0] in ("rclpy", "geometry_msgs", "std_msgs", "tf2_msgs"):\n'
+        '        if name.split(".")[0] in ("rclpy", "geometry_msgs", "std_msgs", "tf2_msgs",\n'
+        '                                  "builtin_interfaces", "sensor_msgs"):\n'
         '            raise ImportError(name)\n'
         'sys.meta_path.insert(0, Blocked())\n'
         f'import {module}\n')

@@ -12,12 +12,12 @@ from rclpy.qos import QoSProfile
 
 from dummy_arm.tf import wire
 from dummy_arm.tf.message import TFMessage
+from dummy_arm.tf.times import nanoseconds_or_int
 from dummy_arm.tf.transform_stamped import (
     as_list,
     bad_fields_named,
     check_edge,
     check_poses,
-    nanoseconds,
     rows_to_send,
 )
 
@@ -89,6 +89,6 @@ class PreparedTransforms:
             cannot be normalised.
         """
         values = np.asarray(poses, np.float64)
-        data = self._packet.pack(nanoseconds(stamp), values)
+        data = self._packet.pack(nanoseconds_or_int(stamp), values)
         check_poses(self.edges, values)
         self._publisher.publish(data)

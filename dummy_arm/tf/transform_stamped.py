@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 import math
 from numbers import Real
-import operator
 from os import getenv
 import struct
 from typing import Any, Optional, Union
@@ -180,20 +179,3 @@ def check_poses(edges: Sequence[tuple[str, str]], poses: NDArray[np.float64]) ->
             return
     for edge, pose in zip(edges, poses.tolist()):
         check_pose(*edge, pose)
-
-
-def nanoseconds(time: Any) -> int:
-    """
-    Read a time in ns: an int, or what has `nanoseconds`, or `sec` and `nanosec`.
-
-    :raises TypeError: when it is none of these.
-    """
-    if hasattr(time, 'nanoseconds'):
-        return int(time.nanoseconds)
-    if hasattr(time, 'sec') and hasattr(time, 'nanosec'):
-        return int(time.sec) * 1_000_000_000 + int(time.nanosec)
-    try:
-        return operator.index(time)
-    except TypeError:
-        raise TypeError('time must have sec and nanosec, or nanoseconds, or be an int of ns; '
-                        f'got {time!r}') from None

@@ -1,0 +1,242 @@
+"""The buffer: all that was published, looked up by frame and by time, as tf2 answers; no ROS."""
+
+from collections.abc import Callable
+from math import isfinite, nan
+from threading import Condition
+from time import monotonic
+from typing import Any, TypeVar, Union
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dummy_arm.tf import frames, rotations
+from dummy_arm.tf.exceptions import TransformException
+from dummy_arm.tf.frames import Frame
+from dummy_arm.tf.history import Pose
+from dummy_arm.tf.lookup import Lookups
+from dummy_arm.tf.refusals import problems, Refusals, too_old
+from dummy_arm.tf.times import nanoseconds_or_int, SECOND
+from dummy_arm.tf.transform import Transform
+
+_Answer = TypeVar('_Answer')
+
+#: How long a wait lasts before it sees that no data can come in any more (s).
+_STEP = 0.2
+
+
+class BufferCore:
+    """
+    Transforms as they came in, for as long as the cache time, and lookups among them.
+
+    Frames are names without a leading slash. A time is an int of ns, or what has `sec` and
+    `nanosec`, or `nanoseconds`; 0 stands for the latest time that all frames on the way know of.
+    Any number of threads may look up and insert; each sees a transform whole or not at all.
+
+    A lookup raises a TransformException: LookupException for an unknown frame or a loop,
+    InvalidArgumentException for an empty name or one with a leading slash, ConnectivityException
+    for frames of two trees, ExtrapolationException where an edge on the way has no data for the
+    time. A frame in itself is the identity, even if it is unknown.
+    """
+
+    _nanoseconds: Callable[[Any], int] = staticmethod(nanoseconds_or_int)
+
+    def __init__(self, cache_time: Any = 10 * SECOND) -> None:
+        """
+        Begin empty.
+
+        :param cache_time: a duration, as times are given; what is that much older than the
+            newest transform of its frame is forgotten.
+        :raises ValueError: when it is negative.
+        """
+        cache_time = nanoseconds_or_int(cache_time)
+        if cache_time < 0:
+            raise ValueError(f'cache_time must not be negative, got {cache_time} ns')
+        self._lookups = Lookups(cache_time)
+        self._changed = Condition(self._lookups.lock)
+        self._waiting = 0
+        self._refusals = Refusals()
+
+    def set_transform(self, transform: Transform, authority: str = 'default_authority') -> bool:
+        """
+        Insert the pose that a frame has at the transform's stamp.
+
+        :param authority: who says so; shown by `frames`.
+        :returns: False when it was refused, as tf2 refuses it; the log says why.
+        """
+        return self.insert(transform.stamp, transform.frame_id, transform.child_frame_id,
+                           (*transform.translation, *transform.rotation), authority)
+
+    def set_transform_static(self, transform: Transform, authority: str = 'default_authority'
+                             ) -> bool:
+        """Insert the pose that a frame has at all times; else as `set_transform`."""
+        return self.insert(transform.stamp, transform.frame_id, transform.child_frame_id,
+                           (*transform.translation, *transform.rotation), authority, True)
+
+    def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose,
+               authority: str = 'default_authority', is_static: bool = False) -> bool:
+        """
+        Insert the pose of a frame in its parent; one leading slash is removed from both names.
+
+        :param stamp: ns.
+        :param pose: x, y, z (m) and the rotation's x, y, z, w, which is normalised.
+        :returns: False when it was refused, as tf2 refuses it; the log says why.
+        """
+        parent, child = frame_id.removeprefix('/'), child_frame_id.removeprefix('/')
+        x, y, z, qx, qy, qz, qw = pose
+        pose = (x, y, z, *rotations.normalized(qx, qy, qz, qw))
+        if found := problems(parent, child, pose, authority):
+            self._refusals.tell(*found)
+            return False
+        if not (isfinite(x) and isfinite(y) and isfinite(z)):
+            pose = (nan, nan, nan, *pose[3:])  # as tf2 answers, although it takes infinity
+        if not self._lookups.insert(stamp, parent, child, pose, authority, is_static):
+            self._refusals.tell(too_old(child, stamp, authority))
+            return False
+        self._on_new_data()
+        return True
+
+    def _on_new_data(self) -> None:
+        """Wake those who wait for a transform."""
+        if self._waiting:
+            with self._changed:
+                self._changed.notify_all()
+
+    def clear(self) -> None:
+        """Forget all but the names of the frames and what is static."""
+        self._lookups.clear()
+
+    def lookup_transform(self, target_frame: str, source_frame: str, time: Any = 0,
+                         timeout: Any = 0) -> Transform:
+        """
+        Look up the pose of the source frame in the target frame.
+
+        :param timeout: how long to wait for it at most, as times are given, on wall time.
+        :returns: what takes points from the source frame to the target frame.
+        :raises TransformException: see the class.
+        """
+        stamp, pose = self._waited(timeout, self._lookups.pose, target_frame, source_frame,
+                                   self._nanoseconds(time))
+        return Transform(stamp, target_frame, source_frame, pose[:3], pose[3:])
+
+    def lookup_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
+                              source_time: Any, fixed_frame: str, timeout: Any = 0) -> Transform:
+        """
+        Look up the pose that the source frame had at its time, in the target frame at its own.
+
+        :param fixed_frame: the frame in which things stay where they are between the two times.
+        """
+        stamp, pose = self._waited(
+            timeout, self._lookups.pose_full, target_frame, self._nanoseconds(target_time),
+            source_frame, self._nanoseconds(source_time), fixed_frame)
+        return Transform(stamp, target_frame, source_frame, pose[:3], pose[3:])
+
+    def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike
+                          ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        """
+        Look up the poses of the source frame in the target frame at many times at once.
+
+        :param times: (n,) integers, ns; 0: the latest common time.
+        :returns: translations x, y, z (m), (n, 3); rotations x, y, z, w, (n, 4); and which of
+            them are answers, (n,). Where `lookup_transform` would raise, the numbers are NaN.
+        :raises TypeError: on times that are no integers.
+        :raises ValueError: on another shape.
+        """
+        times = np.asarray(times)
+        if times.ndim != 1:
+            raise ValueError(f'times must be of shape (n,), got {times.shape}')
+        if times.size and times.dtype.kind not in 'iu':
+            raise TypeError(f'times must be integers of ns, got {times.dtype}')
+        poses, known = self._lookups.poses(target_frame, source_frame, times.astype(np.int64))
+        return poses[:, :3], poses[:, 3:], known
+
+    def can_transform(self, target_frame: str, source_frame: str, time: Any = 0,
+                      timeout: Any = 0, return_debug_tuple: bool = False
+                      ) -> Union[bool, tuple[bool, str]]:
+        """
+        Tell whether `lookup_transform` would give an answer.
+
+        :param timeout: how long to wait for it at most, as times are given, on wall time.
+        :returns: that; or, with `return_debug_tuple`, that and why not.
+        """
+        can = self._can(timeout, self._lookups.check, target_frame, source_frame,
+                        self._nanoseconds(time))
+        return can if return_debug_tuple else can[0]
+
+    def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
+                           source_time: Any, fixed_frame: str, timeout: Any = 0,
+                           return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
+        """Tell whether `lookup_transform_full` would give an answer; as `can_transform`."""
+        can = self._can(timeout, self._lookups.check_full, target_frame,
+                        self._nanoseconds(target_time), source_frame,
+                        self._nanoseconds(source_time), fixed_frame)
+        return can if return_debug_tuple else can[0]
+
+    def _can(self, timeout: Any, check: Callable[..., None], *arguments: Any) -> tuple[bool, str]:
+        try:
+            self._waited(timeout, check, *arguments)
+        except TransformException as error:
+            return False, str(error)
+        return True, ''
+
+    def _waited(self, timeout: Any, lookup: Callable[..., _Answer], *arguments: Any) -> _Answer:
+        """Call a lookup again and again, as data come in, until it answers or time is up."""
+        try:
+            return lookup(*arguments)
+        except TransformException:
+            wait = self._nanoseconds(timeout) / SECOND
+            if wait <= 0.0:
+                raise
+        deadline, was_alive = monotonic() + wait, self._is_alive()
+        with self._changed:
+            self._waiting += 1
+            try:
+                while True:
+                    try:
+                        return lookup(*arguments)
+                    except TransformException:
+                        left = deadline - monotonic()
+                        if left <= 0.0 or was_alive != self._is_alive():
+                            raise
+                    self._changed.wait(min(left, _STEP))
+            finally:
+                self._waiting -= 1
+
+    def _is_alive(self) -> bool:
+        """Tell whether data may come in; a wait ends when that ends."""
+        return True
+
+    def get_latest_common_time(self, target_frame: str, source_frame: str) -> int:
+        """
+        Find the latest time (ns) that all frames between two know of; 0 when nothing moves.
+
+        :raises TransformException: see the class.
+        """
+        return self._lookups.latest_common_time(target_frame, source_frame)
+
+    def frames(self) -> list[Frame]:
+        """List the frames that have a parent, in the order in which they were first named."""
+        with self._lookups.lock:
+            return self._lookups.tree.frames()
+
+    def all_frames_as_yaml(self) -> str:
+        """Write tf2's YAML of all frames; '[]' when none was ever named."""
+        return frames.as_yaml(self.frames()) if self._getFrameStrings() else '[]'
+
+    def all_frames_as_string(self) -> str:
+        """Write a line for every frame, with its parent."""
+        with self._lookups.lock:
+            return self._lookups.tree.as_string()
+
+    def _allFramesAsDot(self, time: Any = 0) -> str:  # noqa: N802
+        return frames.as_dot(self.frames(), self._getFrameStrings(), self._nanoseconds(time))
+
+    def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
+        return frame_id in self._lookups.tree.histories
+
+    def _getFrameStrings(self) -> list[str]:  # noqa: N802
+        return list(self._lookups.tree.histories)
+
+    def _chain(self, target_frame: str, target_time: Any, source_frame: str, source_time: Any,
+               fixed_frame: str) -> list[str]:
+        return self._lookups.chain(target_frame, self._nanoseconds(target_time), source_frame,
+                                   self._nanoseconds(source_time), fixed_frame)

@@ -1,0 +1,53 @@
+"""Frame names that are asked for: tf2's errors, and the nearest names that there are."""
+
+from collections.abc import Collection
+from typing import Optional
+
+from dummy_arm.tf import hints
+from dummy_arm.tf.exceptions import (
+    InvalidArgumentException,
+    LookupException,
+    TransformException,
+)
+
+_UNKNOWN = 'frame does not exist'
+
+
+def check(name: str, where: str, known: Collection[str]) -> None:
+    """
+    Check that a frame exists.
+
+    :param where: which argument of what it is, in tf2's words.
+    :param known: the frames that exist.
+    :raises InvalidArgumentException: when it is empty or begins with a slash.
+    :raises LookupException: when it does not exist.
+    """
+    problem = _problem(name, known)
+    if problem == _UNKNOWN:
+        raise LookupException(
+            f'"{name}" passed to {where} does not exist. {hints.nearest(name, tuple(known))}')
+    if problem:
+        raise InvalidArgumentException(f'Invalid argument "{name}" passed to {where} - {problem}')
+
+
+def check_for_can(name: str, argument: str, known: Collection[str]) -> None:
+    """
+    Check a frame as `check` does, with what tf2's can_transform says.
+
+    :raises TransformException: when it does not exist.
+    """
+    if problem := _problem(name, known):
+        hint = f'. {hints.nearest(name, tuple(known))}' if problem == _UNKNOWN else ''
+        raise TransformException(
+            f'Invalid frame ID "{name}" passed to canTransform argument {argument} - '
+            f'{problem}{hint}')
+
+
+def _problem(name: str, known: Collection[str]) -> Optional[str]:
+    if not isinstance(name, str):
+        raise TypeError(f'a frame must be a str, got {name!r} of type {type(name).__name__}')
+    if not name:
+        return 'in tf2 frame_ids cannot be empty'
+    if name.startswith('/'):
+        return "in tf2 frame_ids cannot start with a '/'"
+    return None if name in known else _UNKNOWN

@@ -1,0 +1,212 @@
+"""The tree of frames: who is whose parent at a time; the paths through it, as tf2 finds them."""
+
+from collections.abc import Iterator
+from typing import Optional
+
+from dummy_arm.tf import hints
+from dummy_arm.tf.exceptions import (
+    ConnectivityException,
+    ExtrapolationException,
+    LookupException,
+)
+from dummy_arm.tf.frames import Frame
+from dummy_arm.tf.history import AnyHistory, History, Pose, StaticHistory
+from dummy_arm.tf.path import Path
+
+#: More edges in a row tf2 takes for a loop.
+MAX_GRAPH_DEPTH = 1000
+
+
+class FrameTree:
+    """
+    Every frame that was ever named, in the order of the naming, and what is known of it.
+
+    `histories` has None for a frame that was named as a parent only. Where tf2 has an answer for
+    a path, an error or a text, it is the same here.
+    """
+
+    def __init__(self, cache_time: int) -> None:
+        """
+        Begin without frames.
+
+        :param cache_time: how long a history lasts (ns).
+        """
+        self.cache_time = cache_time
+        self.histories: dict[str, Optional[AnyHistory]] = {}
+
+    def insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
+               is_static: bool) -> tuple[bool, bool]:
+        """
+        Insert the pose of a child in its parent.
+
+        :returns: whether it was taken; and whether there may be other paths than before.
+        """
+        histories = self.histories
+        history = histories.setdefault(child, None)
+        histories.setdefault(parent, None)
+        if is_static:
+            histories[child] = StaticHistory(parent, pose, authority)
+            same = history is not None and history.is_static and history.parent == parent
+            return True, not same
+        if not isinstance(history, History):
+            histories[child] = history = History(self.cache_time)
+        parent_before = history.parent
+        taken = history.insert(stamp, parent, pose, authority)
+        return taken, history.parent != parent_before
+
+    def clear(self) -> None:
+        """Forget what moves; the frames and what is static stay."""
+        for name, history in self.histories.items():
+            if isinstance(history, History):
+                self.histories[name] = History(self.cache_time)
+
+    def path(self, target: str, source: str, time: int) -> Path:
+        """
+        Find the path from a source to a target, two frames that exist, at a time (ns; 0: newest).
+
+        :raises ConnectivityException: when they are in two trees.
+        :raises ExtrapolationException: when an edge has no pose for the time.
+        :raises LookupException: when there is a loop, or a path of more than 1000 edges.
+        """
+        from_source, from_target = self._walk(target, source, time)
+        return Path(self._edges(from_source), self._edges(from_target))
+
+    def chain(self, target: str, source: str, time: int) -> list[str]:
+        """List the frames from a source to a target; else as `path`."""
+        from_source, from_target = self._walk(target, source, time)
+        if from_target:
+            return [*from_source, *self._parents(from_target[-1:], time), *reversed(from_target)]
+        return [source, *self._parents(from_source, time)]
+
+    def _parents(self, frames: list[str], time: int) -> list[str]:
+        return [str(edge.parent_at(time)) for edge in self._edges(frames)]
+
+    def _edges(self, frames: list[str]) -> list[AnyHistory]:
+        return [history for frame in frames if (history := self.histories[frame]) is not None]
+
+    def _walk(self, target: str, source: str, time: int) -> tuple[list[str], list[str]]:
+        """
+        List the frames above which the path's edges are: from the source, and from the target.
+
+        First the source's ancestors are followed as far as there is data, then the target's until
+        they meet those, as in tf2: so of several errors it is tf2's that is raised.
+        """
+        from_source: list[str] = []
+        stopped_at: Optional[str] = None
+        frame = source
+        while (history := self.histories[frame]) is not None:
+            parent = history.parent_at(time)
+            if parent is None:
+                stopped_at = frame
+                break
+            if frame == target:
+                return from_source, []
+            self._append(from_source, frame)
+            frame = parent
+        top = frame
+        from_target: list[str] = []
+        frame = target
+        while frame != top and (history := self.histories[frame]) is not None:
+            parent = history.parent_at(time)
+            if parent is None:
+                raise self._extrapolation(frame, time, target, source)
+            if frame == source:
+                return [], from_target
+            self._append(from_target, frame)
+            frame = parent
+        if frame != top:
+            if stopped_at is not None:
+                raise self._extrapolation(stopped_at, time, target, source)
+            raise self._unconnected(target, source)
+        while from_source and from_target and from_source[-1] == from_target[-1]:
+            from_source.pop()
+            from_target.pop()
+        return from_source, from_target
+
+    def latest_common_time(self, target: str, source: str) -> int:
+        """
+        Find the newest time (ns) of which every moving edge of the newest path knows.
+
+        :returns: 0 when nothing moves on it.
+        :raises ConnectivityException: when they are in two trees.
+        :raises LookupException: when there is a loop, or a path of more than 1000 edges.
+        """
+        if source == target:
+            history = self.histories[source]
+            return history.latest if history else 0
+        from_source: list[str] = []
+        for child, parent in self._ancestors(source):
+            self._append(from_source, child)
+            if parent == target:
+                return Path(self._edges(from_source), []).latest_common_time()
+        met = {parent: i + 1 for i, (_, parent) in enumerate(self._ancestors(source))}
+        from_target: list[str] = []
+        for child, parent in self._ancestors(target):
+            self._append(from_target, child)
+            if parent == source:
+                return Path([], self._edges(from_target)).latest_common_time()
+            if parent in met:
+                path = Path(self._edges(from_source[:met[parent]]), self._edges(from_target))
+                return path.latest_common_time()
+        raise self._unconnected(target, source)
+
+    def _ancestors(self, frame: str) -> Iterator[tuple[str, str]]:
+        """Follow the newest parents of a frame: (child, parent), …; for ever in a loop."""
+        while (history := self.histories[frame]) and (parent := history.parent_at(0)):
+            yield frame, parent
+            frame = parent
+
+    def root(self, frame: str) -> str:
+        """Find the frame without parent above a frame; in a loop, any of its frames."""
+        seen = {frame}
+        for _, parent in self._ancestors(frame):
+            frame = parent
+            if frame in seen:
+                break
+            seen.add(frame)
+        return frame
+
+    def is_plain(self, frame: str) -> bool:
+        """Tell whether a frame's ancestors are the same at all times, and no loop."""
+        seen = {frame}
+        for child, parent in self._ancestors(frame):
+            history = self.histories[child]
+            if parent in seen or (history is not None and history.parents is not None):
+                return False
+            seen.add(parent)
+        return True
+
+    def _append(self, chain: list[str], frame: str) -> None:
+        chain.append(frame)
+        if len(chain) > MAX_GRAPH_DEPTH:
+            raise LookupException(
+                f'The tf tree is invalid because it contains a loop.\n{self.as_string()}\n'
+                + hints.loop(chain))
+
+    def frames(self) -> list[Frame]:
+        """List the frames that have a parent, in the order of their naming."""
+        return [
+            Frame(name, parent, history.authority, history.is_static, len(history),
+                  history.latest, history.oldest)
+            for name, history in self.histories.items()
+            if history is not None and (parent := history.parent_at(0))]
+
+    def as_string(self) -> str:
+        """Write tf2's list of the frames and their newest parents, a line each."""
+        return ''.join(
+            f'Frame {name} exists with parent {history.parent_at(0) or "NO_PARENT"}.\n'
+            for name, history in self.histories.items() if history is not None)
+
+    def _extrapolation(self, frame: str, time: int, target: str, source: str
+                       ) -> ExtrapolationException:
+        history = self.histories[frame]
+        assert isinstance(history, History)
+        return ExtrapolationException(
+            f'{history.why_not(time)}, when looking up transform from frame [{source}] to frame '
+            f'[{target}]' + hints.extrapolation(frame, history, time))
+
+    def _unconnected(self, target: str, source: str) -> ConnectivityException:
+        return ConnectivityException(
+            f"Could not find a connection between '{target}' and '{source}' because they are not "
+            'part of the same tree.Tf has two or more unconnected trees.'
+            + hints.roots(target, self.root(target), source, self.root(source)))

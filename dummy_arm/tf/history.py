@@ -1,0 +1,230 @@
+"""What is known of one frame: its poses in its parent, in the order of time."""
+
+from array import array
+from bisect import bisect_left, bisect_right
+import struct
+from typing import Optional, Union
+
+from dummy_arm.tf.times import display
+
+#: x, y, z (m) and the rotation's x, y, z, w.
+Pose = tuple[float, float, float, float, float, float, float]
+
+_DOUBLES = 7
+_BYTES = _DOUBLES * 8
+_NO_STAMPS = array('q')
+_read_pose = struct.Struct('7d').unpack_from
+
+
+class NoPose(LookupError):
+    """There is no pose for the time that was asked for."""
+
+
+class History:
+    """
+    The samples of a frame that moves, no older than a cache time before the newest.
+
+    The samples lie in two arrays, 64 bytes each. Those before `start` have expired; they are
+    removed many at a time. `parent` is the parent in all samples, or None while they differ; only
+    then `parents` has one for each. `regular` is `stamps`, but empty while two of them are the
+    same or the parents differ. `recent` is where the last lookup was, as a hint for the next.
+    """
+
+    __slots__ = ('authority', 'cache_time', 'parent', 'parents', 'poses', 'recent', 'regular',
+                 'stamps', 'start')
+
+    is_static = False
+
+    def __init__(self, cache_time: int) -> None:
+        """
+        Begin with no sample.
+
+        :param cache_time: ns.
+        """
+        self.cache_time = cache_time
+        self.authority = ''
+        self.parent: Optional[str] = None
+        self.parents: Optional[list[str]] = None
+        self.stamps = array('q')
+        self.poses = array('d')
+        self.regular = self.stamps
+        self.start = 0
+        self.recent = 0
+
+    def __len__(self) -> int:
+        return len(self.stamps) - self.start
+
+    def insert(self, stamp: int, parent: str, pose: Pose, authority: str) -> bool:
+        """
+        Insert a sample where its stamp (ns) belongs, after those of the same stamp.
+
+        A sample that is there already is not inserted again.
+
+        :returns: False when it is older than the cache time allows, and was left out.
+        """
+        stamps = self.stamps
+        position = len(stamps)
+        if position:
+            earliest = stamps[-1] - self.cache_time
+            if stamps[self.start] < earliest:
+                self._expire(earliest)
+            if stamp < earliest:
+                return False
+            position = bisect_right(stamps, stamp, self.start)
+            if position > self.start and stamps[position - 1] == stamp:
+                if self._has(position, stamp, parent, pose):
+                    self.authority = authority
+                    return True
+                self.regular = _NO_STAMPS
+        else:
+            self.parent = parent
+        self.authority = authority
+        if parent != self.parent or self.parents is not None:
+            self._insert_parent(position, parent)
+        if position == len(stamps):
+            stamps.append(stamp)
+            self.poses.extend(pose)
+        else:
+            stamps.insert(position, stamp)
+            self.poses[position * _DOUBLES:position * _DOUBLES] = array('d', pose)
+        return True
+
+    def _has(self, end: int, stamp: int, parent: str, pose: Pose) -> bool:
+        """Tell whether a sample is there, among those of its stamp that end before an index."""
+        while end > self.start and self.stamps[end - 1] == stamp:
+            end -= 1
+            if self.pose(end) == pose and self.parent_of(end) == parent:
+                return True
+        return False
+
+    def _insert_parent(self, position: int, parent: str) -> None:
+        if self.parents is None:
+            assert self.parent is not None
+            self.parents = [self.parent] * len(self.stamps)
+            self.parent, self.regular = None, _NO_STAMPS
+        self.parents.insert(position, parent)
+
+    def _expire(self, earliest: int) -> None:
+        stamps = self.stamps
+        self.start = expired = bisect_left(stamps, earliest, self.start)
+        if expired <= 16 or expired * 5 <= len(stamps):
+            return
+        del stamps[:expired]
+        del self.poses[:expired * _DOUBLES]
+        self.start = 0
+        if self.parents is not None:
+            del self.parents[:expired]
+            if len(set(self.parents)) == 1:
+                self.parent, self.parents = self.parents[0], None
+        if self.parents is None and len(self.regular) < len(stamps) == len(set(stamps)):
+            self.regular = stamps
+
+    def find(self, time: int) -> int:
+        """
+        Find the sample of a time (ns), or the last one before it.
+
+        0 is the time of the newest. Of several with the same stamp it is the last inserted, but
+        the first inserted at the very beginning of the history.
+
+        :raises NoPose: when the time is before the first sample or after the last.
+        """
+        stamps, start = self.stamps, self.start
+        newest = len(stamps) - 1
+        if newest >= start:
+            if time in (0, stamps[newest]):
+                return newest
+            if time == stamps[start]:
+                return start
+            if stamps[start] < time < stamps[newest]:
+                return bisect_right(stamps, time, start) - 1
+        raise NoPose
+
+    def pose(self, index: int) -> Pose:
+        """Read the pose of a sample."""
+        return _read_pose(self.poses, index * _BYTES)
+
+    def pose_at(self, time: int) -> Optional[Pose]:
+        """
+        Read the pose at a time (ns) where a sample gives it as it is, else None.
+
+        :raises NoPose: as `find` does.
+        """
+        i = self.find(time)
+        if (i + 1 == len(self.stamps) or self.stamps[i] == time
+                or self.parent_of(i) != self.parent_of(i + 1)):
+            return self.pose(i)
+        return None
+
+    def pair_around(self, time: int) -> 'History':
+        """Make a history of the samples before and after a time (ns)."""
+        i = self.find(time)
+        pair = History(0)
+        pair.stamps.extend(self.stamps[i:i + 2])
+        pair.poses.extend(self.poses[i * _DOUBLES:(i + 2) * _DOUBLES])
+        return pair
+
+    def parent_of(self, index: int) -> Optional[str]:
+        """Tell the parent in a sample."""
+        return self.parent if self.parents is None else self.parents[index]
+
+    def parent_at(self, time: int) -> Optional[str]:
+        """Tell the parent at a time (ns; 0: the newest); None when nothing is known of it."""
+        try:
+            return self.parent_of(self.find(time))
+        except NoPose:
+            return None
+
+    @property
+    def latest(self) -> int:
+        """The stamp of the newest sample (ns); 0 without one."""
+        return self.stamps[-1] if len(self) else 0
+
+    @property
+    def oldest(self) -> int:
+        """The stamp of the oldest sample (ns); 0 without one."""
+        return self.stamps[self.start] if len(self) else 0
+
+    def why_not(self, time: int) -> str:
+        """Tell in tf2's words why there is no pose at a time (ns); '' without any sample."""
+        if not len(self):
+            return ''
+        if len(self) == 1:
+            return (f'Lookup would require extrapolation at time {display(time)}, but only time '
+                    f'{display(self.latest)} is in the buffer')
+        if time > self.latest:
+            return ('Lookup would require extrapolation into the future.  Requested time '
+                    f'{display(time)} but the latest data is at time {display(self.latest)}')
+        return ('Lookup would require extrapolation into the past.  Requested time '
+                f'{display(time)} but the earliest data is at time {display(self.oldest)}')
+
+
+class StaticHistory:
+    """A pose that holds at all times."""
+
+    __slots__ = ('_pose', 'authority', 'parent', 'recent')
+
+    is_static = True
+    parents = None
+    # No samples in time.
+    start = latest = oldest = 0
+    stamps = regular = _NO_STAMPS
+    poses = array('d')
+
+    def __init__(self, parent: str, pose: Pose, authority: str) -> None:
+        """Keep what is given."""
+        self.parent, self._pose, self.authority = parent, pose, authority
+        self.recent = 0
+
+    def __len__(self) -> int:
+        return 1
+
+    def pose_at(self, time: int) -> Pose:
+        """Read the pose."""
+        return self._pose
+
+    def parent_at(self, time: int) -> str:
+        """Tell the parent."""
+        return self.parent
+
+
+AnyHistory = Union[History, StaticHistory]

@@ -1,0 +1,193 @@
+"""Lookups among the frames of a tree, by any number of threads, while others insert."""
+
+from contextlib import suppress
+from threading import RLock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dummy_arm.tf import batch, frame_names
+from dummy_arm.tf.exceptions import TransformException
+from dummy_arm.tf.frame_tree import FrameTree
+from dummy_arm.tf.history import NoPose, Pose
+from dummy_arm.tf.path import compose, Path
+
+_IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+_MOST_PATHS = 10_000
+#: So many answers at once, so that nobody waits long for the lock.
+_CHUNK = 4096
+
+
+class Lookups:
+    """
+    A frame tree, its lock, and the paths that were found in it.
+
+    A path that was found is kept for as long as no frame gets another parent. Only where it gives
+    no answer, the tree is searched as tf2 does, for the error that tf2 would give. Times are ns;
+    0: the latest common time.
+    """
+
+    def __init__(self, cache_time: int) -> None:
+        """
+        Begin without frames.
+
+        :param cache_time: how long a history lasts (ns).
+        """
+        self.lock = RLock()
+        self.tree = FrameTree(cache_time)
+        self._paths: dict[tuple[str, str], Path] = {}
+
+    def insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
+               is_static: bool) -> bool:
+        """
+        Insert the pose of a child in its parent.
+
+        :returns: False when it is too old.
+        """
+        with self.lock:
+            taken, changed = self.tree.insert(stamp, parent, child, pose, authority, is_static)
+            if changed:
+                self._paths.clear()
+        return taken
+
+    def clear(self) -> None:
+        """Forget what moves; the frames and what is static stay."""
+        with self.lock:
+            self.tree.clear()
+            self._paths.clear()
+
+    def pose(self, target: str, source: str, time: int) -> tuple[int, Pose]:
+        """
+        Compute the pose of a source in a target.
+
+        :returns: the time (ns), and the pose.
+        :raises TransformException: when there is none.
+        """
+        with self.lock:
+            path = self._paths.get((target, source))
+            if path is not None:
+                try:
+                    answered = time or path.latest_common_time()
+                    return answered, path.pose(answered)
+                except NoPose:
+                    pass
+            if target == source:
+                history = self.tree.histories.get(target)
+                return time or (history.latest if history is not None else 0), _IDENTITY
+            for name, argument in (target, 'target_frame'), (source, 'source_frame'):
+                frame_names.check(name, f'lookupTransform argument {argument}',
+                                  self.tree.histories)
+            time, path = self._search(target, source, time)
+            return time, path.pose(time)
+
+    def pose_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
+                  ) -> tuple[int, Pose]:
+        """
+        Compute the pose that a source had at its time, in a target at its own.
+
+        :param fixed: the frame in which things stay where they are between the two times.
+        """
+        with self.lock:
+            for name, argument in ((target, 'target_frame'), (source, 'source_frame'),
+                                   (fixed, 'fixed_frame')):
+                frame_names.check(name, f'lookupTransform argument {argument}',
+                                  self.tree.histories)
+            _, fixed_from_source = self.pose(fixed, source, source_time)
+            time, target_from_fixed = self.pose(target, fixed, target_time)
+            return time, compose(target_from_fixed, fixed_from_source)
+
+    def poses(self, target: str, source: str, times: NDArray[np.int64]
+              ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """
+        Compute the poses of a source in a target at many times.
+
+        :param times: (n,).
+        :returns: (n, 7), NaN where there is none, and (n,) whether there is one.
+        """
+        order = np.argsort(times, kind='stable')  # which makes searching in histories fast
+        poses = np.full((len(times), 7), np.nan)
+        known = np.zeros(len(times), np.bool_)
+        for begin in range(0, len(times), _CHUNK):
+            part = order[begin:begin + _CHUNK]
+            poses[part], known[part], alone = self._part(target, source, times[part])
+            for i in part[alone].tolist():
+                with suppress(TransformException):
+                    _, poses[i] = self.pose(target, source, int(times[i]))
+                    known[i] = True
+        poses[~known] = np.nan
+        return poses, known
+
+    def _part(self, target: str, source: str, times: NDArray[np.int64]
+              ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Compute poses along the path that is kept; tell which are to be looked up alone."""
+        with self.lock:
+            path = self._paths.get((target, source))
+            if path is None and len(times):
+                with suppress(TransformException):
+                    self.pose(target, source, int(times[-1]))
+                path = self._paths.get((target, source))
+            if path is None:
+                alone = np.ones(len(times), np.bool_)
+                return np.empty((len(times), 7)), ~alone, alone
+            poses, known = batch.poses(path, times)
+            alone = np.zeros(len(times), np.bool_) if self.tree.is_plain(source) else ~known
+            return poses, known, alone
+
+    def check(self, target: str, source: str, time: int) -> None:
+        """
+        Check that there is a pose of a source in a target.
+
+        :raises TransformException: when there is none.
+        """
+        with self.lock:
+            path = self._paths.get((target, source))
+            if path is None or not path.covers(time or path.latest_common_time()):
+                if target == source:
+                    return
+                for name, argument in (target, 'target_frame'), (source, 'source_frame'):
+                    frame_names.check_for_can(name, argument, self.tree.histories)
+                self._search(target, source, time)
+
+    def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
+                   ) -> None:
+        """Check that there is what `pose_full` gives."""
+        with self.lock:
+            for name, argument in ((target, 'target_frame'), (source, 'source_frame'),
+                                   (fixed, 'fixed_frame')):
+                frame_names.check_for_can(name, argument, self.tree.histories)
+            self.check(target, fixed, target_time)
+            self.check(fixed, source, source_time)
+
+    def chain(self, target: str, target_time: int, source: str, source_time: int, fixed: str
+              ) -> list[str]:
+        """List the frames from a source by way of the fixed frame to a target, without detour."""
+        with self.lock:
+            self.check_full(target, target_time, source, source_time, fixed)
+            there = self._frames(fixed, source, source_time)
+            back = self._frames(fixed, target, target_time)
+        while len(there) > 1 and len(back) > 1 and there[-2] == back[-2]:
+            there.pop()
+            back.pop()
+        return there[:-1] + back[::-1]
+
+    def _frames(self, target: str, source: str, time: int) -> list[str]:
+        if target == source:
+            return [target]
+        time = time or self.tree.latest_common_time(target, source)
+        return self.tree.chain(target, source, time)
+
+    def latest_common_time(self, target: str, source: str) -> int:
+        """Find the latest time (ns) that all frames between two know of; 0 when nothing moves."""
+        with self.lock:
+            for name in target, source:
+                frame_names.check(name, 'get_latest_common_time', self.tree.histories)
+            return self.tree.latest_common_time(target, source)
+
+    def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
+        time = time or self.tree.latest_common_time(target, source)
+        path = self.tree.path(target, source, time)
+        if path.is_fixed():
+            if len(self._paths) >= _MOST_PATHS:
+                self._paths.clear()
+            self._paths[target, source] = path
+        return time, path

@@ -1,0 +1,126 @@
+"""TF by the book, slow and obvious: lists and 4 x 4 matrices, to compare the package with."""
+
+import numpy as np
+from transforms3d import affines, quaternions
+
+UNKNOWN, UNCONNECTED, OUT_OF_REACH = (
+    'LookupException', 'ConnectivityException', 'ExtrapolationException')
+
+
+class Loop(Exception):
+    """The frames that were asked for are in a loop, or below one."""
+
+
+def matrix(xyz, xyzw):
+    """Make the matrix of a pose."""
+    x, y, z, w = np.array(xyzw) / np.linalg.norm(xyzw)
+    return affines.compose(xyz, quaternions.quat2mat((w, x, y, z)), np.ones(3))
+
+
+def between(before, after, ratio):
+    """Interpolate: the translation on a line, the rotation about one axis, the short way."""
+    difference = quaternions.mat2quat(before[:3, :3].T @ after[:3, :3])
+    axis, angle = quaternions.quat2axangle(difference if difference[0] >= 0 else -difference)
+    result = np.eye(4)
+    result[:3, 3] = (1 - ratio) * before[:3, 3] + ratio * after[:3, 3]
+    result[:3, :3] = before[:3, :3] @ quaternions.quat2mat(
+        quaternions.axangle2quat(axis, ratio * angle))
+    return result
+
+
+class Model:
+    """A buffer: of every child, either a static pose or its samples, the newest first."""
+
+    def __init__(self, cache_time):
+        """Begin without frames."""
+        self.cache_time = cache_time
+        self.names, self.static, self.samples = set(), {}, {}
+
+    def insert(self, stamp, parent, child, xyz, xyzw, is_static):
+        """Insert a good pose; tell whether it was taken."""
+        self.names |= {parent, child}
+        sample = (stamp, parent, matrix(xyz, xyzw))
+        if is_static:
+            self.samples.pop(child, None)
+            self.static[child] = sample
+            return True
+        self.static.pop(child, None)
+        samples = self.samples.setdefault(child, [])
+        if samples:
+            limit = samples[0][0] - self.cache_time
+            samples[:] = [kept for kept in samples if kept[0] >= limit]
+            if stamp < limit:
+                return False
+        for other in samples:
+            if other[:2] == sample[:2] and np.array_equal(other[2], sample[2]):
+                return True
+        samples.insert(sum(other[0] > stamp for other in samples), sample)
+        return True
+
+    def edge(self, child, time):
+        """Give the parent and the pose of a child; None if it has none; False for no data."""
+        if child in self.static:
+            return self.static[child][1:]
+        if child not in self.samples:
+            return None
+        samples = self.samples[child]
+        if time == 0 or time == samples[0][0]:
+            return samples[0][1:]
+        if time == samples[-1][0]:
+            return samples[-1][1:]
+        if not samples[-1][0] < time < samples[0][0]:
+            return False
+        i = next(i for i, sample in enumerate(samples) if sample[0] <= time)
+        (older, parent, before), (newer, other_parent, after) = samples[i], samples[i - 1]
+        if parent != other_parent:
+            return parent, before
+        return parent, between(before, after, (time - older) / (newer - older))
+
+    def ancestors(self, frame, time):
+        """List (frame, its pose in the frame asked from) up to the top; and why it ends there."""
+        pose, chain = np.eye(4), [(frame, np.eye(4))]
+        while edge := self.edge(frame, time):
+            frame, pose = edge[0], edge[1] @ pose
+            if frame in (name for name, _ in chain):
+                raise Loop
+            chain.append((frame, pose))
+        return chain, edge
+
+    def latest_common_time(self, target, source):
+        """Find the newest time of all moving edges on the newest path; None: two trees."""
+        chains = [[name for name, _ in self.ancestors(frame, 0)[0]] for frame in (target, source)]
+        common = [name for name in chains[0] if name in chains[1]]
+        if not common:
+            return None
+        stamps = [self.samples[name][0][0] for chain in chains
+                  for name in chain[:chain.index(common[0])] if name in self.samples]
+        return min((stamp for stamp in stamps if stamp), default=0)
+
+    def lookup(self, target, source, time):
+        """Give the time and the matrix, or the name of the exception."""
+        if target == source:
+            latest = self.samples[target][0][0] if target in self.samples else 0
+            return time or latest, np.eye(4)
+        if not {target, source} <= self.names:
+            return UNKNOWN
+        if time == 0:
+            time = self.latest_common_time(target, source)
+            if time is None:
+                return UNCONNECTED
+        from_source, source_end = self.ancestors(source, time)
+        from_target, target_end = self.ancestors(target, time)
+        target_poses = dict(from_target)
+        for frame, pose in from_source:
+            if frame in target_poses:
+                return time, np.linalg.inv(target_poses[frame]) @ pose
+        return OUT_OF_REACH if False in (source_end, target_end) else UNCONNECTED
+
+    def lookup_full(self, target, target_time, source, source_time, fixed):
+        """Give the time and the matrix, or the name of the exception."""
+        if not {target, source, fixed} <= self.names:
+            return UNKNOWN
+        first = self.lookup(fixed, source, source_time)
+        second = self.lookup(target, fixed, target_time)
+        if isinstance(first, str):
+            return first
+        return second if isinstance(second, str) else (second[0], second[1] @ first[1])

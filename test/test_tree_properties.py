@@ -1,0 +1,184 @@
+"""Lookups in trees that hypothesis makes up."""
+
+import math
+import time
+
+from hypothesis import assume, example, given, settings
+from hypothesis import strategies as st
+from model import Loop, matrix, Model
+import numpy as np
+import pytest
+from transforms3d import quaternions
+
+from dummy_arm.tf import BufferCore, Transform, TransformException
+
+S = 1_000_000_000
+START = 1_700_000_000 * S
+FRAMES = 'abcde'
+HALF_TURNS = [(1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0),
+              (0.6, 0.8, 0.0, 0.0)]
+
+
+def unit(numbers):
+    """Normalise a quaternion."""
+    return tuple((np.array(numbers) / np.linalg.norm(numbers)).tolist())
+
+
+coordinates = st.floats(-10.0, 10.0)
+translations = st.tuples(coordinates, coordinates, coordinates)
+any_rotations = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(
+    lambda numbers: np.linalg.norm(numbers) > 0.1).map(unit)
+near_rotations = st.tuples(*[st.floats(-1e-7, 1e-7)] * 3).map(lambda v: unit((*v, 1.0)))
+rotations = any_rotations | near_rotations | st.sampled_from(HALF_TURNS)
+# Of any two of these, the way from the one to the other is clear.
+pool = [unit(numbers) for numbers in np.random.default_rng(7).normal(size=(8, 4))]
+inserts = st.tuples(
+    st.integers(0, 30).map(lambda tenths: START + tenths * S // 10),
+    st.sampled_from(FRAMES), st.sampled_from(FRAMES), translations, st.sampled_from(pool),
+    st.sampled_from([False, False, False, True])).filter(lambda insert: insert[1] != insert[2])
+times = st.one_of(st.just(0), st.integers(-1, 61).map(lambda n: START + n * S // 20))
+names = st.sampled_from([*FRAMES, 'nobody'])
+
+
+def outcome(lookup, *arguments):
+    """Give the stamp and matrix of an answer, or the name of the exception."""
+    try:
+        answer = lookup(*arguments)
+    except TransformException as error:
+        return type(error).__name__
+    return answer.stamp, answer.matrix()
+
+
+def same(ours, expected):
+    """Tell whether two outcomes are the same."""
+    if isinstance(ours, str) or isinstance(expected, str):
+        return ours == expected
+    return ours[0] == expected[0] and np.allclose(ours[1], expected[1], rtol=0, atol=1e-9)
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(inserts, min_size=1, max_size=40), st.lists(st.tuples(names, names, names, times,
+                                                                     times), max_size=10))
+def test_answers_as_the_model(data, queries):
+    """Whatever comes in, in whatever order: reparenting, static and moving, late, twice, loops."""
+    buffer, model = BufferCore(2 * S), Model(2 * S)
+    for stamp, parent, child, xyz, xyzw, is_static in data:
+        taken = buffer.insert(stamp, parent, child, (*xyz, *xyzw), is_static=is_static)
+        assert taken == model.insert(stamp, parent, child, xyz, xyzw, is_static)
+    for target, source, fixed, at, source_at in queries:
+        began = time.monotonic()
+        ours = outcome(buffer.lookup_transform, target, source, at)
+        full = outcome(buffer.lookup_transform_full, target, at, source, source_at, fixed)
+        poses = buffer.lookup_transforms(target, source, [at, source_at, at])
+        assert time.monotonic() - began < 5.0
+        try:
+            assert same(ours, model.lookup(target, source, at))
+            assert buffer.can_transform(target, source, at) != isinstance(ours, str)
+            assert [*poses[2][::2]] == [not isinstance(ours, str)] * 2
+            if poses[2][0]:
+                assert np.allclose(matrix(poses[0][0], poses[1][0]), ours[1], rtol=0, atol=1e-9)
+            assert same(full, model.lookup_full(target, at, source, source_at, fixed))
+            assert buffer.can_transform_full(target, at, source, source_at, fixed) != isinstance(
+                full, str)
+        except Loop:
+            pass
+
+
+@st.composite
+def trees(draw):
+    """Make a tree of moving frames, with two samples each, and a time between them."""
+    buffer = BufferCore()
+    count = draw(st.integers(2, 8))
+    for child in range(1, count):
+        parent = draw(st.integers(0, child - 1))
+        for stamp in START, START + S:
+            pose = (*draw(translations), *draw(rotations))
+            assert buffer.insert(stamp, f'f{parent}', f'f{child}', pose)
+    frames = [f'f{i}' for i in range(count)]
+    return buffer, frames, START + draw(st.integers(0, S))
+
+
+def near(one, other):
+    """Tell whether two transforms are the same."""
+    return (one[:3] == other[:3]
+            and np.allclose(one.matrix(), other.matrix(), rtol=0, atol=1e-9))
+
+
+@given(trees(), st.data())
+def test_a_frame_in_itself_is_the_identity(tree, data):
+    """At any time."""
+    buffer, frames, at = tree
+    frame = data.draw(st.sampled_from(frames))
+    assert buffer.lookup_transform(frame, frame, at) == Transform(at, frame, frame)
+
+
+@given(trees(), st.data())
+def test_the_way_back_is_the_inverse(tree, data):
+    """Between any two frames."""
+    buffer, frames, at = tree
+    a, b = data.draw(st.sampled_from(frames)), data.draw(st.sampled_from(frames))
+    assert near(buffer.lookup_transform(a, b, at), buffer.lookup_transform(b, a, at).inverse())
+
+
+@given(trees(), st.data())
+def test_a_path_can_be_cut_anywhere(tree, data):
+    """a_from_c is a_from_b @ b_from_c, whatever frame b is."""
+    buffer, frames, at = tree
+    a, b, c = (data.draw(st.sampled_from(frames)) for _ in range(3))
+    a_from_b, b_from_c = buffer.lookup_transform(a, b, at), buffer.lookup_transform(b, c, at)
+    assert near(a_from_b @ b_from_c, buffer.lookup_transform(a, c, at))
+
+
+@given(trees(), st.data())
+def test_rotations_stay_unit(tree, data):
+    """However long the path is."""
+    buffer, frames, at = tree
+    a, b = data.draw(st.sampled_from(frames)), data.draw(st.sampled_from(frames))
+    assert np.linalg.norm(buffer.lookup_transform(a, b, at).rotation) == pytest.approx(1, abs=1e-9)
+
+
+@given(any_rotations, any_rotations, st.floats(0.0, 1.0), st.booleans(), st.booleans())
+def test_both_signs_of_a_quaternion_are_the_same(before, after, ratio, flip_before, flip_after):
+    """Between two rotations that are not just a half turn apart."""
+    assume(abs(np.dot(before, after)) > 1e-6)
+    matrices = []
+    for signs in (1.0, 1.0), (-1.0 if flip_before else 1.0, -1.0 if flip_after else 1.0):
+        buffer = BufferCore()
+        for i, (rotation, sign) in enumerate(zip((before, after), signs)):
+            buffer.insert(START + i * S, 'a', 'b', (0.0, 0.0, 0.0, *np.multiply(rotation, sign)))
+        matrices.append(buffer.lookup_transform('a', 'b', START + int(ratio * S)).matrix())
+    assert np.allclose(*matrices, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize('rotation', HALF_TURNS)
+@pytest.mark.parametrize('ratio', [0.0, 0.25, 0.5, 1.0])
+def test_half_a_turn(rotation, ratio):
+    """Turned evenly about its axis, from no turn to an exact half turn."""
+    buffer = BufferCore()
+    buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    buffer.insert(START + S, 'a', 'b', (0.0, 0.0, 0.0, *rotation))
+    angle = ratio * math.pi
+    expected = [*(math.sin(angle / 2) * axis for axis in rotation[:3]), math.cos(angle / 2)]
+    answer = buffer.lookup_transform('a', 'b', START + int(ratio * S))
+    assert answer.rotation == pytest.approx(expected, abs=1e-12)
+
+
+@given(st.tuples(*[st.floats(-1e-6, 1e-6)] * 3), st.floats(0.0, 1.0))
+@example((1e-9, 0.0, 0.0), 0.5)
+def test_near_the_identity(vector, ratio):
+    """A turn by next to nothing: within what tf2 itself loses where a cosine rounds to one."""
+    buffer = BufferCore()
+    buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    buffer.insert(START + S, 'a', 'b', (0.0, 0.0, 0.0, *unit((*vector, 1.0))))
+    answer = buffer.lookup_transform('a', 'b', START + int(ratio * S))
+    assert answer.rotation == pytest.approx([*np.multiply(vector, ratio), 1.0], abs=2e-8)
+
+
+@given(rotations)
+def test_what_is_stored_is_the_same_rotation(rotation):
+    """Normalised, of either sign."""
+    buffer = BufferCore()
+    buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, *np.multiply(rotation, 3.0)))
+    x, y, z, w = buffer.lookup_transform('a', 'b').rotation
+    assert np.allclose(quaternions.quat2mat((w, x, y, z)),
+                       quaternions.quat2mat(np.roll(rotation, 1)), rtol=0, atol=1e-12)
