@@ -18,7 +18,7 @@ setup(
         'view': ['viser'],
         'bag': ['rosbags'],
         'bench': ['matplotlib'],
-        'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'pytest', 'ruff'],
+        'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'pytest', 'pyyaml', 'ruff'],
     },
     zip_safe=True,
     maintainer='dummy_arm developers',

@@ -8,7 +8,19 @@ from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dummy_arm.tf.buffer import Buffer as Buffer
     from dummy_arm.tf.buffer_core import BufferCore as BufferCore
+    from dummy_arm.tf.buffer_interface import BufferInterface as BufferInterface
+    from dummy_arm.tf.buffer_interface import convert as convert
+    from dummy_arm.tf.buffer_interface import ConvertRegistration as ConvertRegistration
+    from dummy_arm.tf.buffer_interface import MsgStamped as MsgStamped
+    from dummy_arm.tf.buffer_interface import NotImplementedException as NotImplementedException
+    from dummy_arm.tf.buffer_interface import PyKDLType as PyKDLType
+    from dummy_arm.tf.buffer_interface import Stamped as Stamped
+    from dummy_arm.tf.buffer_interface import TransformableObject as TransformableObject
+    from dummy_arm.tf.buffer_interface import TransformableObjectType as TransformableObjectType
+    from dummy_arm.tf.buffer_interface import TransformRegistration as TransformRegistration
+    from dummy_arm.tf.buffer_interface import TypeException as TypeException
     from dummy_arm.tf.exceptions import ConnectivityException as ConnectivityException
     from dummy_arm.tf.exceptions import ExtrapolationException as ExtrapolationException
     from dummy_arm.tf.exceptions import InvalidArgumentException as InvalidArgumentException
@@ -24,18 +36,30 @@ if TYPE_CHECKING:
     from dummy_arm.tf.transform_broadcaster import TransformBroadcaster as TransformBroadcaster
 
 _MODULES = {
+    'Buffer': 'buffer',
     'BufferCore': 'buffer_core',
+    'BufferInterface': 'buffer_interface',
     'ConnectivityException': 'exceptions',
+    'convert': 'buffer_interface',
+    'ConvertRegistration': 'buffer_interface',
     'ExtrapolationException': 'exceptions',
     'InvalidArgumentException': 'exceptions',
     'LookupException': 'exceptions',
+    'MsgStamped': 'buffer_interface',
+    'NotImplementedException': 'buffer_interface',
     'PreparedTransforms': 'transform_broadcaster',
+    'PyKDLType': 'buffer_interface',
+    'Stamped': 'buffer_interface',
     'StaticTransformBroadcaster': 'static_transform_broadcaster',
     'TFMessage': 'message',
     'TimeoutException': 'exceptions',
     'Transform': 'transform',
+    'TransformableObject': 'buffer_interface',
+    'TransformableObjectType': 'buffer_interface',
     'TransformBroadcaster': 'transform_broadcaster',
     'TransformException': 'exceptions',
+    'TransformRegistration': 'buffer_interface',
+    'TypeException': 'buffer_interface',
 }
 
 

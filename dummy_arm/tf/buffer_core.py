@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from math import isfinite, nan
+from operator import index
 from threading import Condition
 from time import monotonic
 from typing import Any, TypeVar, Union
@@ -20,6 +21,7 @@ from dummy_arm.tf.transform import Transform
 
 _Answer = TypeVar('_Answer')
 
+_INT64 = 1 << 63
 #: How long a wait lasts before it sees that no data can come in any more (s).
 _STEP = 0.2
 
@@ -80,7 +82,12 @@ class BufferCore:
         :param stamp: ns.
         :param pose: x, y, z (m) and the rotation's x, y, z, w, which is normalised.
         :returns: False when it was refused, as tf2 refuses it; the log says why.
+        :raises TypeError: when something is no number.
+        :raises OverflowError: when a stamp is no int64.
         """
+        stamp = index(stamp)
+        if not -_INT64 <= stamp < _INT64:
+            raise OverflowError(f'a stamp must be an int64 of ns, got {stamp}')
         parent, child = frame_id.removeprefix('/'), child_frame_id.removeprefix('/')
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *rotations.normalized(qx, qy, qz, qw))
@@ -220,23 +227,9 @@ class BufferCore:
 
     def all_frames_as_yaml(self) -> str:
         """Write tf2's YAML of all frames; '[]' when none was ever named."""
-        return frames.as_yaml(self.frames()) if self._getFrameStrings() else '[]'
+        return frames.as_yaml(self.frames()) if self._lookups.tree.histories else '[]'
 
     def all_frames_as_string(self) -> str:
         """Write a line for every frame, with its parent."""
         with self._lookups.lock:
             return self._lookups.tree.as_string()
-
-    def _allFramesAsDot(self, time: Any = 0) -> str:  # noqa: N802
-        return frames.as_dot(self.frames(), self._getFrameStrings(), self._nanoseconds(time))
-
-    def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
-        return frame_id in self._lookups.tree.histories
-
-    def _getFrameStrings(self) -> list[str]:  # noqa: N802
-        return list(self._lookups.tree.histories)
-
-    def _chain(self, target_frame: str, target_time: Any, source_frame: str, source_time: Any,
-               fixed_frame: str) -> list[str]:
-        return self._lookups.chain(target_frame, self._nanoseconds(target_time), source_frame,
-                                   self._nanoseconds(source_time), fixed_frame)

@@ -1,0 +1,247 @@
+"""The buffer of tf2_ros: BufferCore for users of rclpy and of messages."""
+
+from contextlib import suppress
+from functools import partial
+from typing import Any, Optional, Union
+from weakref import finalize, ref
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.clock import Clock, JumpHandle, JumpThreshold, TimeJump
+from rclpy.duration import Duration
+from rclpy.exceptions import InvalidHandle
+from rclpy.logging import get_logger
+from rclpy.node import Node
+from rclpy.task import Future
+from rclpy.time import Time
+from rclpy.utilities import get_default_context
+
+from dummy_arm.tf.buffer_core import BufferCore
+from dummy_arm.tf.buffer_interface import BufferInterface
+from dummy_arm.tf.frames import as_dot
+from dummy_arm.tf.times import nanoseconds, SECOND
+from dummy_arm.tf.transform_stamped import bad_fields_named, message_of, row_of
+from dummy_arm.tf.waits import Waits
+
+try:
+    from tf2_msgs.srv import FrameGraph
+except ImportError:
+    FrameGraph = None
+
+_LATEST, _NO_WAIT = Time(), Duration()
+
+
+class Buffer(BufferCore, BufferInterface):
+    """
+    A BufferCore whose times and transforms are rclpy's and geometry_msgs', as that of tf2_ros.
+
+    Times are anything that has `sec` and `nanosec`, or `nanoseconds`. What waits, waits on wall
+    time. Lookups raise what BufferCore tells.
+    """
+
+    _nanoseconds = staticmethod(nanoseconds)
+
+    def __init__(self, cache_time: Optional[Duration] = None, node: Optional[Node] = None) -> None:
+        """
+        Begin empty.
+
+        :param cache_time: how long transforms are kept; None: 10 s.
+        :param node: its executor is woken when an async wait is over; a jump of its clock back by
+            a second or more, or a change of its clock, clears the buffer; where tf2_msgs is
+            installed, its service `tf2_frames` tells all frames.
+        """
+        BufferCore.__init__(self, 10 * SECOND if cache_time is None else cache_time)
+        BufferInterface.__init__(self)
+        self._refusals.log = get_logger('tf2_buffer').warning
+        self._waits = Waits(node)
+        self._context = get_default_context() if node is None else node.context
+        self.clock = Clock() if node is None else node.get_clock()
+        if node is not None and FrameGraph is not None:
+            self.srv = node.create_service(FrameGraph, 'tf2_frames', partial(_tell, ref(self)))
+        self.jump_handle = self.clock.create_jump_callback(
+            JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1),
+                          on_clock_change=True),
+            post_callback=partial(_jumped, ref(self)))
+        # The clock knows the handle by its address only.
+        finalize(self, _unregister, self.jump_handle).atexit = False
+
+    def time_jump_callback(self, time_jump: TimeJump) -> None:
+        """Clear the buffer."""
+        get_logger('tf2_buffer').warning('Detected jump back in time. Clearing tf buffer.')
+        self.clear()
+
+    def set_transform(self, transform: TransformStamped,  # type: ignore[override]
+                      authority: str = 'default_authority') -> None:
+        """
+        Insert the pose that a frame has at the transform's stamp.
+
+        What tf2 refuses is refused: the log says why.
+
+        :param authority: who says so; shown by `all_frames_as_yaml`.
+        :raises TypeError: when it is no TransformStamped.
+        :raises ValueError: when one of its fields has a value that does not belong there.
+        """
+        self._insert(transform, authority, False)
+
+    def set_transform_static(self, transform: TransformStamped,  # type: ignore[override]
+                             authority: str = 'default_authority') -> None:
+        """Insert the pose that a frame has at all times; else as `set_transform`."""
+        self._insert(transform, authority, True)
+
+    def _insert(self, transform: TransformStamped, authority: str, is_static: bool) -> None:
+        with bad_fields_named([transform]):
+            row = row_of(transform)
+            self.insert(row[0] * SECOND + row[1], row[2], row[3], row[4:], authority, is_static)
+
+    def _is_alive(self) -> bool:
+        return bool(self._context.ok())
+
+    def _on_new_data(self) -> None:
+        super()._on_new_data()
+        if self._waits:
+            self._waits.check()
+
+    def lookup_transform(self, target_frame: str, source_frame: str,  # type: ignore[override]
+                         time: Time, timeout: Duration = _NO_WAIT) -> TransformStamped:
+        """
+        Look up the pose of the source frame in the target frame.
+
+        :param time: when; 0: the latest time that all frames on the way know of.
+        :param timeout: how long to wait for it at most.
+        """
+        stamp, pose = self._waited(timeout, self._lookups.pose, target_frame, source_frame,
+                                   nanoseconds(time))
+        return message_of((*divmod(stamp, SECOND), target_frame, source_frame, *pose))
+
+    def lookup_transform_full(
+            self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
+            fixed_frame: str, timeout: Duration = _NO_WAIT) -> TransformStamped:
+        """
+        Look up the pose that the source frame had at its time, in the target frame at its own.
+
+        :param fixed_frame: the frame in which things stay where they are between the two times.
+        :param timeout: how long to wait for it at most.
+        """
+        stamp, pose = self._waited(
+            timeout, self._lookups.pose_full, target_frame, nanoseconds(target_time),
+            source_frame, nanoseconds(source_time), fixed_frame)
+        return message_of((*divmod(stamp, SECOND), target_frame, source_frame, *pose))
+
+    def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time
+                              ) -> TransformStamped:
+        """Look up a transform without waiting."""
+        return self.lookup_transform(target_frame, source_frame, time)
+
+    def lookup_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
+                                   source_time: Time, fixed_frame: str) -> TransformStamped:
+        """Look up a transform between two times without waiting."""
+        return self.lookup_transform_full(
+            target_frame, target_time, source_frame, source_time, fixed_frame)
+
+    async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time,
+                                     timeout: Optional[Duration] = None) -> TransformStamped:
+        """Look up a transform in a coroutine; as `wait_for_transform_async`."""
+        return await self.wait_for_transform_async(target_frame, source_frame, time, timeout)
+
+    async def lookup_transform_full_async(
+            self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
+            fixed_frame: str, timeout: Optional[Duration] = None) -> TransformStamped:
+        """Look up a transform between two times; as `wait_for_transform_full_async`."""
+        return await self.wait_for_transform_full_async(
+            target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
+
+    def can_transform(  # type: ignore[override]
+            self, target_frame: str, source_frame: str, time: Time, timeout: Duration = _NO_WAIT,
+            return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
+        """
+        Tell whether `lookup_transform` would give an answer.
+
+        :param timeout: how long to wait for it at most.
+        :returns: that; or, with `return_debug_tuple`, that and why not.
+        """
+        return super().can_transform(
+            target_frame, source_frame, time, timeout, return_debug_tuple)
+
+    def can_transform_full(  # type: ignore[override]
+            self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
+            fixed_frame: str, timeout: Duration = _NO_WAIT, return_debug_tuple: bool = False
+            ) -> Union[bool, tuple[bool, str]]:
+        """Tell whether `lookup_transform_full` would give an answer; as `can_transform`."""
+        return super().can_transform_full(
+            target_frame, target_time, source_frame, source_time, fixed_frame, timeout,
+            return_debug_tuple)
+
+    def can_transform_core(self, target_frame: str, source_frame: str, time: Time
+                           ) -> tuple[bool, str]:
+        """Tell whether there is a transform, and why not."""
+        return self._can(_NO_WAIT, self._lookups.check, target_frame, source_frame,
+                         nanoseconds(time))
+
+    def can_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
+                                source_time: Time, fixed_frame: str) -> tuple[bool, str]:
+        """Tell whether there is a transform between two times, and why not."""
+        return self._can(_NO_WAIT, self._lookups.check_full, target_frame,
+                         nanoseconds(target_time), source_frame, nanoseconds(source_time),
+                         fixed_frame)
+
+    def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time,
+                                 timeout: Optional[Duration] = None) -> Future:
+        """
+        Make a future whose result will be the transform.
+
+        Cancel it, or drop it, to end the wait.
+
+        :param timeout: after how long it gets a TimeoutException; None: never.
+        """
+        return self._waits.add(
+            partial(self.lookup_transform_core, target_frame, source_frame, time),
+            _seconds(timeout), f"the transform from '{source_frame}' to '{target_frame}'")
+
+    def wait_for_transform_full_async(
+            self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
+            fixed_frame: str, timeout: Optional[Duration] = None) -> Future:
+        """Make a future as `wait_for_transform_async`, for a transform between two times."""
+        return self._waits.add(
+            partial(self.lookup_transform_full_core, target_frame, target_time, source_frame,
+                    source_time, fixed_frame),
+            _seconds(timeout), f"the transform from '{source_frame}' to '{target_frame}'")
+
+    def get_latest_common_time(self, target_frame: str, source_frame: str
+                               ) -> Time:
+        """Find the latest time that all frames between two know of; 0 when nothing moves."""
+        return Time(nanoseconds=super().get_latest_common_time(target_frame, source_frame))
+
+    def _chain(self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
+               fixed_frame: str) -> list[str]:
+        return self._lookups.chain(target_frame, nanoseconds(target_time), source_frame,
+                                   nanoseconds(source_time), fixed_frame)
+
+    def _allFramesAsDot(self, time: Time = _LATEST) -> str:  # noqa: N802
+        return as_dot(self.frames(), self._getFrameStrings(), nanoseconds(time))
+
+    def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
+        return frame_id in self._lookups.tree.histories
+
+    def _getFrameStrings(self) -> list[str]:  # noqa: N802
+        return list(self._lookups.tree.histories)
+
+
+def _seconds(timeout: Optional[Duration]) -> Optional[float]:
+    return None if timeout is None else nanoseconds(timeout) / SECOND
+
+
+# What a node or a clock keeps must not keep the buffer.
+
+def _jumped(buffer_ref: 'ref[Buffer]', time_jump: TimeJump) -> None:
+    if (buffer := buffer_ref()) is not None:
+        buffer.time_jump_callback(time_jump)
+
+
+def _tell(buffer_ref: 'ref[Buffer]', _: Any, response: Any) -> Any:
+    if (buffer := buffer_ref()) is not None:
+        response.frame_yaml = buffer.all_frames_as_yaml()
+    return response
+
+
+def _unregister(handle: JumpHandle) -> None:
+    with suppress(InvalidHandle):  # raised when the clock is gone already
+        handle.unregister()

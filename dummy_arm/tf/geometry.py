@@ -1,0 +1,141 @@
+"""Transforming messages of points, vectors and poses, as tf2_geometry_msgs does."""
+
+from typing import Any, Union
+
+from geometry_msgs.msg import (
+    Point,
+    Point32,
+    PointStamped,
+    PolygonStamped,
+    Pose,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    TransformStamped,
+    Vector3,
+    Vector3Stamped,
+)
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from sensor_msgs.msg import PointCloud2
+from std_msgs.msg import Header
+
+from dummy_arm.tf import history, rotations
+from dummy_arm.tf.buffer_interface import ConvertRegistration, TransformRegistration
+from dummy_arm.tf.path import compose
+from dummy_arm.tf.point_cloud import do_transform_cloud
+
+#: Below, a squared length is that of no rotation, as in tf2_geometry_msgs.
+_NO_ROTATION = 2.0 ** -52
+
+
+def do_transform_point(point: PointStamped, transform: TransformStamped) -> PointStamped:
+    """Transform a point from the child frame of a transform to its frame."""
+    x, y, z = _moved(point.point, transform)
+    return PointStamped(header=_header(transform), point=Point(x=x, y=y, z=z))
+
+
+def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -> Vector3Stamped:
+    """Rotate a vector, which has no place, from the child frame of a transform to its frame."""
+    still = (0.0, 0.0, 0.0, *_rotation(transform.transform.rotation))
+    x, y, z = compose(still, _pose(vector3.vector, _UNTURNED))[:3]
+    return Vector3Stamped(header=_header(transform), vector=Vector3(x=x, y=y, z=z))
+
+
+def do_transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
+    """Transform a pose from the child frame of a transform to its frame."""
+    x, y, z, *rotation = compose(_pose_of(transform), _pose(pose.position, pose.orientation))
+    qx, qy, qz, qw = rotation if rotation[3] >= 0.0 else [-number for number in rotation]
+    return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
+
+
+def do_transform_pose_stamped(pose: PoseStamped, transform: TransformStamped) -> PoseStamped:
+    """Transform a pose from the child frame of a transform to its frame."""
+    return PoseStamped(header=_header(transform), pose=do_transform_pose(pose.pose, transform))
+
+
+def do_transform_pose_with_covariance_stamped(
+        pose: PoseWithCovarianceStamped, transform: TransformStamped
+        ) -> PoseWithCovarianceStamped:
+    """Transform a pose and its covariance from the child frame of a transform to its frame."""
+    result = PoseWithCovarianceStamped(header=_header(transform))
+    result.pose.pose = do_transform_pose(pose.pose.pose, transform)
+    result.pose.covariance = transform_covariance(pose.pose.covariance, transform)
+    return result
+
+
+def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformStamped
+                                 ) -> PolygonStamped:
+    """Transform the points of a polygon from the child frame of a transform to its frame."""
+    result = PolygonStamped(header=_header(transform))
+    for point in polygon.polygon.points:
+        x, y, z = _moved(point, transform)
+        result.polygon.points.append(Point32(x=x, y=y, z=z))
+    return result
+
+
+def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDArray[np.float64]:
+    """
+    Rotate the covariance of x, y, z and the rotations about them.
+
+    With R = diag(rotation, rotation), R C R^T: A. Leon-Garcia, Probability, Statistics, and Random
+    Processes for Electrical Engineering, 3rd ed., 2008, section 6.3.
+
+    :param cov_in: (36,), the rows of C.
+    :returns: the same shape.
+    """
+    rotation = np.kron(np.eye(2), rotations.matrix(_rotation(transform.transform.rotation)))
+    rotated: NDArray[np.float64] = rotation @ np.reshape(cov_in, (6, 6)) @ rotation.T
+    return rotated.reshape(36)
+
+
+def to_msg_msg(msg: Any) -> Any:
+    """Convert a message to a message: it is one."""
+    return msg
+
+
+def from_msg_msg(msg: Any) -> Any:
+    """Convert a message from a message: it is one."""
+    return msg
+
+
+_UNTURNED = Quaternion()
+
+
+def _header(transform: TransformStamped) -> Header:
+    """Copy the header of the result, so that results do not share it."""
+    header = transform.header
+    return Header(stamp=header.stamp, frame_id=header.frame_id)
+
+
+def _moved(point: Union[Point, Point32], transform: TransformStamped
+           ) -> tuple[float, float, float]:
+    return compose(_pose_of(transform), _pose(point, _UNTURNED))[:3]
+
+
+def _pose_of(transform: TransformStamped) -> history.Pose:
+    return _pose(transform.transform.translation, transform.transform.rotation)
+
+
+def _pose(position: Union[Point, Point32, Vector3], orientation: Quaternion) -> history.Pose:
+    return (position.x, position.y, position.z, *_rotation(orientation))
+
+
+def _rotation(orientation: Quaternion) -> rotations.Quaternion:
+    """Normalise a rotation; zeros are taken for none."""
+    x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
+    if x * x + y * y + z * z + w * w < _NO_ROTATION:
+        return 0.0, 0.0, 0.0, 1.0
+    return rotations.normalized(x, y, z, w)
+
+
+for _type, _function in (
+        (PointStamped, do_transform_point),
+        (Vector3Stamped, do_transform_vector3),
+        (PoseStamped, do_transform_pose_stamped),
+        (PoseWithCovarianceStamped, do_transform_pose_with_covariance_stamped),
+        (PolygonStamped, do_transform_polygon_stamped),
+        (PointCloud2, do_transform_cloud)):
+    TransformRegistration().add(_type, _function)
+    ConvertRegistration().add_to_msg(_type, to_msg_msg)
+    ConvertRegistration().add_from_msg(_type, from_msg_msg)

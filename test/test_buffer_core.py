@@ -1,0 +1,490 @@
+"""The rules of the buffer, one by one; the errors; threads."""
+
+from itertools import pairwise
+import logging
+import math
+import sys
+import threading
+
+from model import Model
+import numpy as np
+import pytest
+import yaml
+
+from dummy_arm.tf import (
+    BufferCore,
+    ConnectivityException,
+    ExtrapolationException,
+    InvalidArgumentException,
+    LookupException,
+    Transform,
+    TransformException,
+)
+
+S = 1_000_000_000
+T = 1_700_000_000 * S
+STILL = (0.0, 0.0, 0.0, 1.0)
+
+
+def put(buffer, parent, child, stamp=T, x=0.0, **how):
+    """Insert a child x m along x of its parent, not turned."""
+    return buffer.insert(stamp, parent, child, (x, 0.0, 0.0, *STILL), **how)
+
+
+def x_at(buffer, target, source, time=0):
+    """Look up where the source is along x of the target."""
+    return buffer.lookup_transform(target, source, time).translation[0]
+
+
+def test_the_pose_of_the_source_in_the_target():
+    """With our own value, and the stamp that was asked for."""
+    buffer = BufferCore()
+    buffer.set_transform(Transform(T, 'map', 'tool', (1.0, 2.0, 3.0), (0.0, 0.0, 1.0, 0.0)))
+    answer = buffer.lookup_transform('map', 'tool', T)
+    assert answer == Transform(T, 'map', 'tool', (1.0, 2.0, 3.0), (0.0, 0.0, 1.0, 0.0))
+    assert answer.apply([1.0, 0.0, 0.0]) == pytest.approx([0.0, 2.0, 3.0])
+
+
+def test_interpolates_on_a_line_and_about_an_axis():
+    """A quarter of the way from no turn to a quarter turn about z."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b')
+    half = math.radians(45)
+    buffer.insert(T + 4 * S, 'a', 'b', (8.0, 0.0, 0.0, 0.0, 0.0, math.sin(half), math.cos(half)))
+    answer = buffer.lookup_transform('a', 'b', T + S)
+    assert answer.translation == pytest.approx((2.0, 0.0, 0.0))
+    assert answer.rotation == pytest.approx((0.0, 0.0, math.sin(half / 4), math.cos(half / 4)))
+
+
+def test_time_0_is_the_latest_that_all_on_the_way_know_of():
+    """Static frames do not limit it, nor does a moving one whose stamp is 0."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T, 1.0)
+    put(buffer, 'a', 'b', T + 2 * S, 3.0)
+    put(buffer, 'b', 'c', T, 1.0)
+    put(buffer, 'b', 'c', T + S, 1.0)
+    put(buffer, 'c', 'd', 0, 1.0)
+    put(buffer, 'd', 'e', T, 1.0, is_static=True)
+    answer = buffer.lookup_transform('a', 'c')
+    assert (answer.stamp, answer.translation[0]) == (T + S, 3.0)
+    assert buffer.get_latest_common_time('e', 'd') == 0
+    assert buffer.lookup_transform('d', 'e').stamp == 0
+    assert buffer.lookup_transform('d', 'e', 5).stamp == 5
+    assert buffer.get_latest_common_time('a', 'e') == T + S
+    assert x_at(buffer, 'c', 'd') == 1.0  # stamp 0 alone: the latest
+
+
+def test_through_a_fixed_frame():
+    """Where the source was at its time, in the target where it is at its own."""
+    buffer = BufferCore()
+    for second in range(3):
+        put(buffer, 'map', 'robot', T + second * S, float(second))
+        put(buffer, 'map', 'ball', T + second * S, 10.0 * second)
+    answer = buffer.lookup_transform_full('robot', T + 2 * S, 'ball', T + S, 'map')
+    assert (answer.stamp, answer.translation[0]) == (T + 2 * S, 10.0 - 2.0)
+    assert (answer.frame_id, answer.child_frame_id) == ('robot', 'ball')
+
+
+def test_a_frame_in_itself_needs_not_be_known():
+    """With the time asked for; for 0 its own latest."""
+    buffer = BufferCore()
+    assert buffer.lookup_transform('x', 'x', T) == Transform(T, 'x', 'x')
+    put(buffer, 'a', 'b', T)
+    assert buffer.lookup_transform('b', 'b').stamp == T
+    assert buffer.can_transform('', '')
+    with pytest.raises(LookupException):
+        buffer.lookup_transform_full('x', T, 'x', T, 'x')
+
+
+def test_data_out_of_order_are_sorted_in():
+    """As if they had come in order."""
+    buffer = BufferCore()
+    for second in (5, 1, 3, 0, 4, 2):
+        assert put(buffer, 'a', 'b', T + second * S, float(second * second))
+    for second, following in pairwise(range(6)):
+        assert x_at(buffer, 'a', 'b', T + second * S) == second * second
+        middle = (second * second + following * following) / 2
+        assert x_at(buffer, 'a', 'b', T + second * S + S // 2) == pytest.approx(middle)
+
+
+def test_of_the_same_stamp_the_last_inserted_wins():
+    """But at the very beginning of a history the first, as in tf2; the same twice counts once."""
+    buffer = BufferCore()
+    for x in (1.0, 2.0, 2.0, 1.0):
+        assert put(buffer, 'a', 'b', T, x)
+    assert buffer.frames()[0].length == 2
+    assert x_at(buffer, 'a', 'b', T) == 2.0
+    put(buffer, 'a', 'b', T + S, 4.0)
+    assert x_at(buffer, 'a', 'b', T) == 1.0
+    assert x_at(buffer, 'a', 'b', T + S // 2) == 3.0
+
+
+def test_expires_after_the_cache_time():
+    """Just as old as it is allowed, older is refused; what is there goes with the next insert."""
+    buffer = BufferCore(2 * S)
+    put(buffer, 'a', 'b', T, 0.0)
+    put(buffer, 'a', 'b', T + 5 * S, 5.0)
+    assert x_at(buffer, 'a', 'b', T) == 0.0
+    assert put(buffer, 'a', 'b', T + 3 * S, 3.0)
+    with pytest.raises(ExtrapolationException, match='into the past'):
+        x_at(buffer, 'a', 'b', T)
+    assert not put(buffer, 'a', 'b', T + 3 * S - 1)
+    assert [(frame.oldest, frame.length) for frame in buffer.frames()] == [(T + 3 * S, 2)]
+
+
+def test_a_long_stream_is_that_of_the_model():
+    """Hundreds expire; with late data, doubles and other parents on the way, and without."""
+    buffer, model, random = BufferCore(S), Model(S), np.random.default_rng(1)
+    for i in range(3000):
+        stamp = T + i * S // 100
+        if i % 7 == 0:
+            stamp -= int(random.integers(0, 90)) * S // 100
+        parent = 'p1' if i % 1000 < 900 else 'p2'
+        pose = (*random.normal(size=3).tolist(), *random.normal(size=4).tolist())
+        assert buffer.insert(stamp, parent, 'c', pose) == model.insert(
+            stamp, parent, 'c', pose[:3], pose[3:], False)
+        if i % 50 == 49:
+            assert buffer.frames()[0].length == len(model.samples['c'])
+            for time in model.samples['c'][-1][0] - 1, stamp - S // 3, stamp - S // 200, 0:
+                expected = model.lookup(parent, 'c', time)
+                if isinstance(expected, str):
+                    with pytest.raises(TransformException) as error:
+                        buffer.lookup_transform(parent, 'c', time)
+                    assert error.type.__name__ == expected
+                else:
+                    answer = buffer.lookup_transform(parent, 'c', time)
+                    assert answer.matrix() == pytest.approx(expected[1], abs=1e-9)
+
+
+def test_a_history_keeps_little_more_than_the_cache_time():
+    """What has expired is removed from memory."""
+    buffer = BufferCore(S)
+    for i in range(10_000):
+        put(buffer, 'a', 'b', T + i * S // 100)
+    history = buffer._lookups.tree.histories['b']
+    assert len(history) == 102  # tf2 looks what has expired before it inserts
+    assert len(history.stamps) < 130
+    assert len(history.poses) == 7 * len(history.stamps)
+
+
+def test_a_frame_that_changes_its_parent():
+    """Between two samples of different parents the older holds; the old parent is out of reach."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'c', T, 1.0)
+    put(buffer, 'b', 'c', T + S, 2.0)
+    assert x_at(buffer, 'a', 'c', T + S // 2) == 1.0
+    assert x_at(buffer, 'b', 'c') == 2.0
+    with pytest.raises(ConnectivityException):
+        buffer.lookup_transform('a', 'c')
+    with pytest.raises(ConnectivityException):
+        buffer.lookup_transform('b', 'c', T + S // 2)
+
+
+def test_frames_that_change_places():
+    """Parent and child at one time, the other way round at another; also many times at once."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T, 1.0)
+    put(buffer, 'root', 'a', T)
+    put(buffer, 'b', 'a', T + S, -2.0)
+    assert x_at(buffer, 'a', 'b', T) == 1.0
+    assert x_at(buffer, 'a', 'b', T + S) == 2.0
+    translations, _, known = buffer.lookup_transforms('a', 'b', [T + S, T, T + S])
+    assert known.all()
+    assert translations[:, 0].tolist() == [2.0, 1.0, 2.0]
+
+
+def test_static_and_moving_replace_each_other():
+    """The newest kind counts, and the other is forgotten."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T, 1.0)
+    put(buffer, 'a', 'b', T, 2.0, is_static=True)
+    assert x_at(buffer, 'a', 'b', 1) == 2.0
+    put(buffer, 'a', 'b', T, 3.0)
+    assert x_at(buffer, 'a', 'b', T) == 3.0
+    with pytest.raises(ExtrapolationException):
+        buffer.lookup_transform('a', 'b', 1)
+
+
+def test_clear_forgets_what_moves():
+    """Names and static frames stay."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b')
+    put(buffer, 'b', 'c', is_static=True)
+    assert x_at(buffer, 'a', 'c', T) == 0.0
+    buffer.clear()
+    assert buffer.can_transform('b', 'c', T)
+    with pytest.raises(ExtrapolationException, match=r"^, when looking up .*'b' since .* cleared"):
+        buffer.lookup_transform('a', 'b', T)
+    with pytest.raises(ConnectivityException):
+        buffer.lookup_transform('a', 'b')
+    assert buffer.all_frames_as_string() == (
+        'Frame b exists with parent NO_PARENT.\nFrame c exists with parent b.\n')
+    assert 'b: ' not in buffer.all_frames_as_yaml().splitlines()
+
+
+@pytest.mark.parametrize(('parent', 'child', 'pose', 'cause'), [
+    ('a', 'a', (0, 0, 0, *STILL), 'TF_SELF_TRANSFORM: Ignoring transform from authority "me" with '
+     'frame_id and  child_frame_id "a" because they are the same'),
+    ('/a', 'a', (0, 0, 0, *STILL), 'TF_SELF_TRANSFORM'),
+    ('a', '', (0, 0, 0, *STILL), 'TF_NO_CHILD_FRAME_ID: Ignoring transform from authority "me" '
+     'because child_frame_id not set '),
+    ('', 'b', (0, 0, 0, *STILL), 'TF_NO_FRAME_ID: Ignoring transform with child_frame_id "b"  '
+     'from authority "me" because frame_id not set'),
+    ('a', 'b', (math.nan, 0, 0, *STILL), 'TF_NAN_INPUT: Ignoring transform for child_frame_id "b" '
+     'from authority "me" because of a nan value in the transform (nan 0.000000 0.000000) '
+     '(0.000000 0.000000 0.000000 1.000000)'),
+    ('a', 'b', (0, 0, 0, 0, 0, 0, 0), 'TF_NAN_INPUT'),
+    ('a', 'b', (0, 0, 0, 0, 0, math.inf, 1), 'TF_NAN_INPUT'),
+])
+def test_refuses_with_the_words_of_tf2(parent, child, pose, cause, caplog):
+    """And nothing is known of the frames."""
+    buffer = BufferCore()
+    assert not buffer.insert(T, parent, child, pose, 'me')
+    assert caplog.records[0].getMessage().startswith(cause)
+    assert not buffer.can_transform('a', 'b')
+    assert buffer.all_frames_as_yaml() == '[]'
+
+
+def test_tells_of_old_data_once_a_second_a_cause(caplog, monkeypatch):
+    """However often; and again later."""
+    now = 100.0
+    monkeypatch.setattr('dummy_arm.tf.refusals.time.monotonic', lambda: now)
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T)
+    for _ in range(3):
+        assert not put(buffer, 'a', 'b', T - 11 * S, authority='late')
+        assert not put(buffer, 'a', 'a')
+    now = 101.0
+    assert not put(buffer, 'a', 'b', T - 11 * S, authority='late')
+    messages = [record.getMessage() for record in caplog.records]
+    assert [message.split()[0] for message in messages] == [
+        'TF_OLD_DATA', 'TF_SELF_TRANSFORM:', 'TF_OLD_DATA']
+    assert messages[0].startswith(
+        'TF_OLD_DATA ignoring data from the past for frame b at time 1699999989.000000 according '
+        'to authority late\n')
+    assert {record.levelno for record in caplog.records} == {logging.WARNING}
+
+
+def test_a_slash_before_a_name_is_removed_on_the_way_in_only():
+    """One slash; asked for with it, a frame is refused."""
+    buffer = BufferCore()
+    put(buffer, '/map', '//tool')
+    assert buffer.can_transform('map', 'tool') is False
+    with pytest.raises(InvalidArgumentException, match="cannot start with a '/'"):
+        buffer.lookup_transform('map', '/tool')
+
+
+def test_bad_values_change_nothing():
+    """A number that is none, or a stamp that does not fit, leaves the buffer as it was."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T, 1.0)
+    for stamp, pose in ((T, ('1', 0, 0, *STILL)), (T, (0, 0, 0, '0', 0, 0, 1)), (T, (0, 0, 0)),
+                        (2 ** 63, (0, 0, 0, *STILL)), (0.5, (0, 0, 0, *STILL)),
+                        (T + S, (10 ** 400, 0, 0, *STILL))):
+        for parent in 'a', 'other':
+            with pytest.raises((TypeError, ValueError, OverflowError)):
+                buffer.insert(stamp, parent, 'b', pose)
+    put(buffer, 'a', 'b', T + 2 * S, 3.0)
+    assert x_at(buffer, 'a', 'b', T + S) == 2.0
+
+
+def message(buffer, *arguments):
+    """Give the text of the error of a lookup."""
+    with pytest.raises(TransformException) as error:
+        buffer.lookup_transform(*arguments)
+    return str(error.value)
+
+
+def test_an_unknown_frame_is_answered_with_the_nearest():
+    """Or with some that are there, or with the news that none is."""
+    buffer = BufferCore()
+    assert message(buffer, 'map', 'base_link').endswith(
+        '"map" passed to lookupTransform argument target_frame does not exist. '
+        'No transform has been received yet.')
+    for name in ('base_link', 'base_scan', 'camera', 'imu', 'left_wheel', 'right_wheel'):
+        put(buffer, 'map', name)
+    assert message(buffer, 'map', 'base_lnk') == (
+        '"base_lnk" passed to lookupTransform argument source_frame does not exist. '
+        "Nearest known: 'base_link', 'base_scan'.")
+    assert message(buffer, 'zzz', 'map').endswith(
+        "Known frames: 'base_link', 'map', 'base_scan', 'camera', 'imu' and 2 more.")
+    assert buffer.can_transform('map', 'imo', return_debug_tuple=True) == (
+        False, 'Invalid frame ID "imo" passed to canTransform argument source_frame - frame does '
+        "not exist. Nearest known: 'imu'.")
+
+
+def test_two_trees_are_answered_with_their_roots():
+    """After tf2's words."""
+    buffer = BufferCore()
+    put(buffer, 'map', 'odom')
+    put(buffer, 'odom', 'base')
+    put(buffer, 'world', 'ball')
+    assert message(buffer, 'base', 'ball').endswith(
+        "unconnected trees. 'base' is in the tree of root 'map', 'ball' in that of root 'world'.")
+
+
+def test_extrapolation_is_answered_with_the_edge_and_how_far_off():
+    """To the nanosecond, also where tf2's six digits show nothing."""
+    buffer = BufferCore()
+    for stamp in T, T + S:
+        put(buffer, 'map', 'odom', stamp)
+        put(buffer, 'odom', 'base', stamp + 1)
+    assert message(buffer, 'map', 'base', T) == (
+        'Lookup would require extrapolation into the past.  Requested time 1700000000.000000 but '
+        'the earliest data is at time 1700000000.000000, when looking up transform from frame '
+        "[base] to frame [map]. The edge 'odom' -> 'base' begins 0.000000001 s after that time.")
+    assert message(buffer, 'map', 'base', T + 3 * S).endswith(
+        "The edge 'odom' -> 'base' ends 1.999999999 s before that time.")
+    put(buffer, 'map', 'late', T)
+    assert message(buffer, 'map', 'late', T + 1).endswith(
+        "The edge 'map' -> 'late' ends 0.000000001 s before that time.")
+
+
+def test_a_loop_is_named():
+    """After tf2's list of frames; a path too long for tf2 is told from a loop."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b')
+    put(buffer, 'b', 'c')
+    put(buffer, 'c', 'a')
+    put(buffer, 'x', 'y')
+    assert message(buffer, 'y', 'b').startswith(
+        'The tf tree is invalid because it contains a loop.\nFrame b exists with parent a.\n')
+    assert "The loop: 'a' -> 'b' -> 'c' -> 'a'." in [
+        line for frame in 'abc' for line in message(buffer, 'y', frame).splitlines()]
+    chain = BufferCore()
+    for i in range(1001):
+        put(chain, f'f{i}', f'f{i + 1}')
+    assert chain.can_transform('f1', 'f1001')
+    with pytest.raises(LookupException, match='There is none, but more than 1000 edges'):
+        chain.lookup_transform('f0', 'f1001')
+
+
+def test_many_at_once():
+    """The shapes, and what is no answer."""
+    buffer = BufferCore()
+    for second in range(3):
+        put(buffer, 'a', 'b', T + second * S, float(second))
+    times = np.array([T + S // 2, T - 1, 0, T + 2 * S, T + 2 * S + 1, T])
+    translations, rotations, known = buffer.lookup_transforms('b', 'a', times)
+    assert (translations.shape, rotations.shape, known.shape) == ((6, 3), (6, 4), (6,))
+    assert (translations.dtype, rotations.dtype, known.dtype) == (float, float, bool)
+    assert known.tolist() == [True, False, True, True, False, True]
+    assert translations[known, 0].tolist() == [-0.5, -2.0, -2.0, 0.0]
+    assert np.isnan(translations[~known]).all()
+    assert np.isnan(rotations[~known]).all()
+    assert not buffer.lookup_transforms('a', 'nobody', times)[2].any()
+    assert [array.shape for array in buffer.lookup_transforms('a', 'b', [])] == [
+        (0, 3), (0, 4), (0,)]
+
+
+@pytest.mark.parametrize(('times', 'error'), [
+    ([0.5], 'integers of ns, got float64'), ([[1, 2]], r'shape \(n,\), got \(1, 2\)'),
+    (5, r'shape \(n,\), got \(\)')])
+def test_many_at_once_refuses_what_is_no_row_of_integers(times, error):
+    """With what it is."""
+    with pytest.raises((TypeError, ValueError), match=error):
+        BufferCore().lookup_transforms('a', 'b', times)
+
+
+def test_frames_as_tf2_writes_them():
+    """The YAML and the text."""
+    buffer = BufferCore()
+    assert buffer.all_frames_as_yaml() == '[]'
+    assert buffer.all_frames_as_string() == ''
+    for i in range(6):
+        put(buffer, 'map', 'odom', T + i * S // 4, authority='me')
+    put(buffer, 'odom', 'base', 7, is_static=True)
+    assert buffer.all_frames_as_yaml() == (
+        'odom: \n'
+        "  parent: 'map'\n"
+        "  broadcaster: 'me'\n"
+        '  rate: 4.800\n'
+        '  most_recent_transform: 1700000001.250000\n'
+        '  oldest_transform: 1700000000.000000\n'
+        '  buffer_length: 1.250\n'
+        'base: \n'
+        "  parent: 'odom'\n"
+        "  broadcaster: 'default_authority'\n"
+        '  rate: 10000.000\n'
+        '  most_recent_transform: 0.000000\n'
+        '  oldest_transform: 0.000000\n'
+        '  buffer_length: 0.000\n')
+    assert buffer.all_frames_as_string() == (
+        'Frame odom exists with parent map.\nFrame base exists with parent odom.\n')
+
+
+def test_the_yaml_of_odd_names_can_be_read():
+    """By a YAML parser, as the names that they are."""
+    odd = ['54', 'on', 'a: b', "it's", '"quoted"', 'two\nlines', 'grün', '\u2028', '-', '1e3', '',
+           'null', '#', 'a/b.c-d', '🤖']
+    buffer = BufferCore()
+    for name in odd[1:]:
+        put(buffer, odd[0], name)
+    put(buffer, "it's", odd[0], authority="o'hara\t")
+    read = yaml.safe_load(buffer.all_frames_as_yaml())
+    assert set(read) == set(odd) - {''}
+    assert (read['54']['parent'], read['54']['broadcaster']) == ("it's", "o'hara\t")
+
+
+def test_waits_for_data_from_another_thread():
+    """No longer than it takes, and no longer than it may."""
+    buffer = BufferCore()
+    timer = threading.Timer(0.05, put, [buffer, 'a', 'b'])
+    timer.start()
+    assert buffer.lookup_transform('a', 'b', T, timeout=20 * S).stamp == T
+    timer.join()
+    with pytest.raises(LookupException):
+        buffer.lookup_transform('a', 'c', T, timeout=S // 100)
+    assert not buffer.can_transform_full('a', T, 'b', T + 1, 'a', timeout=S // 100)
+
+
+def test_nobody_sees_a_half_written_state():
+    """Readers beside writers that append, sort in, expire, reparent and clear."""
+    buffer, failures, stop = BufferCore(S), [], threading.Event()
+    half = math.sqrt(0.5)
+
+    def write():
+        for i in range(3000):
+            stamp = T + i * S // 100
+            for late in 0, 40 * S // 1000:
+                n = float(stamp - late - T) / S
+                for parent, child in ('map', 'a'), ('a', 'b'):
+                    buffer.insert(stamp - late, parent, child,
+                                  (n, 2 * n, 3 * n, 0.0, 0.0, 0.0, 1.0))
+            buffer.insert(stamp, f'map{i % 2}', 'c', (0.0, 0.0, 0.0, half, 0.0, 0.0, half))
+            if i % 500 == 499:
+                buffer.clear()
+        stop.set()
+
+    def read():
+        while not stop.is_set():
+            try:
+                time = buffer.get_latest_common_time('map', 'b')
+                for at in 0, time - S // 60, time - S // 7:
+                    answer = buffer.lookup_transform('map', 'b', at)
+                    n = 2 * (answer.stamp - T) / S
+                    if answer.translation != pytest.approx((n, 2 * n, 3 * n), abs=1e-6):
+                        failures.append(answer)
+                translations, _, known = buffer.lookup_transforms('map', 'b', [time - 1, 0, time])
+                if not np.allclose(translations[known] @ [5.0, -1.0, -1.0], 0.0, atol=1e-6):
+                    failures.append(translations)
+                buffer.can_transform('map0', 'c')
+                buffer.all_frames_as_yaml()
+            except TransformException:
+                pass
+            except Exception as error:
+                failures.append(error)
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        readers = [threading.Thread(target=read) for _ in range(3)]
+        for reader in readers:
+            reader.start()
+        write()
+    finally:
+        stop.set()
+        sys.setswitchinterval(interval)
+        for reader in readers:
+            reader.join()
+    assert not failures

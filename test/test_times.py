@@ -1,0 +1,33 @@
+"""Points in time."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dummy_arm.tf.times import display, nanoseconds, nanoseconds_or_int
+
+
+@pytest.mark.parametrize('time', [
+    SimpleNamespace(nanoseconds=1_500_000_000), SimpleNamespace(sec=1, nanosec=500_000_000)])
+def test_reads_what_other_libraries_have(time):
+    """By their attributes."""
+    assert nanoseconds(time) == nanoseconds_or_int(time) == 1_500_000_000
+
+
+def test_integers_are_times_where_that_cannot_be_mistaken():
+    """Not for tf2's own functions, where 5 might be meant as seconds."""
+    assert nanoseconds_or_int(np.int64(5)) == 5
+    with pytest.raises(TypeError, match=r'^time must have sec and nanosec, or nanoseconds\.'):
+        nanoseconds(5)
+    for bad in 0.5, '1', None:
+        with pytest.raises(TypeError, match=r'or nanoseconds.*an integer of ns is good, too'):
+            nanoseconds_or_int(bad)
+
+
+@pytest.mark.parametrize(('time', 'text'), [
+    (0, '0.000000'), (1_700_000_000_123_456_789, '1700000000.123457'), (-1, '-0.000000'),
+    (-1_500_000_000, '-1.500000')])
+def test_displays_times_as_tf2(time, text):
+    """Seconds with six digits."""
+    assert display(time) == text

@@ -1,0 +1,45 @@
+"""The value that a lookup gives."""
+
+import math
+
+import numpy as np
+import pytest
+
+from dummy_arm.tf import Transform
+
+HALF = math.sqrt(0.5)
+A_FROM_B = Transform(3, 'a', 'b', (1.0, 0.0, 0.0), (0.0, 0.0, HALF, HALF))  # a quarter about z
+B_FROM_C = Transform(5, 'b', 'c', (2.0, 0.0, 0.0))
+
+
+def test_its_matrix():
+    """Homogenous, (4, 4)."""
+    assert A_FROM_B.matrix() == pytest.approx(np.array(
+        [[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]), abs=1e-15)
+
+
+def test_takes_points_from_the_child_frame():
+    """One or many."""
+    assert A_FROM_B.apply([1, 2, 3]) == pytest.approx([-1, 1, 3])
+    assert A_FROM_B.apply(np.eye(3)[:2]) == pytest.approx(np.array([[1, 1, 0], [0, 0, 0]]))
+    with pytest.raises(ValueError, match=r'of shape \(3,\) or \(n, 3\), got \(2,\)'):
+        A_FROM_B.apply([1, 2])
+
+
+def test_composes_where_the_frames_between_are_the_same():
+    """a_from_b @ b_from_c is a_from_c, with the stamp of the left one."""
+    a_from_c = A_FROM_B @ B_FROM_C
+    assert a_from_c[:3] == (3, 'a', 'c')
+    assert a_from_c.translation == pytest.approx((1, 2, 0))
+    assert a_from_c.rotation == pytest.approx(A_FROM_B.rotation)
+    with pytest.raises(ValueError, match="'b' from 'c' with 'a' from 'b': the frames between"):
+        _ = B_FROM_C @ A_FROM_B
+    with pytest.raises(TypeError):
+        _ = A_FROM_B @ (1, 2)
+
+
+def test_its_inverse():
+    """The frames change places, and there and back is nothing."""
+    b_from_a = A_FROM_B.inverse()
+    assert b_from_a[:3] == (3, 'b', 'a')
+    assert (A_FROM_B @ b_from_a).matrix() == pytest.approx(np.eye(4))
