@@ -1,0 +1,33 @@
+"""Wait for a transform in a coroutine, without blocking the executor; written for tf2_ros."""
+
+from fed_by_hand import FedByHand
+import rclpy
+from rclpy.executors import ExternalShutdownException
+import rclpy.time
+from tf2_ros import LookupException
+
+
+class AsyncWait(FedByHand):
+    """Looks up once a tenth of a second."""
+
+    def __init__(self):
+        """Start the timer."""
+        super().__init__('async_wait')
+        self.create_timer(0.1, self.on_timer)
+
+    async def on_timer(self):
+        """Look up, and await it."""
+        print('waiting', flush=True)
+        try:
+            transform = await self.buffer.lookup_transform_async(
+                'wheel', 'sonar', rclpy.time.Time())
+            print(f'got transform from {transform.child_frame_id}', flush=True)
+        except LookupException as error:
+            print(f'failed: {error!r}', flush=True)
+
+
+rclpy.init()
+try:
+    rclpy.spin(AsyncWait())
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass

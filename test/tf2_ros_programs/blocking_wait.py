@@ -1,0 +1,37 @@
+"""Wait for a transform in a callback, in one of several threads; written for tf2_ros."""
+
+from fed_by_hand import FedByHand
+import rclpy
+from rclpy.duration import Duration
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+import rclpy.time
+from tf2_ros import LookupException
+
+
+class BlockingWait(FedByHand):
+    """Looks up once a tenth of a second."""
+
+    def __init__(self):
+        """Start the timer."""
+        super().__init__('blocking_wait')
+        self.create_timer(0.1, self.on_timer)
+
+    def on_timer(self):
+        """Look up, and wait for it."""
+        print('waiting', flush=True)
+        try:
+            when = rclpy.time.Time()
+            self.buffer.lookup_transform('wheel', 'sonar', when, timeout=Duration(seconds=5.0))
+        except LookupException:
+            print('not ready', flush=True)
+        else:
+            print('got transform', flush=True)
+
+
+rclpy.init()
+executor = MultiThreadedExecutor()
+executor.add_node(BlockingWait())
+try:
+    executor.spin()
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass

@@ -1,0 +1,44 @@
+"""Be called when a transform is there; written for tf2_ros."""
+
+from fed_by_hand import FedByHand
+import rclpy
+from rclpy.executors import ExternalShutdownException
+import rclpy.time
+from tf2_ros import LookupException
+
+
+class WaitInCallback(FedByHand):
+    """Waits for a transform; and when it has come, anew."""
+
+    def __init__(self):
+        """Start the timer."""
+        super().__init__('wait_in_callback')
+        self.future = None
+        self.create_timer(0.1, self.on_timer)
+
+    def on_ready(self, future):
+        """Look it up."""
+        self.future = None
+        if future.result():
+            try:
+                self.buffer.lookup_transform('wheel', 'sonar', rclpy.time.Time())
+            except LookupException:
+                print('no longer available', flush=True)
+            else:
+                print('got transform', flush=True)
+
+    def on_timer(self):
+        """Wait for it, once at a time."""
+        if self.future:
+            return
+        print('waiting', flush=True)
+        self.future = self.buffer.wait_for_transform_async(
+            'wheel', 'sonar', rclpy.time.Time())
+        self.future.add_done_callback(self.on_ready)
+
+
+rclpy.init()
+try:
+    rclpy.spin(WaitInCallback())
+except (KeyboardInterrupt, ExternalShutdownException):
+    pass
