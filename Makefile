@@ -29,8 +29,8 @@ lint: $(INSTALLED)
 	$(VENV)/bin/ruff check
 	$(VENV)/bin/mypy
 
-bench: $(INSTALLED)
-	$(VENV)/bin/python bench/bench.py
+bench: $(INSTALLED)-bench
+	$(VENV)/bin/python bench/bench.py docs/lookup_cost.png
 
 clean:
 	rm -rf build install log $(VENV) dummy_arm.egg-info
@@ -46,4 +46,8 @@ $(INSTALLED): setup.py
 	$(PYTHON) -m venv $(VENV)
 	@touch $(VENV)/COLCON_IGNORE
 	$(VENV)/bin/python -m pip install --quiet --use-pep517 --editable '.[ros,test]'
+	@touch $@
+
+$(INSTALLED)-bench: $(INSTALLED)
+	$(VENV)/bin/python -m pip install --quiet --use-pep517 --editable '.[bench]'
 	@touch $@

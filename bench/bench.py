@@ -1,143 +1,45 @@
 """
-Measure what this package promises of speed, as ratios within one run.
+Measure what this package promises of speed and memory, as ratios within one run.
 
 The unit u is what `rclpy.serialization.deserialize_message` of one TransformStamped takes. Times
-are the best of five. Prints a table in Markdown.
+are the best of five. Prints tables in Markdown, and draws how the cost of a lookup grows into the
+file that is named on the command line.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable
 import os
-import re
-import subprocess
 import sys
-from timeit import Timer
 
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', '97')
 
-from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseStamped, Quaternion, Transform, TransformStamped, Vector3
-from nav_msgs.msg import Path
+from geometry_msgs.msg import TransformStamped
+import lookups
+from measure import best, Row
 import numpy as np
 import rclpy
-from rclpy.executors import SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.serialization import deserialize_message, serialize_message
-from std_msgs.msg import Header
-
-from dummy_arm.tf import TFMessage, TransformBroadcaster
-
-Row = tuple[str, str, str]
-TICKS = 10_000
-ARM = (sys.executable, '-c', 'from dummy_arm.entry_points import dummy_arm; dummy_arm()')
+import sending
 
 
-def best(work: Callable[[], object]) -> float:
-    """Measure the time of a call (s): the best of five runs of a tenth of a second each."""
-    timer = Timer(work)
-    count, _ = timer.autorange()
-    count = max(1, count // 2)
-    return min(timer.repeat(5, count)) / count
-
-
-def transforms(count: int) -> list[TransformStamped]:
-    """Build a chain of transforms, by the constructors that everybody uses."""
-    return [TransformStamped(
-        header=Header(stamp=Time(sec=1_700_000_000, nanosec=123), frame_id=f'frame_{i}'),
-        child_frame_id=f'frame_{i + 1}',
-        transform=Transform(translation=Vector3(x=0.1, y=0.2, z=0.3),
-                            rotation=Quaternion(x=0.0, y=0.0, z=0.6, w=0.8)))
-            for i in range(count)]
-
-
-def poses_of(built: list[TransformStamped]) -> Path:
-    """Build the same as poses, for a message that rclpy converts by compiled code."""
-    path = Path()
-    for transform in built:
-        pose = PoseStamped(header=transform.header)
-        pose.pose.position.x = transform.transform.translation.x
-        pose.pose.orientation = transform.transform.rotation
-        path.poses.append(pose)
-    return path
-
-
-def sending(node: Node, u: float) -> Iterator[Row]:
-    """Measure what it costs to send 4, 100 and 1000 transforms."""
-    broadcaster = TransformBroadcaster(node)
-    try:
-        import tf2_ros
-        real = tf2_ros.TransformBroadcaster(node)
-    except ImportError:
-        real = None
-    paths = node.create_publisher(Path, '/path', 100)
-    is_real = TFMessage.__module__.startswith('tf2_msgs')
-    for count in (4, 100, 1000):
-        built = transforms(count)
-        message, path = TFMessage(transforms=built), poses_of(built)
-        prepared = broadcaster.prepare([(t.header.frame_id, t.child_frame_id) for t in built])
-        poses = np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (count, 1))
-        rclpy_time = best(lambda: paths.publish(path))  # noqa: B023
-        works = [
-            ('prepared set, packed and sent', lambda: prepared.send(1, poses)),  # noqa: B023
-            ('sendTransform of built objects',
-             lambda: broadcaster.sendTransform(built)),  # noqa: B023
-            (f'publish(TFMessage), {"tf2_msgs" if is_real else "this package"}',
-             lambda: broadcaster.pub_tf.publish(message))]  # noqa: B023
-        if real is not None:
-            works.append(('tf2_ros sendTransform', lambda: real.sendTransform(built)))  # noqa: B023
-        for name, work in works:
-            seconds = best(work)
-            yield (f'{name}, {count} transforms', f'{seconds / u:.2f} u',
-                   f'{seconds / rclpy_time:.2f} of rclpy')
-        building = best(lambda: transforms(count))  # noqa: B023
-        yield f'building those objects, {count} transforms', f'{building / u:.2f} u', ''
-        yield (f'rclpy: publish(Path) of {count} poses, compiled conversion',
-               f'{rclpy_time / u:.2f} u', '1')
-
-
-def ticking(node: Node) -> Iterator[Row]:
-    """Count the ticks that the node keeps at 1000 Hz, as another process hears them."""
-    stamps: list[int] = []
-
-    def take(data: bytes) -> None:
-        stamps.append(int.from_bytes(data[8:12], 'little') * 10**9
-                      + int.from_bytes(data[12:16], 'little'))
-
-    node.create_subscription(TFMessage, '/tf', take, 1000, raw=True)
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    with subprocess.Popen([*ARM, '--ros-args', '-p', 'rate:=1000'],
-                          stderr=subprocess.PIPE, text=True) as process:
-        assert process.stderr is not None
-        assert re.search('t = 0', process.stderr.readline())
-        while len(stamps) < TICKS and process.poll() is None:
-            executor.spin_once(timeout_sec=1.0)
-        cpu = cpu_seconds(process.pid)
-        process.terminate()
-    seconds = (stamps[-1] - stamps[0]) / 1e9
-    due = round(seconds * 1000) + 1
-    yield (f'dummy_arm at 1000 Hz for {seconds:.1f} s', f'{len(set(stamps)) / due:.2%} of ticks',
-           f'{cpu / seconds:.0%} of a core')
-
-
-def cpu_seconds(pid: int) -> float:
-    """Read the user and system time (s) of a process, added up."""
-    with open(f'/proc/{pid}/stat') as stat:
-        fields = stat.read().rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+def table(rows: Iterable[Row]) -> None:
+    """Print a table, row by row."""
+    print('\n| work | cost | compared |\n|---|---|---|')
+    for row in rows:
+        print('| ' + ' | '.join(row) + ' |', flush=True)
 
 
 def main() -> None:
-    """Print the table."""
+    """Print the tables, draw the plot."""
     rclpy.init()
-    node = rclpy.create_node('bench')
-    data = serialize_message(transforms(1)[0])
+    data = serialize_message(sending.transforms(1)[0])
     u = best(lambda: deserialize_message(data, TransformStamped))
     print(f'Python {sys.version.split()[0]}, numpy {np.__version__}, {os.cpu_count()} cores; '
-          f'u = {u * 1e6:.1f} µs\n')
-    print('| work | cost | compared |\n|---|---|---|')
-    for row in (*sending(node, u), *ticking(rclpy.create_node('listener'))):
-        print('| ' + ' | '.join(row) + ' |', flush=True)
+          f'u = {u * 1e6:.1f} µs')
+    table(lookups.rows(u))
+    lookups.plot(sys.argv[1])
+    table(sending.rows(rclpy.create_node('bench'), u))
+    table(sending.ticking(rclpy.create_node('listener')))
     rclpy.shutdown()
 
 

@@ -288,6 +288,17 @@ def test_bad_values_change_nothing():
     assert x_at(buffer, 'a', 'b', T + S) == 2.0
 
 
+def test_an_insert_that_was_interrupted_leaves_nothing():
+    """As by Ctrl-C, between its two arrays."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T, 1.0)
+    buffer._lookups.tree.histories['b'].poses.extend([7.0] * 7)
+    put(buffer, 'a', 'b', T + 2 * S, 3.0)
+    put(buffer, 'a', 'b', T + 4 * S, 5.0)
+    assert x_at(buffer, 'a', 'b', T + S) == 2.0
+    assert x_at(buffer, 'a', 'b', T + 3 * S) == 4.0
+
+
 def message(buffer, *arguments):
     """Give the text of the error of a lookup."""
     with pytest.raises(TransformException) as error:

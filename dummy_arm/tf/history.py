@@ -27,11 +27,12 @@ class History:
     The samples lie in two arrays, 64 bytes each. Those before `start` have expired; they are
     removed many at a time. `parent` is the parent in all samples, or None while they differ; only
     then `parents` has one for each. `regular` is `stamps`, but empty while two of them are the
-    same or the parents differ. `recent` is where the last lookup was, as a hint for the next.
+    same or the parents differ. `latest` is the newest stamp, or 0. `recent` is where the last
+    lookup was, as a hint for the next.
     """
 
-    __slots__ = ('authority', 'cache_time', 'parent', 'parents', 'poses', 'recent', 'regular',
-                 'stamps', 'start')
+    __slots__ = ('authority', 'cache_time', 'latest', 'parent', 'parents', 'poses', 'recent',
+                 'regular', 'stamps', 'start')
 
     is_static = False
 
@@ -50,6 +51,7 @@ class History:
         self.regular = self.stamps
         self.start = 0
         self.recent = 0
+        self.latest = 0
 
     def __len__(self) -> int:
         return len(self.stamps) - self.start
@@ -82,8 +84,10 @@ class History:
         if parent != self.parent or self.parents is not None:
             self._insert_parent(position, parent)
         if position == len(stamps):
+            # Over what is left of an insert that was interrupted, if there is.
+            self.poses[position * _DOUBLES:] = array('d', pose)
             stamps.append(stamp)
-            self.poses.extend(pose)
+            self.latest = stamp
         else:
             stamps.insert(position, stamp)
             self.poses[position * _DOUBLES:position * _DOUBLES] = array('d', pose)
@@ -173,11 +177,6 @@ class History:
             return self.parent_of(self.find(time))
         except NoPose:
             return None
-
-    @property
-    def latest(self) -> int:
-        """The stamp of the newest sample (ns); 0 without one."""
-        return self.stamps[-1] if len(self) else 0
 
     @property
     def oldest(self) -> int:

@@ -17,17 +17,13 @@ _read_two_poses = struct.Struct('14d').unpack_from
 class Path:
     """The edges from a source and those from a target, up to the frame where they meet."""
 
-    __slots__ = ('from_source', 'from_target')
+    __slots__ = ('edges', 'from_source', 'from_target')
 
     def __init__(self, from_source: Sequence[AnyHistory], from_target: Sequence[AnyHistory]
                  ) -> None:
         """Take the edges in the order of the way up."""
         self.from_source, self.from_target = from_source, from_target
-
-    @property
-    def edges(self) -> Sequence[AnyHistory]:
-        """All edges."""
-        return [*self.from_source, *self.from_target]
+        self.edges = [*from_source, *from_target]
 
     def is_fixed(self) -> bool:
         """Tell whether no edge changes its parent in the course of its history."""
@@ -35,7 +31,7 @@ class Path:
 
     def latest_common_time(self) -> int:
         """Find the newest time (ns) of which all moving edges know; 0 when none moves."""
-        return min((edge.latest for edge in self.edges if edge.latest), default=0)
+        return min([edge.latest for edge in self.edges if edge.latest], default=0)
 
     def covers(self, time: int) -> bool:
         """Tell whether every edge has a pose at a time (ns)."""

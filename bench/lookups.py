@@ -1,0 +1,144 @@
+"""What it costs to look transforms up, and to keep them."""
+
+from collections.abc import Callable, Generator, Iterator
+import gc
+from itertools import cycle
+import math
+import tracemalloc
+from typing import Any
+
+import matplotlib.pyplot as plt
+from measure import best, Row
+import numpy as np
+from rclpy.time import Time
+
+from dummy_arm.tf import Buffer, BufferCore
+from dummy_arm.tf.history import Pose
+from dummy_arm.tf.transform_stamped import message_of
+
+S = 1_000_000_000
+T = 1_700_000_000 * S
+CACHE = Time(seconds=1000)
+MANY = 10_000
+
+
+def pose(i: int, hertz: int) -> Pose:
+    """Give sample i of a joint that waves."""
+    angle = 0.7 * math.sin(0.5 * i / hertz)
+    return 0.1, 0.2, 0.3, 0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2)
+
+
+def fill(insert: Callable[..., object], edges: int, samples: int, hertz: int) -> int:
+    """Insert a chain frame_0 → frame_1 → …; return the newest stamp (ns)."""
+    for i in range(samples):
+        for edge in range(edges):
+            insert(T + i * S // hertz, f'frame_{edge}', f'frame_{edge + 1}', pose(i, hertz))
+    return T + (samples - 1) * S // hertz
+
+
+def rows(u: float) -> Iterator[Row]:
+    """Measure lookups over five edges with 10 s of history at 1000 Hz, and what it takes."""
+    buffer = Buffer(CACHE)
+    gc.collect()
+    tracemalloc.start()
+    newest = fill(buffer.insert, 5, 10_000, 1000)
+    gc.collect()
+    size = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    yield 'kept transform, 10 s at 1000 Hz', f'{size / 50_000:.0f} bytes', ''
+
+    between = S // 3000  # so that every edge is interpolated
+    reference = yield from lookup_rows(buffer, 'this package', newest - between, u)
+    try:
+        import tf2_ros
+        real = tf2_ros.Buffer(CACHE)
+
+        def insert(stamp: int, parent: str, child: str, pose: Pose) -> None:
+            real.set_transform(message_of((*divmod(stamp, S), parent, child, *pose)), 'bench')
+
+        fill(insert, 5, 10_000, 1000)
+        yield from lookup_rows(real, 'tf2_ros', newest - between, u)
+    except ImportError:
+        pass
+
+    random = np.random.default_rng(1)
+    anywhere = T + random.integers(0, newest - T, MANY)
+    times = cycle([Time(nanoseconds=time) for time in anywhere.tolist()])
+    seconds = best(lambda: buffer.lookup_transform('frame_0', 'frame_5', next(times)))
+    yield ('lookup, at another time in the 10 s each', f'{seconds / u:.2f} u',
+           f'{seconds / reference:.2f} of the newest')
+    for name, asked in (('in order', np.sort(anywhere)), ('in any order', anywhere)):
+        seconds = best(lambda: buffer.lookup_transforms(
+            'frame_0', 'frame_5', asked)) / MANY  # noqa: B023
+        yield (f'{MANY} lookups at once, {name}, each', f'{seconds / u:.3f} u',
+               f'{seconds / reference:.3f} of the newest')
+    message = message_of((1_700_000_011, 0, 'frame_0', 'frame_1', *pose(0, 1000)))
+    seconds = best(lambda: buffer.set_transform(message, 'bench'))
+    yield 'set_transform', f'{seconds / u:.2f} u', ''
+
+
+def lookup_rows(buffer: Any, name: str, newest: int, u: float
+                ) -> Generator[Row, None, float]:
+    """Measure lookups in a filled buffer; return the time of one of the newest data (s)."""
+    reference = 0.0
+    for what, target, source, time in (
+            ('newest data', 'frame_0', 'frame_5', newest),
+            ('9 s old', 'frame_0', 'frame_5', newest - 9 * S),
+            ('latest common time', 'frame_0', 'frame_5', 0),
+            ('newest data, the way down', 'frame_5', 'frame_0', newest)):
+        stamp = Time(nanoseconds=time)
+        seconds = best(lambda: buffer.lookup_transform(target, source, stamp))  # noqa: B023
+        reference = reference or seconds
+        yield (f'{name}: lookup over 5 edges, {what}', f'{seconds / u:.2f} u',
+               f'{seconds / reference:.2f} of the newest')
+    return reference
+
+
+def costs(buffer: BufferCore, edges: int, newest: int) -> list[float]:
+    """Measure a lookup (µs): at the latest time, of the last 10 samples, of any."""
+    result = []
+    for oldest in newest - 1, max(T, newest - S // 100), T:
+        asked = np.random.default_rng(1).integers(oldest, newest, 1000)
+        times = cycle([0] if oldest == newest - 1 else asked.tolist())
+        result.append(1e6 * best(lambda: buffer.lookup_transform(
+            'frame_0', f'frame_{edges}', next(times))))  # noqa: B023
+    return result
+
+
+def growth() -> Iterator[tuple[str, str, int, list[float]]]:
+    """Measure how the cost of a lookup grows: what was fixed, what grows, how far, the costs."""
+    for count in 10, 100, 1000, 10_000:
+        buffer = BufferCore(1000 * S)
+        newest = fill(buffer.insert, 5, 100, 1000)
+        for i in range(count - 6):
+            buffer.insert(T, f'frame_{i % 5}', f'other_{i}', pose(i, 1000))
+        yield '5 edges, 100 samples', 'frames in the tree', count, costs(buffer, 5, newest)
+    for count in 10, 100, 1000, 10_000, 100_000:
+        buffer = BufferCore(1000 * S)
+        newest = fill(buffer.insert, 5, count, 1000)
+        yield '5 edges', 'samples in each history', count, costs(buffer, 5, newest)
+    buffer = BufferCore(1000 * S)
+    newest = fill(buffer.insert, 50, 100, 1000)
+    for count in 1, 2, 5, 10, 20, 50:
+        yield '100 samples', 'edges on the path', count, costs(buffer, count, newest)
+
+
+def plot(path: str) -> None:
+    """Draw how the cost of a lookup grows; print the same as a table."""
+    print('\n| a lookup (µs) | | at the latest time | of the last 10 samples | of any |')
+    print('|---|---|---|---|---|')
+    panels: dict[tuple[str, str], list[tuple[int, list[float]]]] = {}
+    for fixed, growing, count, cost in growth():
+        panels.setdefault((fixed, growing), []).append((count, cost))
+        print(f'| {growing} | {count} | {" | ".join(f"{c:.1f}" for c in cost)} |', flush=True)
+    figure, axes = plt.subplots(1, 3, figsize=(11, 3.5), layout='constrained')
+    for axis, ((fixed, growing), points) in zip(axes, panels.items()):
+        counts, measured = zip(*points)
+        axis.plot(counts, measured, 'o-', label=('latest time', 'last 10 samples', 'any time'))
+        axis.set(title=fixed, xlabel=growing, ylabel='one lookup (µs)')
+        if growing != 'edges on the path':
+            axis.set_xscale('log')
+        axis.set_ylim(0, 1.2 * max(20.0, *map(max, measured)))
+        axis.grid(visible=True, alpha=0.3)
+    axes[0].legend()
+    figure.savefig(path, dpi=100)
