@@ -164,6 +164,7 @@ class History:
         i = self.find(time)
         pair = History(0)
         pair.stamps.extend(self.stamps[i:i + 2])
+        pair.latest = pair.stamps[-1]
         pair.poses.extend(self.poses[i * _DOUBLES:(i + 2) * _DOUBLES])
         return pair
 

@@ -86,7 +86,7 @@ def _along(edges: Sequence[AnyHistory], time: int) -> Pose:
         stamps = edge.regular
         i = edge.recent
         if not (i < len(stamps) and stamps[i - 1] <= time < stamps[i]):
-            edge.recent = i = bisect_right(stamps, time)
+            edge.recent = i = bisect_right(stamps, time) if time < edge.latest else len(stamps)
         if edge.start < i < len(stamps):
             before = stamps[i - 1]
             r = (time - before) / (stamps[i] - before)
