@@ -69,16 +69,19 @@ def _interpolate(edge: AnyHistory, times: Times, known: NDArray[np.bool_]) -> _C
     newest = len(stamps) - 1
     before = stamps.searchsorted(times, 'right') - 1
     known &= (before >= 0) & ((before < newest) | (times == stamps[newest]) | (times == 0))
-    before[times == 0] = newest
-    before[(times == stamps[0]) & (times != stamps[newest])] = 0
+    if edge.regular is not edge.stamps:
+        before[(times == stamps[0]) & (times != stamps[newest])] = 0
+    if edge.latest == 0:
+        before[times == 0] = newest
     before.clip(0, newest, out=before)
-    stamps_before = stamps[before]
     after = np.minimum(before + 1, newest)
-    span = stamps[after] - stamps_before
-    r = (times - stamps_before) / np.where(span == 0, 1, span)
-    r[span == 0] = 0.0
-    ax, ay, az, aqx, aqy, aqz, aqw = samples[before].T
-    bx, by, bz, bqx, bqy, bqz, bqw = samples[after].T
+    stamps_before = stamps.take(before)
+    span = stamps.take(after) - stamps_before
+    span[span == 0] = 1
+    r = (times - stamps_before) / span
+    # Take the samples, and copy them into columns: far faster than to work on rows.
+    ax, ay, az, aqx, aqy, aqz, aqw = samples.take(before, axis=0).T.copy()
+    bx, by, bz, bqx, bqy, bqz, bqw = samples.take(after, axis=0).T.copy()
     s = 1.0 - r
     position = s * ax + r * bx, s * ay + r * by, s * az + r * bz
     cosine = aqx * bqx + aqy * bqy + aqz * bqz + aqw * bqw
