@@ -10,6 +10,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 from measure import best, Row
 import numpy as np
+from rclpy.duration import Duration
 from rclpy.time import Time
 
 from dummy_arm.tf import Buffer, BufferCore
@@ -18,7 +19,7 @@ from dummy_arm.tf.transform_stamped import message_of
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
-CACHE = Time(seconds=1000)
+CACHE = Duration(seconds=1000)
 MANY = 10_000
 
 

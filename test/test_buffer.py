@@ -12,6 +12,7 @@ from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 import pytest
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.time import Time
 from std_srvs.srv import Trigger
 
@@ -151,8 +152,10 @@ def test_times_are_no_plain_numbers():
         with pytest.raises(TypeError, match='time must have sec and nanosec, or nanoseconds'):
             buffer.lookup_transform('a', 'b', time_like)
     buffer.set_transform(made(), 'test')
-    with pytest.raises(TypeError, match='time must have'):
-        buffer.lookup_transform('map', 'x', T, timeout=1.0)
+    with pytest.raises(TypeError, match=r'timeout must have .* Got 1\.0 of type float'):
+        buffer.lookup_transform('map', 'tool', T, timeout=1.0)
+    with pytest.raises(TypeError, match='timeout must have'):
+        buffer.wait_for_transform_async('map', 'x', T, timeout=1.0)
     with pytest.raises(TypeError, match='a frame must be a str, got None'):
         buffer.wait_for_transform_async('map', None, T)
 
@@ -262,6 +265,7 @@ import threading
 import time
 import rclpy
 from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
 from rclpy.time import Time
 from dummy_arm.tf import Buffer, LookupException
 rclpy.init()
@@ -380,6 +384,63 @@ def test_a_future_with_a_callback_needs_no_other_reference():
     buffer.set_transform(made(), 'test')
     buffer.set_transform(made(x=1.0), 'test')
     assert results == [made()]
+
+
+@pytest.mark.parametrize('how', ['callback', 'spun until done'])
+def test_an_executor_that_was_shut_down_harms_nobody(ros, how):
+    """Neither who brings the data, nor who waits besides."""
+    executor, buffer, seen = SingleThreadedExecutor(context=ros.context), Buffer(node=ros.node), []
+    ros.executor.remove_node(ros.node)
+    executor.add_node(ros.node)
+    first = buffer.wait_for_transform_async('map', 'tool', T)
+    second = buffer.wait_for_transform_async('map', 'tool', T)
+    if how == 'callback':
+        first.add_done_callback(seen.append)
+    else:
+        executor.spin_until_future_complete(first, 0.01)
+    executor.shutdown()
+    buffer.set_transform(made(), 'test')
+    assert (first.result(), second.result()) == (made(), made())
+    assert seen == ([first] if how == 'callback' else [])
+
+
+def test_hundreds_wait_with_one_thread():
+    """And all are told in time, the one that waits longest, too."""
+    buffer, threads = Buffer(), threading.active_count()
+    waiting = [buffer.wait_for_transform_async('map', 'tool', T, timeout=LONG)
+               for _ in range(200)]
+    waiting.append(buffer.wait_for_transform_async('map', 'tool', T, Duration(seconds=2 ** 33)))
+    soon = buffer.wait_for_transform_async('map', 'tool', T, timeout=SOON)
+    assert threading.active_count() == threads + 1
+    done = threading.Event()
+    soon.add_done_callback(lambda _: done.set())
+    assert done.wait(20)
+    assert [type(future.exception()) for future in (soon, waiting[0])] == [
+        TimeoutException, type(None)]
+    buffer.set_transform(made(), 'test')
+    assert all(future.result() == made() for future in waiting)
+
+
+def test_a_finalizer_may_cancel_a_wait():
+    """Wherever the garbage collector finds it, in the midst of another wait's beginning."""
+    buffer = Buffer()
+
+    class Owner:
+        def __init__(self):
+            self.future, self.itself = buffer.wait_for_transform_async('a', 'b', T, LONG), self
+
+        def __del__(self):
+            self.future.cancel()
+
+    thresholds = gc.get_threshold()
+    gc.set_threshold(1)
+    try:
+        for _ in range(100):
+            Owner()
+    finally:
+        gc.set_threshold(*thresholds)
+    gc.collect()
+    assert not buffer._waits
 
 
 def test_a_callback_may_use_the_buffer():

@@ -3,6 +3,7 @@
 from itertools import pairwise
 import logging
 import math
+import pickle
 import sys
 import threading
 
@@ -205,6 +206,47 @@ def test_static_and_moving_replace_each_other():
         buffer.lookup_transform('a', 'b', 1)
 
 
+def test_what_is_static_may_be_set_anew():
+    """The newest counts, on every path that it is part of, also those that were asked for."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', x=1.0, is_static=True)
+    put(buffer, 'b', 'c')
+    assert (x_at(buffer, 'a', 'b'), x_at(buffer, 'a', 'c')) == (1.0, 1.0)
+    put(buffer, 'a', 'b', x=2.0, is_static=True, authority='other')
+    assert (x_at(buffer, 'a', 'b'), x_at(buffer, 'a', 'c')) == (2.0, 2.0)
+    assert buffer.lookup_transforms('a', 'c', [0, T])[0][:, 0].tolist() == [2.0, 2.0]
+    assert buffer.frames()[0].authority == 'other'
+
+
+@pytest.mark.parametrize('before', [[], [T + 3 * S], [T + 3 * S, T + S, 0]])
+def test_a_loop_is_one_whatever_was_asked_before(before):
+    """At the time at which it is there; and many at once are the same answers."""
+    buffer = BufferCore()
+    for stamp in T, T + 4 * S:
+        put(buffer, 'c', 'a', stamp, 1.0)
+        put(buffer, 'c', 'b', stamp, 2.0)
+        put(buffer, 'c', 'd', stamp)
+    for stamp, parent in (T, 'd'), (T + 2 * S, 'd'), (T + 3 * S, 'e'), (T + 4 * S, 'e'):
+        put(buffer, parent, 'c', stamp)
+    for time in before:
+        buffer.can_transform('a', 'b', time)
+    with pytest.raises(LookupException, match='contains a loop'):
+        buffer.lookup_transform('a', 'b', T + S)
+    assert x_at(buffer, 'a', 'b', T + 3 * S) == 1.0
+    assert buffer.lookup_transforms('a', 'b', [T + S, T + 3 * S])[2].tolist() == [False, True]
+
+
+def test_a_frame_that_gets_a_third_parent():
+    """After two, with paths that were asked for in between."""
+    buffer = BufferCore()
+    put(buffer, 'top', 'p3', is_static=True)
+    put(buffer, 'c', 'd', is_static=True)
+    for i, parent in enumerate(('p1', 'p2', 'p3')):
+        put(buffer, parent, 'c', T + i * S, float(i))
+        assert x_at(buffer, parent, 'd') == float(i)
+    assert x_at(buffer, 'top', 'd') == 2.0
+
+
 def test_clear_forgets_what_moves():
     """Names and static frames stay."""
     buffer = BufferCore()
@@ -389,12 +431,56 @@ def test_many_at_once():
 
 
 @pytest.mark.parametrize(('times', 'error'), [
-    ([0.5], 'integers of ns, got float64'), ([[1, 2]], r'shape \(n,\), got \(1, 2\)'),
+    ([0.5], 'integers of ns, got float64'),
+    ([2 ** 63], 'int64 of ns, got 9223372036854775808'),
+    ([[1, 2]], r'shape \(n,\), got \(1, 2\)'),
     (5, r'shape \(n,\), got \(\)')])
 def test_many_at_once_refuses_what_is_no_row_of_integers(times, error):
     """With what it is."""
-    with pytest.raises((TypeError, ValueError), match=error):
+    with pytest.raises((TypeError, ValueError, OverflowError), match=error):
         BufferCore().lookup_transforms('a', 'b', times)
+
+
+def test_the_longest_span_of_time():
+    """More than an int64 of ns, from one sample to the next."""
+    buffer = BufferCore(2 ** 64)
+    put(buffer, 'a', 'b', -2 ** 62, 0.0)
+    put(buffer, 'a', 'b', 3 * 2 ** 61, 5.0)
+    assert x_at(buffer, 'a', 'b', 2 ** 62) == pytest.approx(4.0)
+    assert buffer.lookup_transforms('a', 'b', [2 ** 62])[0][0, 0] == pytest.approx(4.0)
+
+
+def test_numbers_come_out_as_floats():
+    """Whatever they went in as."""
+    buffer = BufferCore()
+    buffer.insert(np.int64(T), 'a', 'b', (1, 2, 3, *np.float32([0.1, 0.2, 0.3, 0.9])),
+                  is_static=True)
+    answer = buffer.lookup_transform('a', 'b')
+    assert {type(number) for number in (*answer.translation, *answer.rotation)} == {float}
+    assert np.linalg.norm(answer.rotation) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_an_error_can_be_sent_to_another_process():
+    """With all its words, made when they are asked for."""
+    buffer = BufferCore()
+    put(buffer, 'map', 'tool')
+    with pytest.raises(LookupException) as error:
+        buffer.lookup_transform('map', 'tol')
+    sent = pickle.loads(pickle.dumps(error.value))
+    assert (type(sent), str(sent)) == (LookupException, str(error.value))
+    assert str(sent).endswith("Nearest known: 'tool'.")
+
+
+def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch):
+    """Even while the exception is kept, and with it what the lookup had in hand."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T)
+    put(buffer, 'a', 'b', T + S)
+    monkeypatch.setattr('dummy_arm.tf.batch.np.minimum', lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError) as kept:
+        buffer.lookup_transforms('a', 'b', [T, T + 1])
+    assert put(buffer, 'a', 'b', T + 2 * S)
+    assert kept.tb is not None
 
 
 def test_frames_as_tf2_writes_them():

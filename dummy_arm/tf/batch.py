@@ -63,25 +63,28 @@ def _interpolate(edge: AnyHistory, times: Times, known: NDArray[np.bool_]) -> _C
     if edge.is_static:
         columns = list(np.array([edge.pose_at(0)]).T)
         return columns[:3], columns[3:]
-    # The views must be gone when this returns: an array that is looked at cannot grow.
     stamps = np.frombuffer(edge.stamps, np.int64)[edge.start:]
     samples = np.frombuffer(edge.poses).reshape(-1, 7)[edge.start:]
-    newest = len(stamps) - 1
-    before = stamps.searchsorted(times, 'right') - 1
-    known &= (before >= 0) & ((before < newest) | (times == stamps[newest]) | (times == 0))
-    if edge.regular is not edge.stamps:
-        before[(times == stamps[0]) & (times != stamps[newest])] = 0
-    if edge.latest == 0:
-        before[times == 0] = newest
-    before.clip(0, newest, out=before)
-    after = np.minimum(before + 1, newest)
-    stamps_before = stamps.take(before)
-    span = stamps.take(after) - stamps_before
-    span[span == 0] = 1
-    r = (times - stamps_before) / span
-    # Take the samples, and copy them into columns: far faster than to work on rows.
-    ax, ay, az, aqx, aqy, aqz, aqw = samples.take(before, axis=0).T.copy()
-    bx, by, bz, bqx, bqy, bqz, bqw = samples.take(after, axis=0).T.copy()
+    try:
+        newest = len(stamps) - 1
+        before = stamps.searchsorted(times, 'right') - 1
+        known &= (before >= 0) & ((before < newest) | (times == stamps[newest]) | (times == 0))
+        if edge.regular is not edge.stamps:
+            before[(times == stamps[0]) & (times != stamps[newest])] = 0
+        if edge.latest == 0:
+            before[times == 0] = newest
+        before.clip(0, newest, out=before)
+        after = np.minimum(before + 1, newest)
+        stamps_before = stamps.take(before)
+        # As unsigned numbers, since a span of time may be longer than an int64.
+        span = (stamps.take(after) - stamps_before).view(np.uint64)
+        span[span == 0] = 1
+        r = (times - stamps_before).view(np.uint64) / span
+        # Copied into columns, which are far faster to work on than rows.
+        ax, ay, az, aqx, aqy, aqz, aqw = samples.take(before, axis=0).T.copy()
+        bx, by, bz, bqx, bqy, bqz, bqw = samples.take(after, axis=0).T.copy()
+    finally:
+        del stamps, samples  # whatever happens: an array that is looked at cannot grow
     s = 1.0 - r
     position = s * ax + r * bx, s * ay + r * by, s * az + r * bz
     cosine = aqx * bqx + aqy * bqy + aqz * bqz + aqw * bqw

@@ -226,7 +226,7 @@ class Buffer(BufferCore, BufferInterface):
 
 
 def _seconds(timeout: Optional[Duration]) -> Optional[float]:
-    return None if timeout is None else nanoseconds(timeout) / SECOND
+    return None if timeout is None else nanoseconds(timeout, 'timeout') / SECOND
 
 
 # What a node or a clock keeps must not keep the buffer.

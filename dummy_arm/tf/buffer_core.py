@@ -1,5 +1,6 @@
 """The buffer: all that was published, looked up by frame and by time, as tf2 answers; no ROS."""
 
+from array import array
 from collections.abc import Callable
 from math import isfinite, nan
 from operator import index
@@ -40,7 +41,7 @@ class BufferCore:
     time. A frame in itself is the identity, even if it is unknown.
     """
 
-    _nanoseconds: Callable[[Any], int] = staticmethod(nanoseconds_or_int)
+    _nanoseconds: Callable[..., int] = staticmethod(nanoseconds_or_int)
 
     def __init__(self, cache_time: Any = 10 * SECOND) -> None:
         """
@@ -50,7 +51,7 @@ class BufferCore:
             newest transform of its frame is forgotten.
         :raises ValueError: when it is negative.
         """
-        cache_time = nanoseconds_or_int(cache_time)
+        cache_time = nanoseconds_or_int(cache_time, 'cache_time')
         if cache_time < 0:
             raise ValueError(f'cache_time must not be negative, got {cache_time} ns')
         self._lookups = Lookups(cache_time)
@@ -89,7 +90,7 @@ class BufferCore:
         if not -_INT64 <= stamp < _INT64:
             raise OverflowError(f'a stamp must be an int64 of ns, got {stamp}')
         parent, child = frame_id.removeprefix('/'), child_frame_id.removeprefix('/')
-        x, y, z, qx, qy, qz, qw = pose
+        x, y, z, qx, qy, qz, qw = array('d', pose)
         pose = (x, y, z, *rotations.normalized(qx, qy, qz, qw))
         if found := problems(parent, child, pose, authority):
             self._refusals.tell(*found)
@@ -146,6 +147,7 @@ class BufferCore:
         :returns: translations x, y, z (m), (n, 3); rotations x, y, z, w, (n, 4); and which of
             them are answers, (n,). Where `lookup_transform` would raise, the numbers are NaN.
         :raises TypeError: on times that are no integers.
+        :raises OverflowError: on a time that is no int64.
         :raises ValueError: on another shape.
         """
         times = np.asarray(times)
@@ -153,6 +155,8 @@ class BufferCore:
             raise ValueError(f'times must be of shape (n,), got {times.shape}')
         if times.size and times.dtype.kind not in 'iu':
             raise TypeError(f'times must be integers of ns, got {times.dtype}')
+        if times.size and times.max() >= _INT64:
+            raise OverflowError(f'times must be int64 of ns, got {times.max()}')
         poses, known = self._lookups.poses(target_frame, source_frame, times.astype(np.int64))
         return poses[:, :3], poses[:, 3:], known
 
@@ -187,10 +191,10 @@ class BufferCore:
 
     def _waited(self, timeout: Any, lookup: Callable[..., _Answer], *arguments: Any) -> _Answer:
         """Call a lookup again and again, as data come in, until it answers or time is up."""
+        wait = self._nanoseconds(timeout, 'timeout') / SECOND
         try:
             return lookup(*arguments)
         except TransformException:
-            wait = self._nanoseconds(timeout) / SECOND
             if wait <= 0.0:
                 raise
         deadline, was_alive = monotonic() + wait, self._is_alive()

@@ -108,6 +108,29 @@ def Stamped(  # noqa: N802
     return obj
 
 
+_transforms: dict[Any, Callable[..., Any]] = {}
+_to_messages: dict[Any, Callable[..., Any]] = {}
+_from_messages: dict[Any, Callable[..., Any]] = {}
+_conversions: dict[Any, Callable[..., Any]] = {}
+
+
+def register_default(message_type: type, transform: Callable[..., Any]) -> None:
+    """Register a type of message with all that it needs, unless the user has done so."""
+    _transforms.setdefault(message_type, transform)
+    _to_messages.setdefault(message_type, to_msg_msg)
+    _from_messages.setdefault(message_type, from_msg_msg)
+
+
+def to_msg_msg(msg: Any) -> Any:
+    """Convert a message to a message: it is one."""
+    return msg
+
+
+def from_msg_msg(msg: Any) -> Any:
+    """Convert a message from a message: it is one."""
+    return msg
+
+
 def _registered(functions: dict[Any, Callable[..., Any]], key: Any) -> Callable[..., Any]:
     if key not in functions:
         import_module('dummy_arm.tf.geometry')  # registers the types that are known anyway
@@ -119,17 +142,15 @@ def _registered(functions: dict[Any, Callable[..., Any]], key: Any) -> Callable[
 class TransformRegistration:
     """The functions that transform an object of a type by a TransformStamped."""
 
-    __type_map: dict[TransformableObjectType, Callable[..., Any]] = {}
-
     def print_me(self) -> None:
         """Print them all."""
-        print(self.__type_map)
+        print(_transforms)
 
     def add(self, key: TransformableObjectType,
             callback: Callable[[TransformableObject, TransformStamped], TransformableObject]
             ) -> None:
         """Register the function of a type."""
-        self.__type_map[key] = callback
+        _transforms[key] = callback
 
     def get(self, key: TransformableObjectType
             ) -> Callable[[TransformableObject, TransformStamped], TransformableObject]:
@@ -138,46 +159,41 @@ class TransformRegistration:
 
         :raises TypeException: when there is none.
         """
-        return _registered(self.__type_map, key)
+        return _registered(_transforms, key)
 
 
 class ConvertRegistration:
     """The functions that convert from a type to another, or to and from a message."""
 
-    __to_msg_map: dict[TransformableObjectType, Callable[..., Any]] = {}
-    __from_msg_map: dict[TransformableObjectType, Callable[..., Any]] = {}
-    __convert_map: dict[tuple[TransformableObjectType, TransformableObjectType],
-                        Callable[..., Any]] = {}
-
     def add_from_msg(self, key: TransformableObjectType,
                      callback: Callable[[MsgStamped], TransformableObject]) -> None:
         """Register what makes a type from a message."""
-        self.__from_msg_map[key] = callback
+        _from_messages[key] = callback
 
     def add_to_msg(self, key: TransformableObjectType,
                    callback: Callable[[TransformableObject], MsgStamped]) -> None:
         """Register what makes a message from a type."""
-        self.__to_msg_map[key] = callback
+        _to_messages[key] = callback
 
     def add_convert(self, key: tuple[TransformableObjectType, TransformableObjectType],
                     callback: Callable[[Any], TransformableObject]) -> None:
         """Register what converts the first of two types to the second."""
-        self.__convert_map[key] = callback
+        _conversions[key] = callback
 
     def get_from_msg(self, key: TransformableObjectType
                      ) -> Callable[[MsgStamped], TransformableObject]:
         """Get what makes a type from a message, or raise a TypeException."""
-        return _registered(self.__from_msg_map, key)
+        return _registered(_from_messages, key)
 
     def get_to_msg(self, key: TransformableObjectType
                    ) -> Callable[[TransformableObject], MsgStamped]:
         """Get what makes a message from a type, or raise a TypeException."""
-        return _registered(self.__to_msg_map, key)
+        return _registered(_to_messages, key)
 
     def get_convert(self, key: tuple[TransformableObjectType, TransformableObjectType]
                     ) -> Callable[[Any], TransformableObject]:
         """Get what converts the first of two types to the second, or raise a TypeException."""
-        return _registered(self.__convert_map, key)
+        return _registered(_conversions, key)
 
 
 def convert(a: TransformableObject, b_type: TransformableObjectType) -> TransformableObject:

@@ -24,8 +24,8 @@ def check(name: str, where: str, known: Collection[str]) -> None:
     """
     problem = _problem(name, known)
     if problem == _UNKNOWN:
-        raise LookupException(
-            f'"{name}" passed to {where} does not exist. {hints.nearest(name, tuple(known))}')
+        raise LookupException(f'"{name}" passed to {where} does not exist. ',
+                              lambda: hints.nearest(name, tuple(known)))
     if problem:
         raise InvalidArgumentException(f'Invalid argument "{name}" passed to {where} - {problem}')
 
@@ -37,10 +37,9 @@ def check_for_can(name: str, argument: str, known: Collection[str]) -> None:
     :raises TransformException: when it does not exist.
     """
     if problem := _problem(name, known):
-        hint = f'. {hints.nearest(name, tuple(known))}' if problem == _UNKNOWN else ''
         raise TransformException(
-            f'Invalid frame ID "{name}" passed to canTransform argument {argument} - '
-            f'{problem}{hint}')
+            f'Invalid frame ID "{name}" passed to canTransform argument {argument} - {problem}',
+            lambda: f'. {hints.nearest(name, tuple(known))}' if problem == _UNKNOWN else '')
 
 
 def _problem(name: str, known: Collection[str]) -> Optional[str]:

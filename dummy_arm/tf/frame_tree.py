@@ -45,14 +45,16 @@ class FrameTree:
         history = histories.setdefault(child, None)
         histories.setdefault(parent, None)
         if is_static:
+            if isinstance(history, StaticHistory) and history.parent == parent:
+                history.pose, history.authority = pose, authority
+                return True, False
             histories[child] = StaticHistory(parent, pose, authority)
-            same = history is not None and history.is_static and history.parent == parent
-            return True, not same
+            return True, True
         if not isinstance(history, History):
             histories[child] = history = History(self.cache_time)
-        parent_before = history.parent
+        parents_before = history.all_parents
         taken = history.insert(stamp, parent, pose, authority)
-        return taken, history.parent != parent_before
+        return taken, history.all_parents != parents_before
 
     def clear(self) -> None:
         """Forget what moves; the frames and what is static stay."""
@@ -167,14 +169,15 @@ class FrameTree:
         return frame
 
     def is_plain(self, frame: str) -> bool:
-        """Tell whether a frame's ancestors are the same at all times, and no loop."""
-        seen = {frame}
-        for child, parent in self._ancestors(frame):
-            history = self.histories[child]
-            if parent in seen or (history is not None and history.parents is not None):
-                return False
-            seen.add(parent)
-        return True
+        """Tell whether all ancestors that a frame has at any time are without loop, and few."""
+        ancestors = {frame}
+        for _ in range(MAX_GRAPH_DEPTH + 1):
+            ancestors = {
+                parent for name in ancestors if (history := self.histories[name]) is not None
+                for parent in history.all_parents}
+            if not ancestors:
+                return True
+        return False
 
     def _append(self, chain: list[str], frame: str) -> None:
         chain.append(frame)

@@ -1,6 +1,6 @@
 """Transforming messages of points, vectors and poses, as tf2_geometry_msgs does."""
 
-from typing import Any, Union
+from typing import Union
 
 from geometry_msgs.msg import (
     Point,
@@ -21,7 +21,9 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from dummy_arm.tf import history, rotations
-from dummy_arm.tf.buffer_interface import ConvertRegistration, TransformRegistration
+from dummy_arm.tf.buffer_interface import from_msg_msg as from_msg_msg
+from dummy_arm.tf.buffer_interface import register_default
+from dummy_arm.tf.buffer_interface import to_msg_msg as to_msg_msg
 from dummy_arm.tf.path import compose
 from dummy_arm.tf.point_cloud import do_transform_cloud
 
@@ -89,16 +91,6 @@ def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDAr
     return rotated.reshape(36)
 
 
-def to_msg_msg(msg: Any) -> Any:
-    """Convert a message to a message: it is one."""
-    return msg
-
-
-def from_msg_msg(msg: Any) -> Any:
-    """Convert a message from a message: it is one."""
-    return msg
-
-
 _UNTURNED = Quaternion()
 
 
@@ -129,13 +121,9 @@ def _rotation(orientation: Quaternion) -> rotations.Quaternion:
     return rotations.normalized(x, y, z, w)
 
 
-for _type, _function in (
-        (PointStamped, do_transform_point),
-        (Vector3Stamped, do_transform_vector3),
-        (PoseStamped, do_transform_pose_stamped),
-        (PoseWithCovarianceStamped, do_transform_pose_with_covariance_stamped),
-        (PolygonStamped, do_transform_polygon_stamped),
-        (PointCloud2, do_transform_cloud)):
-    TransformRegistration().add(_type, _function)
-    ConvertRegistration().add_to_msg(_type, to_msg_msg)
-    ConvertRegistration().add_from_msg(_type, from_msg_msg)
+register_default(PointStamped, do_transform_point)
+register_default(Vector3Stamped, do_transform_vector3)
+register_default(PoseStamped, do_transform_pose_stamped)
+register_default(PoseWithCovarianceStamped, do_transform_pose_with_covariance_stamped)
+register_default(PolygonStamped, do_transform_polygon_stamped)
+register_default(PointCloud2, do_transform_cloud)

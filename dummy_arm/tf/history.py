@@ -26,13 +26,13 @@ class History:
 
     The samples lie in two arrays, 64 bytes each. Those before `start` have expired; they are
     removed many at a time. `parent` is the parent in all samples, or None while they differ; only
-    then `parents` has one for each. `regular` is `stamps`, but empty while two of them are the
-    same or the parents differ. `latest` is the newest stamp, or 0. `recent` is where the last
-    lookup was, as a hint for the next.
+    then `parents` has one for each. `all_parents` has each once. `regular` is `stamps`, but empty
+    while two of them are the same or the parents differ. `latest` is the newest stamp, or 0.
+    `recent` is where the last lookup was, as a hint for the next.
     """
 
-    __slots__ = ('authority', 'cache_time', 'latest', 'parent', 'parents', 'poses', 'recent',
-                 'regular', 'stamps', 'start')
+    __slots__ = ('all_parents', 'authority', 'cache_time', 'latest', 'parent', 'parents', 'poses',
+                 'recent', 'regular', 'stamps', 'start')
 
     is_static = False
 
@@ -46,6 +46,7 @@ class History:
         self.authority = ''
         self.parent: Optional[str] = None
         self.parents: Optional[list[str]] = None
+        self.all_parents: tuple[str, ...] = ()
         self.stamps = array('q')
         self.poses = array('d')
         self.regular = self.stamps
@@ -79,7 +80,7 @@ class History:
                     return True
                 self.regular = _NO_STAMPS
         else:
-            self.parent = parent
+            self.parent, self.all_parents = parent, (parent,)
         self.authority = authority
         if parent != self.parent or self.parents is not None:
             self._insert_parent(position, parent)
@@ -106,6 +107,8 @@ class History:
             assert self.parent is not None
             self.parents = [self.parent] * len(self.stamps)
             self.parent, self.regular = None, _NO_STAMPS
+        if parent not in self.all_parents:
+            self.all_parents = (*self.all_parents, parent)
         self.parents.insert(position, parent)
 
     def _expire(self, earliest: int) -> None:
@@ -118,8 +121,9 @@ class History:
         self.start = 0
         if self.parents is not None:
             del self.parents[:expired]
-            if len(set(self.parents)) == 1:
-                self.parent, self.parents = self.parents[0], None
+            self.all_parents = tuple(set(self.parents))
+            if len(self.all_parents) == 1:
+                self.parent, self.parents = self.all_parents[0], None
         if self.parents is None and len(self.regular) < len(stamps) == len(set(stamps)):
             self.regular = stamps
 
@@ -201,7 +205,7 @@ class History:
 class StaticHistory:
     """A pose that holds at all times."""
 
-    __slots__ = ('_pose', 'authority', 'parent', 'recent')
+    __slots__ = ('all_parents', 'authority', 'parent', 'pose', 'recent')
 
     is_static = True
     parents = None
@@ -212,7 +216,8 @@ class StaticHistory:
 
     def __init__(self, parent: str, pose: Pose, authority: str) -> None:
         """Keep what is given."""
-        self.parent, self._pose, self.authority = parent, pose, authority
+        self.parent, self.pose, self.authority = parent, pose, authority
+        self.all_parents = (parent,)
         self.recent = 0
 
     def __len__(self) -> int:
@@ -220,7 +225,7 @@ class StaticHistory:
 
     def pose_at(self, time: int) -> Pose:
         """Read the pose."""
-        return self._pose
+        return self.pose
 
     def parent_at(self, time: int) -> str:
         """Tell the parent."""

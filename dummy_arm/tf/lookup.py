@@ -22,9 +22,10 @@ class Lookups:
     """
     A frame tree, its lock, and the paths that were found in it.
 
-    A path that was found is kept for as long as no frame gets another parent. Only where it gives
-    no answer, the tree is searched as tf2 does, for the error that tf2 would give. Times are ns;
-    0: the latest common time.
+    A path on which no frame changes its parent, with no loop above it at any time, is the only one
+    between its frames, until some frame gets a new parent: it is kept. Where there is none, or it
+    gives no answer, the tree is searched as tf2 does, for the answer or error that tf2 would give.
+    Times are ns; 0: the latest common time.
     """
 
     def __init__(self, cache_time: int) -> None:
@@ -109,29 +110,27 @@ class Lookups:
         known = np.zeros(len(times), np.bool_)
         for begin in range(0, len(times), _CHUNK):
             part = order[begin:begin + _CHUNK]
-            poses[part], known[part], alone = self._part(target, source, times[part])
-            for i in part[alone].tolist():
-                with suppress(TransformException):
-                    _, poses[i] = self.pose(target, source, int(times[i]))
-                    known[i] = True
+            if not self._poses_at_once(target, source, times, part, poses, known):
+                for i in part.tolist():
+                    with suppress(TransformException):
+                        _, poses[i] = self.pose(target, source, int(times[i]))
+                        known[i] = True
         poses[~known] = np.nan
         return poses, known
 
-    def _part(self, target: str, source: str, times: NDArray[np.int64]
-              ) -> tuple[NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Compute poses along the path that is kept; tell which are to be looked up alone."""
+    def _poses_at_once(self, target: str, source: str, times: NDArray[np.int64],
+                       part: NDArray[np.intp], poses: NDArray[np.float64],
+                       known: NDArray[np.bool_]) -> bool:
+        """Fill in a part of the poses by way of the path that is kept; False: there is none."""
         with self.lock:
             path = self._paths.get((target, source))
-            if path is None and len(times):
-                with suppress(TransformException):
-                    self.pose(target, source, int(times[-1]))
-                path = self._paths.get((target, source))
             if path is None:
-                alone = np.ones(len(times), np.bool_)
-                return np.empty((len(times), 7)), ~alone, alone
-            poses, known = batch.poses(path, times)
-            alone = np.zeros(len(times), np.bool_) if self.tree.is_plain(source) else ~known
-            return poses, known, alone
+                with suppress(TransformException):  # the latest, which most likely can be had
+                    self.pose(target, source, 0)
+                path = self._paths.get((target, source))
+            if path is not None:
+                poses[part], known[part] = batch.poses(path, times[part])
+            return path is not None
 
     def check(self, target: str, source: str, time: int) -> None:
         """
@@ -186,7 +185,7 @@ class Lookups:
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
         time = time or self.tree.latest_common_time(target, source)
         path = self.tree.path(target, source, time)
-        if path.is_fixed():
+        if path.is_fixed() and self.tree.is_plain(source) and self.tree.is_plain(target):
             if len(self._paths) >= _MOST_PATHS:
                 self._paths.clear()
             self._paths[target, source] = path

@@ -6,10 +6,11 @@ from typing import Any
 SECOND = 1_000_000_000
 
 
-def nanoseconds(time: Any) -> int:
+def nanoseconds(time: Any, name: str = 'time') -> int:
     """
     Read a time or a duration in ns from what has `sec` and `nanosec`, or `nanoseconds`.
 
+    :param name: what it is called in an error.
     :raises TypeError: when it has neither.
     """
     try:
@@ -19,11 +20,11 @@ def nanoseconds(time: Any) -> int:
         pass
     if hasattr(time, 'sec') and hasattr(time, 'nanosec'):
         return int(time.sec) * SECOND + int(time.nanosec)
-    raise TypeError('time must have sec and nanosec, or nanoseconds. '
+    raise TypeError(f'{name} must have sec and nanosec, or nanoseconds. '
                     f'Got {time!r} of type {type(time).__name__}')
 
 
-def nanoseconds_or_int(time: Any) -> int:
+def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
     """
     Read a time or a duration in ns as `nanoseconds` does, or from an integer of ns.
 
@@ -32,7 +33,7 @@ def nanoseconds_or_int(time: Any) -> int:
     if hasattr(time, '__index__'):
         return index(time)
     try:
-        return nanoseconds(time)
+        return nanoseconds(time, name)
     except TypeError as error:
         raise TypeError(f'{error}; an integer of ns is good, too') from None
 

@@ -3,7 +3,10 @@
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-from threading import Lock, Timer
+import heapq
+from itertools import count
+from threading import Condition, RLock, Thread, TIMEOUT_MAX
+from time import monotonic
 from typing import Any, Optional
 from weakref import ref, WeakSet
 
@@ -22,15 +25,15 @@ class TransformFuture(Future):
     Whoever drops it without having added a callback, or cancels it, leaves nothing behind.
     """
 
-    def __init__(self, waits: 'Waits', lookup: Callable[[], TransformStamped]) -> None:
+    def __init__(self, waits: 'Waits', lookup: Callable[[], TransformStamped], what: str) -> None:
         """
         Wait for what a lookup gives.
 
         :param lookup: raises a TransformException as long as there is no answer.
+        :param what: what is waited for, for the error when it takes too long.
         """
         super().__init__()
-        self.lookup = lookup
-        self.timer: Optional[Timer] = None
+        self.lookup, self.what = lookup, what
         self._waits = waits
 
     def add_done_callback(self, callback: Callable[[Future], None]) -> None:
@@ -42,16 +45,17 @@ class TransformFuture(Future):
 
     def cancel(self) -> None:
         """End the wait."""
-        super().cancel()
-        self._waits.forget(self)
+        if self._waits.forget(self):
+            super().cancel()
 
 
 class Waits:
     """
     The futures that wait for the data of a buffer.
 
-    What is done with them may happen in any thread. The callbacks of a future run in the executor
-    of the node, if there is one, else in the thread that brings the data.
+    A future is done in the thread that brings the data, or that sees that its time is up; its
+    callbacks run in the executor of the node, if there is one, else in that thread. The lock is
+    reentrant and held for moments only: the garbage collector may come by at any of them.
     """
 
     def __init__(self, node: Optional[Node]) -> None:
@@ -61,9 +65,13 @@ class Waits:
         :param node: whose executor is woken when a wait is over.
         """
         self._node = node
-        self._lock = Lock()
+        self._lock = RLock()
         self._futures: WeakSet[TransformFuture] = WeakSet()
         self._kept: set[TransformFuture] = set()
+        self._changed = Condition(self._lock)
+        self._deadlines: list[tuple[float, int, float, ref[TransformFuture]]] = []
+        self._numbers = count()
+        self._thread: Optional[Thread] = None
 
     def __len__(self) -> int:
         return len(self._futures)
@@ -76,19 +84,19 @@ class Waits:
         :param timeout: after how long the wait ends with a TimeoutException (s); None: never.
         :param what: what is waited for, for that error.
         """
-        future = TransformFuture(self, lookup)
+        future = TransformFuture(self, lookup, what)
         with self._lock:
             self._futures.add(future)
         try:
-            self._try(future)
+            transform = lookup()
+        except TransformException:
+            if timeout is not None:
+                self._end_after(future, timeout)
         except BaseException:
             self.forget(future)
             raise
-        if timeout is not None and not future.done():
-            future.timer = timer = Timer(
-                timeout, _expire, [ref(future, lambda _: timer.cancel()), timeout, what])
-            timer.daemon = True
-            timer.start()
+        else:
+            self._finish(future, partial(future.set_result, transform))
         return future
 
     def keep(self, future: TransformFuture) -> None:
@@ -103,8 +111,7 @@ class Waits:
             waited = future in self._futures
             self._futures.discard(future)
             self._kept.discard(future)
-        if future.timer is not None:
-            future.timer.cancel()
+            self._changed.notify_all()
         return waited
 
     def check(self) -> None:
@@ -112,37 +119,62 @@ class Waits:
         with self._lock:
             futures = list(self._futures)
         for future in futures:
-            self._try(future)
+            try:
+                transform = future.lookup()
+            except TransformException:
+                continue
+            self._finish(future, partial(future.set_result, transform))
 
-    def _try(self, future: TransformFuture) -> None:
-        try:
-            transform = future.lookup()
-        except TransformException:
-            return
-        self.finish(future, partial(future.set_result, transform))
-
-    def finish(self, future: TransformFuture, set_outcome: Callable[[], Any]) -> None:
+    def _finish(self, future: TransformFuture, set_outcome: Callable[[], Any]) -> None:
         """Set the outcome of a future, unless it has one, and wake who waits for it."""
         if not self.forget(future):
             return
         executor = None if self._node is None else self._node.executor
-        future._set_executor(executor)
-        set_outcome()
-        if executor is not None:
-            with suppress(InvalidHandle):  # raised when it was shut down in the meantime
+        if executor is not None and not executor._is_shutdown:
+            future._set_executor(executor)
+        # These are raised where the executor is shut down at this very moment.
+        with suppress(AttributeError, InvalidHandle):
+            set_outcome()
+            if executor is not None:
                 executor.wake()
 
+    def _end_after(self, future: TransformFuture, timeout: float) -> None:
+        """See to it that a wait ends after a timeout (s)."""
+        with self._lock:
+            heapq.heappush(self._deadlines, (
+                monotonic() + timeout, next(self._numbers), timeout, ref(future, self._notify)))
+            self._changed.notify_all()
+            if self._thread is None:
+                self._thread = Thread(target=self._watch_deadlines, daemon=True)
+                self._thread.start()
 
-def _expire(future_ref: 'ref[TransformFuture]', timeout: float, what: str) -> None:
-    """End a wait that has taken too long."""
-    future = future_ref()
-    if future is None:
-        return
-    try:
-        transform = future.lookup()
-    except TransformException as error:
-        outcome = partial(future.set_exception, TimeoutException(
-            f'Timed out after {timeout:g} s, waiting for {what}: {error}'))
-    else:
-        outcome = partial(future.set_result, transform)
-    future._waits.finish(future, outcome)
+    def _notify(self, _: Any) -> None:
+        with self._lock:
+            self._changed.notify_all()
+
+    def _watch_deadlines(self) -> None:
+        """End the waits whose time is up, as long as there are any that may have to be ended."""
+        while True:
+            with self._lock:
+                while self._deadlines and self._deadlines[0][3]() not in self._futures:
+                    heapq.heappop(self._deadlines)
+                if not self._deadlines:
+                    self._thread = None
+                    return
+                deadline, _, timeout, future_ref = self._deadlines[0]
+                left = deadline - monotonic()
+                if left > 0.0:
+                    self._changed.wait(min(left, TIMEOUT_MAX))
+                    continue
+                heapq.heappop(self._deadlines)
+            if (future := future_ref()) is not None:
+                self._time_out(future, timeout)
+                del future
+
+    def _time_out(self, future: TransformFuture, timeout: float) -> None:
+        try:
+            outcome = partial(future.set_result, future.lookup())
+        except TransformException as error:
+            outcome = partial(future.set_exception, TimeoutException(
+                f'Timed out after {timeout:g} s, waiting for {future.what}: {error}'))
+        self._finish(future, outcome)
