@@ -173,15 +173,17 @@ class Buffer(BufferCore, BufferInterface):
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time
                            ) -> tuple[bool, str]:
         """Tell whether there is a transform, and why not."""
-        return self._can(_NO_WAIT, self._lookups.check, target_frame, source_frame,
-                         nanoseconds(time))
+        can = self.can_transform(target_frame, source_frame, time, return_debug_tuple=True)
+        assert isinstance(can, tuple)
+        return can
 
     def can_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                 source_time: Time, fixed_frame: str) -> tuple[bool, str]:
         """Tell whether there is a transform between two times, and why not."""
-        return self._can(_NO_WAIT, self._lookups.check_full, target_frame,
-                         nanoseconds(target_time), source_frame, nanoseconds(source_time),
-                         fixed_frame)
+        can = self.can_transform_full(target_frame, target_time, source_frame, source_time,
+                                      fixed_frame, return_debug_tuple=True)
+        assert isinstance(can, tuple)
+        return can
 
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                  timeout: Optional[Duration] = None) -> Future:

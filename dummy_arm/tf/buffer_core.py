@@ -6,7 +6,7 @@ from math import isfinite, nan
 from operator import index
 from threading import Condition
 from time import monotonic
-from typing import Any, TypeVar, Union
+from typing import Any, Optional, TypeVar, Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -169,25 +169,26 @@ class BufferCore:
         :param timeout: how long to wait for it at most, as times are given, on wall time.
         :returns: that; or, with `return_debug_tuple`, that and why not.
         """
-        can = self._can(timeout, self._lookups.check, target_frame, source_frame,
-                        self._nanoseconds(time))
-        return can if return_debug_tuple else can[0]
+        error = self._why_not(timeout, self._lookups.check, target_frame, source_frame,
+                              self._nanoseconds(time))
+        return _debug_tuple(error) if return_debug_tuple else error is None
 
     def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
                            source_time: Any, fixed_frame: str, timeout: Any = 0,
                            return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
         """Tell whether `lookup_transform_full` would give an answer; as `can_transform`."""
-        can = self._can(timeout, self._lookups.check_full, target_frame,
-                        self._nanoseconds(target_time), source_frame,
-                        self._nanoseconds(source_time), fixed_frame)
-        return can if return_debug_tuple else can[0]
+        error = self._why_not(timeout, self._lookups.check_full, target_frame,
+                              self._nanoseconds(target_time), source_frame,
+                              self._nanoseconds(source_time), fixed_frame)
+        return _debug_tuple(error) if return_debug_tuple else error is None
 
-    def _can(self, timeout: Any, check: Callable[..., None], *arguments: Any) -> tuple[bool, str]:
+    def _why_not(self, timeout: Any, check: Callable[..., None], *arguments: Any
+                 ) -> Optional[TransformException]:
         try:
             self._waited(timeout, check, *arguments)
         except TransformException as error:
-            return False, str(error)
-        return True, ''
+            return error
+        return None
 
     def _waited(self, timeout: Any, lookup: Callable[..., _Answer], *arguments: Any) -> _Answer:
         """Call a lookup again and again, as data come in, until it answers or time is up."""
@@ -237,3 +238,7 @@ class BufferCore:
         """Write a line for every frame, with its parent."""
         with self._lookups.lock:
             return self._lookups.tree.as_string()
+
+
+def _debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
+    return error is None, '' if error is None else str(error)
