@@ -326,6 +326,11 @@ def test_bad_values_change_nothing():
         for parent in 'a', 'other':
             with pytest.raises((TypeError, ValueError, OverflowError)):
                 buffer.insert(stamp, parent, 'b', pose)
+    for parent, child in ((None, 'b'), ('a', 5), (b'a', 'b')):
+        with pytest.raises(TypeError, match='a frame id must be a str'):
+            buffer.insert(T, parent, child, (0, 0, 0, *STILL))
+    with pytest.raises(TypeError, match=r'takes a Transform .* got tuple'):
+        buffer.set_transform((T, 'a', 'b'))
     put(buffer, 'a', 'b', T + 2 * S, 3.0)
     assert x_at(buffer, 'a', 'b', T + S) == 2.0
 
@@ -469,6 +474,21 @@ def test_an_error_can_be_sent_to_another_process():
     sent = pickle.loads(pickle.dumps(error.value))
     assert (type(sent), str(sent)) == (LookupException, str(error.value))
     assert str(sent).endswith("Nearest known: 'tool'.")
+
+
+def test_errors_are_exceptions_like_others():
+    """To be raised and derived from by users; with the hint wherever they are shown."""
+    buffer = BufferCore()
+    put(buffer, 'map', 'tool')
+    with pytest.raises(LookupException) as error:
+        buffer.lookup_transform('map', 'tol')
+    put(buffer, 'map', 'tol')
+    assert 'Nearest known: ' in repr(error.value)
+    assert str(error.value).endswith("Nearest known: 'tool'.")
+    assert error.value.args[0] == str(error.value)
+    assert str(LookupException('no path from', 'a')) == "('no path from', 'a')"
+    assert repr(TransformException()) == 'TransformException()'
+    assert pickle.loads(pickle.dumps(TransformException('a', 5))).args == ('a', 5)
 
 
 def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch):

@@ -26,7 +26,7 @@ def poses(path: Path, times: Times) -> tuple[Floats, NDArray[np.bool_]]:
     if not times.all():
         times = np.where(times == 0, path.latest_common_time(), times)
     known = np.ones(len(times), np.bool_)
-    with np.errstate(invalid='ignore'):
+    with np.errstate(invalid='ignore', over='ignore'):
         source = _compose(path.from_source, times, known)
         target = _compose(path.from_target, times, known)
         if target is None:

@@ -15,17 +15,14 @@ from rclpy.task import Future
 from rclpy.time import Time
 from rclpy.utilities import get_default_context
 
-from dummy_arm.tf.buffer_core import BufferCore
+from dummy_arm.tf.buffer_core import BufferCore, debug_tuple
 from dummy_arm.tf.buffer_interface import BufferInterface
 from dummy_arm.tf.frames import as_dot
+from dummy_arm.tf.history import Pose
+from dummy_arm.tf.message import FrameGraph
 from dummy_arm.tf.times import nanoseconds, SECOND
 from dummy_arm.tf.transform_stamped import bad_fields_named, message_of, row_of
 from dummy_arm.tf.waits import Waits
-
-try:
-    from tf2_msgs.srv import FrameGraph
-except ImportError:
-    FrameGraph = None
 
 _LATEST, _NO_WAIT = Time(), Duration()
 
@@ -55,6 +52,7 @@ class Buffer(BufferCore, BufferInterface):
         self._waits = Waits(node)
         self._context = get_default_context() if node is None else node.context
         self.clock = Clock() if node is None else node.get_clock()
+        # What a node or a clock keeps must not keep the buffer.
         if node is not None and FrameGraph is not None:
             self.srv = node.create_service(FrameGraph, 'tf2_frames', partial(_tell, ref(self)))
         self.jump_handle = self.clock.create_jump_callback(
@@ -110,7 +108,7 @@ class Buffer(BufferCore, BufferInterface):
         """
         stamp, pose = self._waited(timeout, self._lookups.pose, target_frame, source_frame,
                                    nanoseconds(time))
-        return message_of((*divmod(stamp, SECOND), target_frame, source_frame, *pose))
+        return _message(stamp, target_frame, source_frame, pose)
 
     def lookup_transform_full(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
@@ -124,18 +122,21 @@ class Buffer(BufferCore, BufferInterface):
         stamp, pose = self._waited(
             timeout, self._lookups.pose_full, target_frame, nanoseconds(target_time),
             source_frame, nanoseconds(source_time), fixed_frame)
-        return message_of((*divmod(stamp, SECOND), target_frame, source_frame, *pose))
+        return _message(stamp, target_frame, source_frame, pose)
 
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time
                               ) -> TransformStamped:
         """Look up a transform without waiting."""
-        return self.lookup_transform(target_frame, source_frame, time)
+        stamp, pose = self._lookups.pose(target_frame, source_frame, nanoseconds(time))
+        return _message(stamp, target_frame, source_frame, pose)
 
     def lookup_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                    source_time: Time, fixed_frame: str) -> TransformStamped:
         """Look up a transform between two times without waiting."""
-        return self.lookup_transform_full(
-            target_frame, target_time, source_frame, source_time, fixed_frame)
+        stamp, pose = self._lookups.pose_full(
+            target_frame, nanoseconds(target_time), source_frame, nanoseconds(source_time),
+            fixed_frame)
+        return _message(stamp, target_frame, source_frame, pose)
 
     async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                      timeout: Optional[Duration] = None) -> TransformStamped:
@@ -173,24 +174,22 @@ class Buffer(BufferCore, BufferInterface):
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time
                            ) -> tuple[bool, str]:
         """Tell whether there is a transform, and why not."""
-        can = self.can_transform(target_frame, source_frame, time, return_debug_tuple=True)
-        assert isinstance(can, tuple)
-        return can
+        return debug_tuple(self._why_not(
+            _NO_WAIT, self._lookups.check, target_frame, source_frame, nanoseconds(time)))
 
     def can_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                 source_time: Time, fixed_frame: str) -> tuple[bool, str]:
         """Tell whether there is a transform between two times, and why not."""
-        can = self.can_transform_full(target_frame, target_time, source_frame, source_time,
-                                      fixed_frame, return_debug_tuple=True)
-        assert isinstance(can, tuple)
-        return can
+        return debug_tuple(self._why_not(
+            _NO_WAIT, self._lookups.check_full, target_frame, nanoseconds(target_time),
+            source_frame, nanoseconds(source_time), fixed_frame))
 
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                  timeout: Optional[Duration] = None) -> Future:
         """
         Make a future whose result will be the transform.
 
-        Cancel it, or drop it, to end the wait.
+        The wait ends when it is cancelled, or dropped and has no done callbacks.
 
         :param timeout: after how long it gets a TimeoutException; None: never.
         """
@@ -227,11 +226,13 @@ class Buffer(BufferCore, BufferInterface):
         return list(self._lookups.tree.histories)
 
 
+def _message(stamp: int, target_frame: str, source_frame: str, pose: Pose) -> TransformStamped:
+    return message_of((*divmod(stamp, SECOND), target_frame, source_frame, *pose))
+
+
 def _seconds(timeout: Optional[Duration]) -> Optional[float]:
     return None if timeout is None else nanoseconds(timeout, 'timeout') / SECOND
 
-
-# What a node or a clock keeps must not keep the buffer.
 
 def _jumped(buffer_ref: 'ref[Buffer]', time_jump: TimeJump) -> None:
     if (buffer := buffer_ref()) is not None:

@@ -17,7 +17,7 @@ from dummy_arm.tf.frames import Frame
 from dummy_arm.tf.history import Pose
 from dummy_arm.tf.lookup import Lookups
 from dummy_arm.tf.refusals import problems, Refusals, too_old
-from dummy_arm.tf.times import nanoseconds_or_int, SECOND
+from dummy_arm.tf.times import int64_times, nanoseconds_or_int, SECOND
 from dummy_arm.tf.transform import Transform
 
 _Answer = TypeVar('_Answer')
@@ -66,14 +66,19 @@ class BufferCore:
         :param authority: who says so; shown by `frames`.
         :returns: False when it was refused, as tf2 refuses it; the log says why.
         """
-        return self.insert(transform.stamp, transform.frame_id, transform.child_frame_id,
-                           (*transform.translation, *transform.rotation), authority)
+        return self._set(transform, authority, False)
 
     def set_transform_static(self, transform: Transform, authority: str = 'default_authority'
                              ) -> bool:
         """Insert the pose that a frame has at all times; else as `set_transform`."""
+        return self._set(transform, authority, True)
+
+    def _set(self, transform: Transform, authority: str, is_static: bool) -> bool:
+        if not isinstance(transform, Transform):
+            raise TypeError('a BufferCore takes a Transform (and a Buffer a TransformStamped), '
+                            f'got {type(transform).__name__}')
         return self.insert(transform.stamp, transform.frame_id, transform.child_frame_id,
-                           (*transform.translation, *transform.rotation), authority, True)
+                           (*transform.translation, *transform.rotation), authority, is_static)
 
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose,
                authority: str = 'default_authority', is_static: bool = False) -> bool:
@@ -83,9 +88,12 @@ class BufferCore:
         :param stamp: ns.
         :param pose: x, y, z (m) and the rotation's x, y, z, w, which is normalised.
         :returns: False when it was refused, as tf2 refuses it; the log says why.
-        :raises TypeError: when something is no number.
+        :raises TypeError: when a name is no str, or a number none.
+        :raises ValueError: when the pose is of another length.
         :raises OverflowError: when a stamp is no int64.
         """
+        if not (isinstance(frame_id, str) and isinstance(child_frame_id, str)):
+            raise TypeError(f'a frame id must be a str, got {frame_id!r} and {child_frame_id!r}')
         stamp = index(stamp)
         if not -_INT64 <= stamp < _INT64:
             raise OverflowError(f'a stamp must be an int64 of ns, got {stamp}')
@@ -150,14 +158,7 @@ class BufferCore:
         :raises OverflowError: on a time that is no int64.
         :raises ValueError: on another shape.
         """
-        times = np.asarray(times)
-        if times.ndim != 1:
-            raise ValueError(f'times must be of shape (n,), got {times.shape}')
-        if times.size and times.dtype.kind not in 'iu':
-            raise TypeError(f'times must be integers of ns, got {times.dtype}')
-        if times.size and times.max() >= _INT64:
-            raise OverflowError(f'times must be int64 of ns, got {times.max()}')
-        poses, known = self._lookups.poses(target_frame, source_frame, times.astype(np.int64))
+        poses, known = self._lookups.poses(target_frame, source_frame, int64_times(times))
         return poses[:, :3], poses[:, 3:], known
 
     def can_transform(self, target_frame: str, source_frame: str, time: Any = 0,
@@ -171,7 +172,7 @@ class BufferCore:
         """
         error = self._why_not(timeout, self._lookups.check, target_frame, source_frame,
                               self._nanoseconds(time))
-        return _debug_tuple(error) if return_debug_tuple else error is None
+        return debug_tuple(error) if return_debug_tuple else error is None
 
     def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
                            source_time: Any, fixed_frame: str, timeout: Any = 0,
@@ -180,7 +181,7 @@ class BufferCore:
         error = self._why_not(timeout, self._lookups.check_full, target_frame,
                               self._nanoseconds(target_time), source_frame,
                               self._nanoseconds(source_time), fixed_frame)
-        return _debug_tuple(error) if return_debug_tuple else error is None
+        return debug_tuple(error) if return_debug_tuple else error is None
 
     def _why_not(self, timeout: Any, check: Callable[..., None], *arguments: Any
                  ) -> Optional[TransformException]:
@@ -240,5 +241,6 @@ class BufferCore:
             return self._lookups.tree.as_string()
 
 
-def _debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
+def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
+    """Tell whether there is no error, and its text."""
     return error is None, '' if error is None else str(error)

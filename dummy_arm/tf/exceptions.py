@@ -2,33 +2,39 @@
 
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Optional, TypeVar
+
+_Error = TypeVar('_Error', bound='TransformException')
 
 
 class TransformException(Exception):
-    """
-    Base of all that a lookup raises.
+    """Base of all that a lookup raises."""
 
-    Its text is made when it is asked for: whoever waits for a frame gets many that nobody reads.
-    """
+    _hint: Optional[Callable[[], str]] = None
 
-    def __init__(self, words: str = '', hint: Callable[[], str] = str) -> None:
+    @classmethod
+    def hinting(cls: type[_Error], words: str, hint: Callable[[], str]) -> _Error:
         """
-        Take tf2's words, and what makes those that come after them.
+        Make an error of tf2's words, and of more that is worked out when somebody reads it.
 
-        :param hint: called once, if at all.
+        Whoever waits for a frame gets many errors that nobody reads.
         """
-        super().__init__(words)
-        self._hint = hint
-        self._text = ''
+        error = cls(words)
+        error._hint = hint
+        return error
 
     def __str__(self) -> str:
-        if not self._text:
-            self._text = f'{self.args[0]}{self._hint()}'
-        return self._text
+        if self._hint is not None:
+            self.args, self._hint = (f'{self.args[0]}{self._hint()}',), None
+        return super().__str__()
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (str(self),)
+    def __repr__(self) -> str:
+        str(self)
+        return super().__repr__()
+
+    def __reduce__(self) -> Any:
+        str(self)
+        return super().__reduce__()
 
 
 class ConnectivityException(TransformException):

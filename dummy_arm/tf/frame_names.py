@@ -1,6 +1,7 @@
 """Frame names that are asked for: tf2's errors, and the nearest names that there are."""
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
+from itertools import islice
 from typing import Optional
 
 from dummy_arm.tf import hints
@@ -24,8 +25,8 @@ def check(name: str, where: str, known: Collection[str]) -> None:
     """
     problem = _problem(name, known)
     if problem == _UNKNOWN:
-        raise LookupException(f'"{name}" passed to {where} does not exist. ',
-                              lambda: hints.nearest(name, tuple(known)))
+        raise LookupException.hinting(
+            f'"{name}" passed to {where} does not exist. ', _nearest(name, known))
     if problem:
         raise InvalidArgumentException(f'Invalid argument "{name}" passed to {where} - {problem}')
 
@@ -37,9 +38,16 @@ def check_for_can(name: str, argument: str, known: Collection[str]) -> None:
     :raises TransformException: when it does not exist.
     """
     if problem := _problem(name, known):
-        raise TransformException(
-            f'Invalid frame ID "{name}" passed to canTransform argument {argument} - {problem}',
-            lambda: f'. {hints.nearest(name, tuple(known))}' if problem == _UNKNOWN else '')
+        words = f'Invalid frame ID "{name}" passed to canTransform argument {argument} - {problem}'
+        if problem != _UNKNOWN:
+            raise TransformException(words)
+        raise TransformException.hinting(f'{words}. ', _nearest(name, known))
+
+
+def _nearest(name: str, known: Collection[str]) -> Callable[[], str]:
+    """Put off the search for the nearest of the names that are known now: no name is forgotten."""
+    count = len(known)
+    return lambda: hints.nearest(name, tuple(islice(known, count)))
 
 
 def _problem(name: str, known: Collection[str]) -> Optional[str]:

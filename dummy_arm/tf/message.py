@@ -1,8 +1,13 @@
-"""`TFMessage`: the real one where tf2_msgs is installed, else one made at run time."""
+"""Types of tf2_msgs: the real ones where they are installed; else TFMessage made at run time."""
 
 try:
     from tf2_msgs.msg import TFMessage
 except ImportError:
     from dummy_arm.tf.tf_message import TFMessage
 
-__all__ = ['TFMessage']
+try:
+    from tf2_msgs.srv import FrameGraph
+except ImportError:
+    FrameGraph = None
+
+__all__ = ['FrameGraph', 'TFMessage']

@@ -3,6 +3,9 @@
 from operator import index
 from typing import Any
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
 SECOND = 1_000_000_000
 
 
@@ -36,6 +39,25 @@ def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
         return nanoseconds(time, name)
     except TypeError as error:
         raise TypeError(f'{error}; an integer of ns is good, too') from None
+
+
+def int64_times(times: ArrayLike) -> NDArray[np.int64]:
+    """
+    Read a row of times (ns).
+
+    :param times: (n,) integers.
+    :raises TypeError: on other numbers.
+    :raises OverflowError: on a time that is no int64.
+    :raises ValueError: on another shape.
+    """
+    times = np.asarray(times)
+    if times.ndim != 1:
+        raise ValueError(f'times must be of shape (n,), got {times.shape}')
+    if times.size and times.dtype.kind not in 'iu':
+        raise TypeError(f'times must be integers of ns, got {times.dtype}')
+    if times.size and times.max() > np.iinfo(np.int64).max:
+        raise OverflowError(f'times must be int64 of ns, got {times.max()}')
+    return times.astype(np.int64)
 
 
 def in_seconds(time: int) -> float:

@@ -49,12 +49,16 @@ class TransformFuture(Future):
             super().cancel()
 
 
+#: When (s, of the monotonic clock), a number that differs, after how long (s), of what.
+_Deadline = tuple[float, int, float, ref[TransformFuture]]
+
+
 class Waits:
     """
     The futures that wait for the data of a buffer.
 
-    A future is done in the thread that brings the data, or that sees that its time is up; its
-    callbacks run in the executor of the node, if there is one, else in that thread. The lock is
+    A future is done, and its callbacks run, in the thread that brings the data or that sees that
+    its time is up; then the executor of the node is woken, for coroutines that wait. The lock is
     reentrant and held for moments only: the garbage collector may come by at any of them.
     """
 
@@ -69,7 +73,7 @@ class Waits:
         self._futures: WeakSet[TransformFuture] = WeakSet()
         self._kept: set[TransformFuture] = set()
         self._changed = Condition(self._lock)
-        self._deadlines: list[tuple[float, int, float, ref[TransformFuture]]] = []
+        self._deadlines: list[_Deadline] = []
         self._numbers = count()
         self._thread: Optional[Thread] = None
 
@@ -112,6 +116,7 @@ class Waits:
             self._futures.discard(future)
             self._kept.discard(future)
             self._changed.notify_all()
+        future.lookup = _nothing  # rclpy may hold the future on: not the buffer with it
         return waited
 
     def check(self) -> None:
@@ -120,33 +125,37 @@ class Waits:
             futures = list(self._futures)
         for future in futures:
             try:
-                transform = future.lookup()
+                outcome = partial(future.set_result, future.lookup())
             except TransformException:
                 continue
-            self._finish(future, partial(future.set_result, transform))
+            except Exception as error:
+                outcome = partial(future.set_exception, error)
+            self._finish(future, outcome)
 
     def _finish(self, future: TransformFuture, set_outcome: Callable[[], Any]) -> None:
         """Set the outcome of a future, unless it has one, and wake who waits for it."""
         if not self.forget(future):
             return
-        executor = None if self._node is None else self._node.executor
-        if executor is not None and not executor._is_shutdown:
-            future._set_executor(executor)
-        # These are raised where the executor is shut down at this very moment.
-        with suppress(AttributeError, InvalidHandle):
-            set_outcome()
-            if executor is not None:
+        set_outcome()
+        if self._node is not None and (executor := self._node.executor) is not None:
+            with suppress(InvalidHandle):  # raised when it is shut down at this very moment
                 executor.wake()
 
     def _end_after(self, future: TransformFuture, timeout: float) -> None:
         """See to it that a wait ends after a timeout (s)."""
         with self._lock:
+            if len(self._deadlines) > 2 * len(self._futures) + 10:
+                self._deadlines = [entry for entry in self._deadlines if self._waits(entry)]
+                heapq.heapify(self._deadlines)
             heapq.heappush(self._deadlines, (
                 monotonic() + timeout, next(self._numbers), timeout, ref(future, self._notify)))
             self._changed.notify_all()
-            if self._thread is None:
+            if self._thread is None or not self._thread.is_alive():
                 self._thread = Thread(target=self._watch_deadlines, daemon=True)
                 self._thread.start()
+
+    def _waits(self, entry: _Deadline) -> bool:
+        return entry[3]() in self._futures
 
     def _notify(self, _: Any) -> None:
         with self._lock:
@@ -156,7 +165,7 @@ class Waits:
         """End the waits whose time is up, as long as there are any that may have to be ended."""
         while True:
             with self._lock:
-                while self._deadlines and self._deadlines[0][3]() not in self._futures:
+                while self._deadlines and not self._waits(self._deadlines[0]):
                     heapq.heappop(self._deadlines)
                 if not self._deadlines:
                     self._thread = None
@@ -177,4 +186,11 @@ class Waits:
         except TransformException as error:
             outcome = partial(future.set_exception, TimeoutException(
                 f'Timed out after {timeout:g} s, waiting for {future.what}: {error}'))
+        except Exception as error:
+            outcome = partial(future.set_exception, error)
         self._finish(future, outcome)
+
+
+def _nothing() -> TransformStamped:
+    """Give no answer, in place of the lookup of a future that needs none."""
+    raise TransformException
