@@ -31,8 +31,7 @@ class Buffer(BufferCore, BufferInterface):
     """
     A BufferCore whose times and transforms are rclpy's and geometry_msgs', as that of tf2_ros.
 
-    Times are anything that has `sec` and `nanosec`, or `nanoseconds`. What waits, waits on wall
-    time. Lookups raise what BufferCore tells.
+    Times have `sec` and `nanosec`, or `nanoseconds`. Waits are on wall time. Errors: BufferCore's.
     """
 
     _nanoseconds = staticmethod(nanoseconds)
@@ -106,6 +105,8 @@ class Buffer(BufferCore, BufferInterface):
         :param time: when; 0: the latest time that all frames on the way know of.
         :param timeout: how long to wait for it at most.
         """
+        if timeout is _NO_WAIT:
+            return self.lookup_transform_core(target_frame, source_frame, time)
         stamp, pose = self._waited(timeout, self._lookups.pose, target_frame, source_frame,
                                    nanoseconds(time))
         return _message(stamp, target_frame, source_frame, pose)
@@ -117,7 +118,6 @@ class Buffer(BufferCore, BufferInterface):
         Look up the pose that the source frame had at its time, in the target frame at its own.
 
         :param fixed_frame: the frame in which things stay where they are between the two times.
-        :param timeout: how long to wait for it at most.
         """
         stamp, pose = self._waited(
             timeout, self._lookups.pose_full, target_frame, nanoseconds(target_time),
@@ -246,5 +246,5 @@ def _tell(buffer_ref: 'ref[Buffer]', _: Any, response: Any) -> Any:
 
 
 def _unregister(handle: JumpHandle) -> None:
-    with suppress(InvalidHandle):  # raised when the clock is gone already
+    with suppress(InvalidHandle):  # when the clock is gone already
         handle.unregister()
