@@ -138,7 +138,7 @@ class Waits:
             return
         set_outcome()
         if self._node is not None and (executor := self._node.executor) is not None:
-            with suppress(InvalidHandle):  # raised when it is shut down at this very moment
+            with suppress(AttributeError, InvalidHandle):  # when it is shut down just now
                 executor.wake()
 
     def _end_after(self, future: TransformFuture, timeout: float) -> None:
