@@ -411,6 +411,17 @@ def test_an_abandoned_wait_leaves_nothing_behind(ros, abandon):
     assert gone() is None
 
 
+def test_a_future_that_is_done_holds_no_buffer():
+    """However long somebody keeps it."""
+    buffer = Buffer()
+    future = buffer.wait_for_transform_async('map', 'tool', T)
+    buffer.set_transform(made(), 'test')
+    gone = weakref.ref(buffer)
+    del buffer
+    gc.collect()
+    assert (gone(), future.result()) == (None, made())
+
+
 def test_a_future_with_a_callback_needs_no_other_reference():
     """As in tf2_ros."""
     buffer, results = Buffer(), []
