@@ -19,18 +19,19 @@ rclpy.spin(node)
 """
 
 
-def matched(ros, publisher):
-    """Wait until somebody has subscribed."""
+def subscribed(ros, start, depth=10, code=SUBSCRIBER):
+    """Start a subscriber, and a publisher that it has subscribed to."""
+    process = start('-c', code)
+    process.line_with('ready')
+    publisher = ros.node.create_publisher(TFMessage, '/tf', depth)
     ros.until(lambda: publisher.get_subscription_count() == 1)
+    return process, publisher
 
 
 @made_at_run_time
 def test_malformed_messages_are_dropped(ros, start, golden_messages):
     """Every prefix of a golden message is dropped by a subscriber, and the next good one taken."""
-    process = start('-c', SUBSCRIBER)
-    process.line_with('ready')
-    publisher = ros.node.create_publisher(TFMessage, '/tf', 1000)
-    matched(ros, publisher)
+    process, publisher = subscribed(ros, start, depth=1000)
     good = TFMessage(transforms=[TransformStamped(child_frame_id='good')])
     longest = max(golden_messages, key=lambda case: len(case['cdr_hex']))
     data = bytes.fromhex(longest['cdr_hex'])
@@ -50,10 +51,7 @@ def test_malformed_messages_are_dropped(ros, start, golden_messages):
 @made_at_run_time
 def test_a_wrong_element_sends_nothing(ros, start, wrong):
     """The publish raises, and no message arrives before the next."""
-    process = start('-c', SUBSCRIBER)
-    process.line_with('ready')
-    publisher = ros.node.create_publisher(TFMessage, '/tf', 10)
-    matched(ros, publisher)
+    process, publisher = subscribed(ros, start)
     with pytest.raises((TypeError, ValueError)):
         publisher.publish(TFMessage(transforms=[TransformStamped(child_frame_id='a'), wrong]))
     publisher.publish(TFMessage(transforms=[TransformStamped(child_frame_id='b')]))
@@ -88,11 +86,9 @@ def test_objects_and_bytes_both_ways(ros):
 
 def test_a_large_message_arrives(ros, start):
     """Half a megabyte, published as object and taken as object by another process."""
-    process = start('-c', SUBSCRIBER.replace('[t.child_frame_id for t in m.transforms]',
-                                             'len(m.transforms), m.transforms[-1].transform'))
-    process.line_with('ready')
-    publisher = ros.node.create_publisher(TFMessage, '/tf', 10)
-    matched(ros, publisher)
+    process, publisher = subscribed(ros, start, code=SUBSCRIBER.replace(
+        '[t.child_frame_id for t in m.transforms]',
+        'len(m.transforms), m.transforms[-1].transform'))
     rows = [(1, 2, f'frame_{i}', f'frame_{i + 1}', i, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
             for i in range(5000)]
     publisher.publish(TFMessage(transforms=[message_of(row) for row in rows]))

@@ -16,7 +16,7 @@ from rclpy.time import Time
 from rclpy.utilities import get_default_context
 
 from dummy_arm.tf.buffer_core import BufferCore, debug_tuple
-from dummy_arm.tf.buffer_interface import BufferInterface
+from dummy_arm.tf.buffer_interface import BufferInterface, NO_WAIT
 from dummy_arm.tf.frames import as_dot
 from dummy_arm.tf.history import Pose
 from dummy_arm.tf.message import FrameGraph
@@ -24,7 +24,7 @@ from dummy_arm.tf.times import nanoseconds, SECOND
 from dummy_arm.tf.transform_stamped import bad_fields_named, message_of, row_of
 from dummy_arm.tf.waits import Waits
 
-_LATEST, _NO_WAIT = Time(), Duration()
+_LATEST = Time()
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -98,14 +98,14 @@ class Buffer(BufferCore, BufferInterface):
             self._waits.check()
 
     def lookup_transform(self, target_frame: str, source_frame: str,  # type: ignore[override]
-                         time: Time, timeout: Duration = _NO_WAIT) -> TransformStamped:
+                         time: Time, timeout: Duration = NO_WAIT) -> TransformStamped:
         """
         Look up the pose of the source frame in the target frame.
 
         :param time: when; 0: the latest time that all frames on the way know of.
         :param timeout: how long to wait for it at most.
         """
-        if timeout is _NO_WAIT:
+        if timeout is NO_WAIT:
             return self.lookup_transform_core(target_frame, source_frame, time)
         stamp, pose = self._waited(timeout, self._lookups.pose, target_frame, source_frame,
                                    nanoseconds(time))
@@ -113,7 +113,7 @@ class Buffer(BufferCore, BufferInterface):
 
     def lookup_transform_full(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
-            fixed_frame: str, timeout: Duration = _NO_WAIT) -> TransformStamped:
+            fixed_frame: str, timeout: Duration = NO_WAIT) -> TransformStamped:
         """
         Look up the pose that the source frame had at its time, in the target frame at its own.
 
@@ -151,7 +151,7 @@ class Buffer(BufferCore, BufferInterface):
             target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
 
     def can_transform(  # type: ignore[override]
-            self, target_frame: str, source_frame: str, time: Time, timeout: Duration = _NO_WAIT,
+            self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_WAIT,
             return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
         """
         Tell whether `lookup_transform` would give an answer.
@@ -164,7 +164,7 @@ class Buffer(BufferCore, BufferInterface):
 
     def can_transform_full(  # type: ignore[override]
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
-            fixed_frame: str, timeout: Duration = _NO_WAIT, return_debug_tuple: bool = False
+            fixed_frame: str, timeout: Duration = NO_WAIT, return_debug_tuple: bool = False
             ) -> Union[bool, tuple[bool, str]]:
         """Tell whether `lookup_transform_full` would give an answer; as `can_transform`."""
         return super().can_transform_full(
@@ -175,13 +175,13 @@ class Buffer(BufferCore, BufferInterface):
                            ) -> tuple[bool, str]:
         """Tell whether there is a transform, and why not."""
         return debug_tuple(self._why_not(
-            _NO_WAIT, self._lookups.check, target_frame, source_frame, nanoseconds(time)))
+            NO_WAIT, self._lookups.check, target_frame, source_frame, nanoseconds(time)))
 
     def can_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                 source_time: Time, fixed_frame: str) -> tuple[bool, str]:
         """Tell whether there is a transform between two times, and why not."""
         return debug_tuple(self._why_not(
-            _NO_WAIT, self._lookups.check_full, target_frame, nanoseconds(target_time),
+            NO_WAIT, self._lookups.check_full, target_frame, nanoseconds(target_time),
             source_frame, nanoseconds(source_time), fixed_frame))
 
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time,

@@ -15,7 +15,8 @@ PyKDLType = Any
 TransformableObject = Any
 TransformableObjectType = Any
 
-_NO_WAIT = Duration()
+#: What a timeout is unless another is given; one object, so that buffers know it.
+NO_WAIT = Duration()
 
 
 class TypeException(Exception):
@@ -44,7 +45,7 @@ class BufferInterface:
         self.registration = TransformRegistration()
 
     def transform(self, object_stamped: TransformableObject, target_frame: str,
-                  timeout: Duration = _NO_WAIT,
+                  timeout: Duration = NO_WAIT,
                   new_type: Optional[TransformableObjectType] = None) -> TransformableObject:
         """
         Transform an object from the frame and time in its header to another frame.
@@ -64,7 +65,7 @@ class BufferInterface:
         return result if new_type is None else convert(result, new_type)
 
     def transform_full(self, object_stamped: TransformableObject, target_frame: str,
-                       target_time: Time, fixed_frame: str, timeout: Duration = _NO_WAIT,
+                       target_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT,
                        new_type: Optional[TransformableObjectType] = None) -> TransformableObject:
         """
         Transform an object to another frame at another time; else as `transform`.
@@ -79,23 +80,23 @@ class BufferInterface:
         return result if new_type is None else convert(result, new_type)
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: Time,
-                         timeout: Duration = _NO_WAIT) -> TransformStamped:
+                         timeout: Duration = NO_WAIT) -> TransformStamped:
         """Look up a transform; for a subclass to implement."""
         raise NotImplementedException
 
     def lookup_transform_full(self, target_frame: str, target_time: Time, source_frame: str,
-                              source_time: Time, fixed_frame: str, timeout: Duration = _NO_WAIT
+                              source_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT
                               ) -> TransformStamped:
         """Look up a transform between two times; for a subclass to implement."""
         raise NotImplementedException
 
     def can_transform(self, target_frame: str, source_frame: str, time: Time,
-                      timeout: Duration = _NO_WAIT) -> bool:
+                      timeout: Duration = NO_WAIT) -> bool:
         """Tell whether there is a transform; for a subclass to implement."""
         raise NotImplementedException
 
     def can_transform_full(self, target_frame: str, target_time: Time, source_frame: str,
-                           source_time: Time, fixed_frame: str, timeout: Duration = _NO_WAIT
+                           source_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT
                            ) -> bool:
         """Tell whether there is a transform between two times; for a subclass to implement."""
         raise NotImplementedException

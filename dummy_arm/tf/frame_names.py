@@ -31,17 +31,25 @@ def check(name: str, where: str, known: Collection[str]) -> None:
         raise InvalidArgumentException(f'Invalid argument "{name}" passed to {where} - {problem}')
 
 
-def check_for_can(name: str, argument: str, known: Collection[str]) -> None:
-    """
-    Check a frame as `check` does, with what tf2's can_transform says.
+def check_for_lookup(known: Collection[str], **frames: str) -> None:
+    """Check the frames of a lookup, each under the name of its argument, as `check` does."""
+    for argument, name in frames.items():
+        check(name, f'lookupTransform argument {argument}', known)
 
-    :raises TransformException: when it does not exist.
+
+def check_for_can(known: Collection[str], **frames: str) -> None:
     """
-    if problem := _problem(name, known):
-        words = f'Invalid frame ID "{name}" passed to canTransform argument {argument} - {problem}'
-        if problem != _UNKNOWN:
-            raise TransformException(words)
-        raise TransformException.hinting(f'{words}. ', _nearest(name, known))
+    Check frames as `check_for_lookup` does, with what tf2's can_transform says.
+
+    :raises TransformException: when one does not exist.
+    """
+    for argument, name in frames.items():
+        if problem := _problem(name, known):
+            words = (f'Invalid frame ID "{name}" passed to canTransform argument {argument} - '
+                     f'{problem}')
+            if problem != _UNKNOWN:
+                raise TransformException(words)
+            raise TransformException.hinting(f'{words}. ', _nearest(name, known))
 
 
 def _nearest(name: str, known: Collection[str]) -> Callable[[], str]:

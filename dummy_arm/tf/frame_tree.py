@@ -45,7 +45,7 @@ class FrameTree:
         history = histories.setdefault(child, None)
         histories.setdefault(parent, None)
         if is_static:
-            if isinstance(history, StaticHistory) and history.parent == parent:
+            if isinstance(history, StaticHistory) and history.all_parents == (parent,):
                 history.pose, history.authority = pose, authority
                 return True, False
             histories[child] = StaticHistory(parent, pose, authority)
@@ -137,11 +137,12 @@ class FrameTree:
             history = self.histories[source]
             return history.latest if history else 0
         from_source: list[str] = []
+        met: dict[str, int] = {}
         for child, parent in self._ancestors(source):
             self._append(from_source, child)
             if parent == target:
                 return Path(self._edges(from_source), []).latest_common_time()
-        met = {parent: i + 1 for i, (_, parent) in enumerate(self._ancestors(source))}
+            met[parent] = len(from_source)
         from_target: list[str] = []
         for child, parent in self._ancestors(target):
             self._append(from_target, child)

@@ -29,18 +29,19 @@ from dummy_arm.tf.point_cloud import do_transform_cloud
 
 #: Below, a squared length is that of no rotation, as in tf2_geometry_msgs.
 _NO_ROTATION = 2.0 ** -52
+_UNTURNED = (0.0, 0.0, 0.0, 1.0)
 
 
 def do_transform_point(point: PointStamped, transform: TransformStamped) -> PointStamped:
     """Transform a point from the child frame of a transform to its frame."""
-    x, y, z = _moved(point.point, transform)
+    x, y, z = _moved(point.point, _pose_of(transform))
     return PointStamped(header=_header(transform), point=Point(x=x, y=y, z=z))
 
 
 def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -> Vector3Stamped:
     """Rotate a vector, which has no place, from the child frame of a transform to its frame."""
     still = (0.0, 0.0, 0.0, *_rotation(transform.transform.rotation))
-    x, y, z = compose(still, _pose(vector3.vector, _UNTURNED))[:3]
+    x, y, z = _moved(vector3.vector, still)
     return Vector3Stamped(header=_header(transform), vector=Vector3(x=x, y=y, z=z))
 
 
@@ -69,9 +70,9 @@ def do_transform_pose_with_covariance_stamped(
 def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformStamped
                                  ) -> PolygonStamped:
     """Transform the points of a polygon from the child frame of a transform to its frame."""
-    result = PolygonStamped(header=_header(transform))
+    result, pose = PolygonStamped(header=_header(transform)), _pose_of(transform)
     for point in polygon.polygon.points:
-        x, y, z = _moved(point, transform)
+        x, y, z = _moved(point, pose)
         result.polygon.points.append(Point32(x=x, y=y, z=z))
     return result
 
@@ -91,25 +92,22 @@ def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDAr
     return rotated.reshape(36)
 
 
-_UNTURNED = Quaternion()
-
-
 def _header(transform: TransformStamped) -> Header:
     """Copy the header of the result, so that results do not share it."""
     header = transform.header
     return Header(stamp=header.stamp, frame_id=header.frame_id)
 
 
-def _moved(point: Union[Point, Point32], transform: TransformStamped
+def _moved(point: Union[Point, Point32, Vector3], pose: history.Pose
            ) -> tuple[float, float, float]:
-    return compose(_pose_of(transform), _pose(point, _UNTURNED))[:3]
+    return compose(pose, (point.x, point.y, point.z, *_UNTURNED))[:3]
 
 
 def _pose_of(transform: TransformStamped) -> history.Pose:
     return _pose(transform.transform.translation, transform.transform.rotation)
 
 
-def _pose(position: Union[Point, Point32, Vector3], orientation: Quaternion) -> history.Pose:
+def _pose(position: Union[Point, Vector3], orientation: Quaternion) -> history.Pose:
     return (position.x, position.y, position.z, *_rotation(orientation))
 
 
@@ -117,7 +115,7 @@ def _rotation(orientation: Quaternion) -> rotations.Quaternion:
     """Normalise a rotation; zeros are taken for none."""
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     if x * x + y * y + z * z + w * w < _NO_ROTATION:
-        return 0.0, 0.0, 0.0, 1.0
+        return _UNTURNED
     return rotations.normalized(x, y, z, w)
 
 

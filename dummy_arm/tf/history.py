@@ -11,7 +11,8 @@ from dummy_arm.tf.times import display
 Pose = tuple[float, float, float, float, float, float, float]
 
 _DOUBLES = 7
-_BYTES = _DOUBLES * 8
+#: The size of a pose in a history.
+POSE_BYTES = _DOUBLES * 8
 _NO_STAMPS = array('q')
 _read_pose = struct.Struct('7d').unpack_from
 
@@ -25,14 +26,14 @@ class History:
     The samples of a frame that moves, no older than a cache time before the newest.
 
     The samples lie in two arrays, 64 bytes each. Those before `start` have expired; they are
-    removed many at a time. `parent` is the parent in all samples, or None while they differ; only
-    then `parents` has one for each. `all_parents` has each once. `regular` is `stamps`, but empty
-    while two of them are the same or the parents differ. `latest` is the newest stamp, or 0.
-    `recent` is where the last lookup was, as a hint for the next.
+    removed many at a time. `all_parents` has each parent once; only while there are several,
+    `parents` has that of each sample. `regular` is `stamps`, but empty while two of them are the
+    same or the parents differ. `latest` is the newest stamp, or 0. `recent` is where the last
+    lookup was, as a hint for the next.
     """
 
-    __slots__ = ('all_parents', 'authority', 'cache_time', 'latest', 'parent', 'parents', 'poses',
-                 'recent', 'regular', 'stamps', 'start')
+    __slots__ = ('all_parents', 'authority', 'cache_time', 'latest', 'parents', 'poses', 'recent',
+                 'regular', 'stamps', 'start')
 
     is_static = False
 
@@ -44,7 +45,6 @@ class History:
         """
         self.cache_time = cache_time
         self.authority = ''
-        self.parent: Optional[str] = None
         self.parents: Optional[list[str]] = None
         self.all_parents: tuple[str, ...] = ()
         self.stamps = array('q')
@@ -80,9 +80,9 @@ class History:
                     return True
                 self.regular = _NO_STAMPS
         else:
-            self.parent, self.all_parents = parent, (parent,)
+            self.all_parents = (parent,)
         self.authority = authority
-        if parent != self.parent or self.parents is not None:
+        if self.all_parents != (parent,):
             self._insert_parent(position, parent)
         if position == len(stamps):
             # Over what is left of an insert that was interrupted, if there is.
@@ -104,9 +104,8 @@ class History:
 
     def _insert_parent(self, position: int, parent: str) -> None:
         if self.parents is None:
-            assert self.parent is not None
-            self.parents = [self.parent] * len(self.stamps)
-            self.parent, self.regular = None, _NO_STAMPS
+            self.parents = [*self.all_parents] * len(self.stamps)
+            self.regular = _NO_STAMPS
         if parent not in self.all_parents:
             self.all_parents = (*self.all_parents, parent)
         self.parents.insert(position, parent)
@@ -123,7 +122,7 @@ class History:
             del self.parents[:expired]
             self.all_parents = tuple(set(self.parents))
             if len(self.all_parents) == 1:
-                self.parent, self.parents = self.all_parents[0], None
+                self.parents = None
         if self.parents is None and len(self.regular) < len(stamps) == len(set(stamps)):
             self.regular = stamps
 
@@ -149,7 +148,7 @@ class History:
 
     def pose(self, index: int) -> Pose:
         """Read the pose of a sample."""
-        return _read_pose(self.poses, index * _BYTES)
+        return _read_pose(self.poses, index * POSE_BYTES)
 
     def pose_at(self, time: int) -> Optional[Pose]:
         """
@@ -172,9 +171,9 @@ class History:
         pair.poses.extend(self.poses[i * _DOUBLES:(i + 2) * _DOUBLES])
         return pair
 
-    def parent_of(self, index: int) -> Optional[str]:
+    def parent_of(self, index: int) -> str:
         """Tell the parent in a sample."""
-        return self.parent if self.parents is None else self.parents[index]
+        return self.all_parents[0] if self.parents is None else self.parents[index]
 
     def parent_at(self, time: int) -> Optional[str]:
         """Tell the parent at a time (ns; 0: the newest); None when nothing is known of it."""
@@ -205,7 +204,7 @@ class History:
 class StaticHistory:
     """A pose that holds at all times."""
 
-    __slots__ = ('all_parents', 'authority', 'parent', 'pose', 'recent')
+    __slots__ = ('all_parents', 'authority', 'pose', 'recent')
 
     is_static = True
     parents = None
@@ -216,8 +215,7 @@ class StaticHistory:
 
     def __init__(self, parent: str, pose: Pose, authority: str) -> None:
         """Keep what is given."""
-        self.parent, self.pose, self.authority = parent, pose, authority
-        self.all_parents = (parent,)
+        self.all_parents, self.pose, self.authority = (parent,), pose, authority
         self.recent = 0
 
     def __len__(self) -> int:
@@ -229,7 +227,7 @@ class StaticHistory:
 
     def parent_at(self, time: int) -> str:
         """Tell the parent."""
-        return self.parent
+        return self.all_parents[0]
 
 
 AnyHistory = Union[History, StaticHistory]

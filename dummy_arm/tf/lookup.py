@@ -10,9 +10,8 @@ from dummy_arm.tf import batch, frame_names
 from dummy_arm.tf.exceptions import TransformException
 from dummy_arm.tf.frame_tree import FrameTree
 from dummy_arm.tf.history import NoPose, Pose
-from dummy_arm.tf.path import compose, Path
+from dummy_arm.tf.path import compose, IDENTITY, Path
 
-_IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 _MOST_PATHS = 10_000
 #: So many answers at once, so that nobody waits long for the lock.
 _CHUNK = 4096
@@ -74,10 +73,9 @@ class Lookups:
                     pass
             if target == source:
                 history = self.tree.histories.get(target)
-                return time or (history.latest if history is not None else 0), _IDENTITY
-            for name, argument in (target, 'target_frame'), (source, 'source_frame'):
-                frame_names.check(name, f'lookupTransform argument {argument}',
-                                  self.tree.histories)
+                return time or (history.latest if history is not None else 0), IDENTITY
+            frame_names.check_for_lookup(
+                self.tree.histories, target_frame=target, source_frame=source)
             time, path = self._search(target, source, time)
             return time, path.pose(time)
 
@@ -89,10 +87,8 @@ class Lookups:
         :param fixed: the frame in which things stay where they are between the two times.
         """
         with self.lock:
-            for name, argument in ((target, 'target_frame'), (source, 'source_frame'),
-                                   (fixed, 'fixed_frame')):
-                frame_names.check(name, f'lookupTransform argument {argument}',
-                                  self.tree.histories)
+            frame_names.check_for_lookup(
+                self.tree.histories, target_frame=target, source_frame=source, fixed_frame=fixed)
             _, fixed_from_source = self.pose(fixed, source, source_time)
             time, target_from_fixed = self.pose(target, fixed, target_time)
             return time, compose(target_from_fixed, fixed_from_source)
@@ -106,7 +102,7 @@ class Lookups:
         :returns: (n, 7), NaN where there is none, and (n,) whether there is one.
         """
         order = np.argsort(times, kind='stable')  # which makes searching in histories fast
-        poses = np.full((len(times), 7), np.nan)
+        poses = np.empty((len(times), 7))
         known = np.zeros(len(times), np.bool_)
         for begin in range(0, len(times), _CHUNK):
             part = order[begin:begin + _CHUNK]
@@ -143,17 +139,16 @@ class Lookups:
             if path is None or not path.covers(time or path.latest_common_time()):
                 if target == source:
                     return
-                for name, argument in (target, 'target_frame'), (source, 'source_frame'):
-                    frame_names.check_for_can(name, argument, self.tree.histories)
+                frame_names.check_for_can(
+                    self.tree.histories, target_frame=target, source_frame=source)
                 self._search(target, source, time)
 
     def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                    ) -> None:
         """Check that there is what `pose_full` gives."""
         with self.lock:
-            for name, argument in ((target, 'target_frame'), (source, 'source_frame'),
-                                   (fixed, 'fixed_frame')):
-                frame_names.check_for_can(name, argument, self.tree.histories)
+            frame_names.check_for_can(
+                self.tree.histories, target_frame=target, source_frame=source, fixed_frame=fixed)
             self.check(target, fixed, target_time)
             self.check(fixed, source, source_time)
 

@@ -5,10 +5,9 @@ from collections.abc import Sequence
 from math import acos, sin, sqrt
 import struct
 
-from dummy_arm.tf.history import AnyHistory, History, Pose
+from dummy_arm.tf.history import AnyHistory, History, Pose, POSE_BYTES
 
-_IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-_BYTES = 56
+IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 #: A cosine above which its last bits tell in the result, so that tf2's bits are needed.
 NEAR = 0.999999999999
 _read_two_poses = struct.Struct('14d').unpack_from
@@ -58,7 +57,11 @@ def inverse(pose: Pose) -> Pose:
 
 
 def compose(left: Pose, right: Pose) -> Pose:
-    """Compose a_from_b and b_from_c; a vector v is turned by u = 2 q x v: v + q_w u + q x u."""
+    """
+    Compose a_from_b and b_from_c, of numbers or of arrays of them.
+
+    A vector v is turned by u = 2 q x v: v + q_w u + q x u.
+    """
     x, y, z, ax, ay, az, aw = left
     vx, vy, vz, bx, by, bz, bw = right
     ux, uy, uz = 2.0 * (ay * vz - az * vy), 2.0 * (az * vx - ax * vz), 2.0 * (ax * vy - ay * vx)
@@ -80,7 +83,7 @@ def _along(edges: Sequence[AnyHistory], time: int) -> Pose:
     rotation by slerp (K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH 1985), the
     short way round.
     """
-    x, y, z, qx, qy, qz, qw = _IDENTITY
+    x, y, z, qx, qy, qz, qw = IDENTITY
     composed = False
     for edge in edges:
         stamps = edge.regular
@@ -92,7 +95,7 @@ def _along(edges: Sequence[AnyHistory], time: int) -> Pose:
             r = (time - before) / (stamps[i] - before)
             s = 1.0 - r
             (px, py, pz, ax, ay, az, aw,
-             nx, ny, nz, bx, by, bz, bw) = _read_two_poses(edge.poses, (i - 1) * _BYTES)
+             nx, ny, nz, bx, by, bz, bw) = _read_two_poses(edge.poses, (i - 1) * POSE_BYTES)
             px, py, pz = s * px + r * nx, s * py + r * ny, s * pz + r * nz
             cosine = ax * bx + ay * by + az * bz + aw * bw
             if cosine < 0.0:

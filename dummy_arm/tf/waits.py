@@ -124,13 +124,24 @@ class Waits:
         with self._lock:
             futures = list(self._futures)
         for future in futures:
-            try:
-                outcome = partial(future.set_result, future.lookup())
-            except TransformException:
-                continue
-            except Exception as error:
-                outcome = partial(future.set_exception, error)
-            self._finish(future, outcome)
+            self._try(future)
+
+    def _try(self, future: TransformFuture, waited: Optional[float] = None) -> None:
+        """
+        Finish a future if there is an answer, or if the lookup fails in another way.
+
+        :param waited: after how long (s) its time is up now; None: it goes on waiting.
+        """
+        try:
+            outcome = partial(future.set_result, future.lookup())
+        except TransformException as error:
+            if waited is None:
+                return
+            outcome = partial(future.set_exception, TimeoutException(
+                f'Timed out after {waited:g} s, waiting for {future.what}: {error}'))
+        except Exception as error:
+            outcome = partial(future.set_exception, error)
+        self._finish(future, outcome)
 
     def _finish(self, future: TransformFuture, set_outcome: Callable[[], Any]) -> None:
         """Set the outcome of a future, unless it has one, and wake who waits for it."""
@@ -177,18 +188,8 @@ class Waits:
                     continue
                 heapq.heappop(self._deadlines)
             if (future := future_ref()) is not None:
-                self._time_out(future, timeout)
+                self._try(future, timeout)
                 del future
-
-    def _time_out(self, future: TransformFuture, timeout: float) -> None:
-        try:
-            outcome = partial(future.set_result, future.lookup())
-        except TransformException as error:
-            outcome = partial(future.set_exception, TimeoutException(
-                f'Timed out after {timeout:g} s, waiting for {future.what}: {error}'))
-        except Exception as error:
-            outcome = partial(future.set_exception, error)
-        self._finish(future, outcome)
 
 
 def _nothing() -> TransformStamped:

@@ -20,6 +20,8 @@ import struct
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dummy_arm.tf.times import SECOND
+
 #: One transform, in the order of the wire: sec, nanosec, frame_id, child_frame_id,
 #: translation x, y, z (m) and rotation x, y, z, w.
 Row = tuple[int, int, str, str, float, float, float, float, float, float, float]
@@ -27,7 +29,6 @@ Row = tuple[int, int, str, str, float, float, float, float, float, float, float]
 _ENCAPSULATION = b'\x00\x01\x00\x00'
 _BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}
 _SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 7 * 8
-_SECOND = 1_000_000_000
 _pack_stamp = struct.Struct('<iI').pack
 _pack_pose = struct.Struct('<7d').pack
 
@@ -129,7 +130,7 @@ def split_stamp(stamp_ns: int) -> tuple[int, int]:
 
     :raises ValueError: when the seconds do not fit the int32 of a ROS stamp.
     """
-    sec, nanosec = divmod(stamp_ns, _SECOND)
+    sec, nanosec = divmod(stamp_ns, SECOND)
     if not -2**31 <= sec < 2**31:
         raise ValueError(f'a stamp must be from -2**31 to 2**31 - 1 seconds, got {stamp_ns} ns')
     return sec, nanosec
