@@ -1,18 +1,18 @@
 """What a path gives at many times at once: the formulas of `path`, on arrays."""
 
 from collections.abc import Sequence
-from typing import Optional
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dummy_arm.tf.history import AnyHistory
-from dummy_arm.tf.path import NEAR, Path
+from dummy_arm.tf.path import compose, IDENTITY, inverse, NEAR, Path
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]
-#: Translations x, y, z and rotations x, y, z, w: each a list of columns (n,).
-_Columns = tuple[Sequence[Floats], Sequence[Floats]]
+#: x, y, z and qx, qy, qz, qw: a column (n,) each, or (1,) of what is static.
+_Columns = tuple[Any, Any, Any, Any, Any, Any, Any]
 
 
 def poses(path: Path, times: Times) -> tuple[Floats, NDArray[np.bool_]]:
@@ -27,42 +27,28 @@ def poses(path: Path, times: Times) -> tuple[Floats, NDArray[np.bool_]]:
         times = np.where(times == 0, path.latest_common_time(), times)
     known = np.ones(len(times), np.bool_)
     with np.errstate(invalid='ignore', over='ignore'):
-        source = _compose(path.from_source, times, known)
-        target = _compose(path.from_target, times, known)
-        if target is None:
-            columns = source
-        else:
-            (x, y, z), (qx, qy, qz, qw) = target
-            back = (-qx, -qy, -qz, qw)
-            if source is None:
-                columns = _turn(back, (-x, -y, -z)), back
-            else:
-                (sx, sy, sz), rotation = source
-                columns = _turn(back, (sx - x, sy - y, sz - z)), _multiply(back, rotation)
+        columns = _along(path.from_source, times, known)
+        if path.from_target:
+            target_from_top = inverse(_along(path.from_target, times, known))
+            columns = compose(target_from_top, columns) if path.from_source else target_from_top
     result = np.empty((len(times), 7))
-    assert columns is not None
-    for i, column in enumerate((*columns[0], *columns[1])):
+    for i, column in enumerate(columns):
         result[:, i] = column
     return result, known
 
 
-def _compose(edges: Sequence[AnyHistory], times: Times, known: NDArray[np.bool_]
-             ) -> Optional[_Columns]:
+def _along(edges: Sequence[AnyHistory], times: Times, known: NDArray[np.bool_]) -> _Columns:
     """Compose a chain from its lowest edge up; clear `known` where an edge has no pose."""
-    composed: Optional[_Columns] = None
-    for edge in edges:
-        position, rotation = _interpolate(edge, times, known)
-        if composed is not None:
-            position = [a + b for a, b in zip(position, _turn(rotation, composed[0]))]
-            rotation = _multiply(rotation, composed[1])
-        composed = position, rotation
+    composed: _Columns = IDENTITY
+    for i, edge in enumerate(edges):
+        pose = _interpolate(edge, times, known)
+        composed = compose(pose, composed) if i else pose
     return composed
 
 
 def _interpolate(edge: AnyHistory, times: Times, known: NDArray[np.bool_]) -> _Columns:
     if edge.is_static:
-        columns = list(np.array([edge.pose_at(0)]).T)
-        return columns[:3], columns[3:]
+        return tuple(np.array([edge.pose_at(0)]).T)
     stamps = np.frombuffer(edge.stamps, np.int64)[edge.start:]
     samples = np.frombuffer(edge.poses).reshape(-1, 7)[edge.start:]
     try:
@@ -86,7 +72,7 @@ def _interpolate(edge: AnyHistory, times: Times, known: NDArray[np.bool_]) -> _C
     finally:
         del stamps, samples  # whatever happens: an array that is looked at cannot grow
     s = 1.0 - r
-    position = s * ax + r * bx, s * ay + r * by, s * az + r * bz
+    x, y, z = s * ax + r * bx, s * ay + r * by, s * az + r * bz
     cosine = aqx * bqx + aqy * bqy + aqz * bqz + aqw * bqw
     sign = np.where(cosine < 0.0, -1.0, 1.0)
     cosine *= sign
@@ -98,19 +84,5 @@ def _interpolate(edge: AnyHistory, times: Times, known: NDArray[np.bool_]) -> _C
     scale = 1.0 / np.where(same, 1.0, np.sin(angle))
     s = np.where(same, 1.0, np.sin(s * angle) * scale)
     r = np.sin(r * angle) * scale * sign
-    return position, (s * aqx + r * bqx, s * aqy + r * bqy, s * aqz + r * bqz, s * aqw + r * bqw)
-
-
-def _turn(rotation: Sequence[Floats], vector: Sequence[Floats]) -> Sequence[Floats]:
-    qx, qy, qz, qw = rotation
-    x, y, z = vector
-    ux, uy, uz = 2.0 * (qy * z - qz * y), 2.0 * (qz * x - qx * z), 2.0 * (qx * y - qy * x)
-    return (x + qw * ux + qy * uz - qz * uy, y + qw * uy + qz * ux - qx * uz,
-            z + qw * uz + qx * uy - qy * ux)
-
-
-def _multiply(left: Sequence[Floats], right: Sequence[Floats]) -> Sequence[Floats]:
-    ax, ay, az, aw = left
-    bx, by, bz, bw = right
-    return (aw * bx + ax * bw + ay * bz - az * by, aw * by + ay * bw + az * bx - ax * bz,
-            aw * bz + az * bw + ax * by - ay * bx, aw * bw - ax * bx - ay * by - az * bz)
+    return (x, y, z, s * aqx + r * bqx, s * aqy + r * bqy, s * aqz + r * bqz,
+            s * aqw + r * bqw)

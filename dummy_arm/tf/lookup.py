@@ -14,7 +14,7 @@ from dummy_arm.tf.path import compose, IDENTITY, Path
 
 _MOST_PATHS = 10_000
 #: So many answers at once, so that nobody waits long for the lock.
-_CHUNK = 4096
+_CHUNK = 2048
 
 
 class Lookups:
