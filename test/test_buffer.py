@@ -638,8 +638,8 @@ def test_a_buffer_without_node_has_a_clock():
 
 def test_the_service_tells_all_frames(ros, monkeypatch):
     """Where its type is installed; here another stands in for it."""
-    assert not hasattr(Buffer(node=ros.node), 'srv') or dummy_arm.tf.buffer.FrameGraph
-    monkeypatch.setattr('dummy_arm.tf.buffer.FrameGraph', Trigger)
+    assert Buffer(node=ros.node).srv is None or dummy_arm.tf.node_hooks.FrameGraph
+    monkeypatch.setattr('dummy_arm.tf.node_hooks.FrameGraph', Trigger)
     buffer = Buffer(node=ros.node)
     assert buffer.srv.srv_name == 'tf2_frames'
     buffer.set_transform(made(), 'test')

@@ -34,6 +34,7 @@ def test_the_changelog_tells_of_this_version():
 
 
 CORE = ('dummy_arm.arm', 'dummy_arm.tf', 'dummy_arm.tf.buffer_core', 'dummy_arm.tf.exceptions',
+        'dummy_arm.tf.message_reader',
         'dummy_arm.tf.transform', 'dummy_arm.tf.wire')
 
 

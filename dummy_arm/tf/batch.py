@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf.history import AnyHistory
 from dummy_arm.tf.path import compose, IDENTITY, inverse, NEAR, Path
+from dummy_arm.tf.static_history import AnyHistory
 
 Floats = NDArray[np.float64]
 Times = NDArray[np.int64]

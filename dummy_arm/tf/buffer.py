@@ -1,14 +1,12 @@
 """The buffer of tf2_ros: BufferCore for users of rclpy and of messages."""
 
-from contextlib import suppress
+from collections.abc import Callable
 from functools import partial
-from typing import Any, Optional, Union
-from weakref import finalize, ref
+from typing import Optional, Union
 
 from geometry_msgs.msg import TransformStamped
-from rclpy.clock import Clock, JumpHandle, JumpThreshold, TimeJump
+from rclpy.clock import Clock, TimeJump
 from rclpy.duration import Duration
-from rclpy.exceptions import InvalidHandle
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.task import Future
@@ -19,7 +17,7 @@ from dummy_arm.tf.buffer_core import BufferCore, debug_tuple
 from dummy_arm.tf.buffer_interface import BufferInterface, NO_WAIT
 from dummy_arm.tf.frames import as_dot
 from dummy_arm.tf.history import Pose
-from dummy_arm.tf.message import FrameGraph
+from dummy_arm.tf.node_hooks import call_on_jump, serve_frames
 from dummy_arm.tf.times import nanoseconds, SECOND
 from dummy_arm.tf.transform_stamped import bad_fields_named, message_of, row_of
 from dummy_arm.tf.waits import Waits
@@ -36,7 +34,8 @@ class Buffer(BufferCore, BufferInterface):
 
     _nanoseconds = staticmethod(nanoseconds)
 
-    def __init__(self, cache_time: Optional[Duration] = None, node: Optional[Node] = None) -> None:
+    def __init__(self, cache_time: Optional[Duration] = None, node: Optional[Node] = None, *,
+                 max_frames: int = 100_000) -> None:
         """
         Begin empty.
 
@@ -44,22 +43,18 @@ class Buffer(BufferCore, BufferInterface):
         :param node: its executor is woken when an async wait is over; a jump of its clock back by
             a second or more, or a change of its clock, clears the buffer; where tf2_msgs is
             installed, its service `tf2_frames` tells all frames.
+        :param max_frames: how many frames there may be; transforms with more are refused.
         """
-        BufferCore.__init__(self, 10 * SECOND if cache_time is None else cache_time)
+        BufferCore.__init__(self, 10 * SECOND if cache_time is None else cache_time,
+                            max_frames=max_frames)
         BufferInterface.__init__(self)
-        self._refusals.log = get_logger('tf2_buffer').warning
+        self._intake.refusals.log = get_logger('tf2_buffer').warning
         self._waits = Waits(node)
         self._context = get_default_context() if node is None else node.context
         self.clock = Clock() if node is None else node.get_clock()
-        # What a node or a clock keeps must not keep the buffer.
-        if node is not None and FrameGraph is not None:
-            self.srv = node.create_service(FrameGraph, 'tf2_frames', partial(_tell, ref(self)))
-        self.jump_handle = self.clock.create_jump_callback(
-            JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1),
-                          on_clock_change=True),
-            post_callback=partial(_jumped, ref(self)))
-        # The clock knows the handle by its address only.
-        finalize(self, _unregister, self.jump_handle).atexit = False
+        if node is not None:
+            self.srv = serve_frames(node, self)
+        self.jump_handle = call_on_jump(self.clock, self)
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
         """Clear the buffer."""
@@ -92,10 +87,16 @@ class Buffer(BufferCore, BufferInterface):
     def _is_alive(self) -> bool:
         return bool(self._context.ok())
 
-    def _on_new_data(self) -> None:
-        super()._on_new_data()
+    def on_new_data(self) -> None:
+        """Wake those who wait for a transform."""
+        super().on_new_data()
         if self._waits:
             self._waits.check()
+
+    @property
+    def is_waited_for(self) -> bool:
+        """Whether somebody waits for a transform."""
+        return super().is_waited_for or bool(self._waits)
 
     def lookup_transform(self, target_frame: str, source_frame: str,  # type: ignore[override]
                          time: Time, timeout: Duration = NO_WAIT) -> TransformStamped:
@@ -193,18 +194,25 @@ class Buffer(BufferCore, BufferInterface):
 
         :param timeout: after how long it gets a TimeoutException; None: never.
         """
-        return self._waits.add(
-            partial(self.lookup_transform_core, target_frame, source_frame, time),
-            _seconds(timeout), f"the transform from '{source_frame}' to '{target_frame}'")
+        return self._wait(partial(self.lookup_transform_core, target_frame, source_frame, time),
+                          timeout, source_frame, target_frame)
 
     def wait_for_transform_full_async(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
             fixed_frame: str, timeout: Optional[Duration] = None) -> Future:
         """Make a future as `wait_for_transform_async`, for a transform between two times."""
-        return self._waits.add(
-            partial(self.lookup_transform_full_core, target_frame, target_time, source_frame,
-                    source_time, fixed_frame),
-            _seconds(timeout), f"the transform from '{source_frame}' to '{target_frame}'")
+        return self._wait(partial(self.lookup_transform_full_core, target_frame, target_time,
+                                  source_frame, source_time, fixed_frame),
+                          timeout, source_frame, target_frame)
+
+    def _wait(self, lookup: Callable[[], TransformStamped], timeout: Optional[Duration],
+              source_frame: str, target_frame: str) -> Future:
+        future = self._waits.add(
+            lookup, None if timeout is None else nanoseconds(timeout, 'timeout') / SECOND,
+            f"the transform from '{source_frame}' to '{target_frame}'")
+        if not future.done():
+            self._hurry()
+        return future
 
     def get_latest_common_time(self, target_frame: str, source_frame: str
                                ) -> Time:
@@ -228,23 +236,3 @@ class Buffer(BufferCore, BufferInterface):
 
 def _message(stamp: int, target_frame: str, source_frame: str, pose: Pose) -> TransformStamped:
     return message_of((*divmod(stamp, SECOND), target_frame, source_frame, *pose))
-
-
-def _seconds(timeout: Optional[Duration]) -> Optional[float]:
-    return None if timeout is None else nanoseconds(timeout, 'timeout') / SECOND
-
-
-def _jumped(buffer_ref: 'ref[Buffer]', time_jump: TimeJump) -> None:
-    if (buffer := buffer_ref()) is not None:
-        buffer.time_jump_callback(time_jump)
-
-
-def _tell(buffer_ref: 'ref[Buffer]', _: Any, response: Any) -> Any:
-    if (buffer := buffer_ref()) is not None:
-        response.frame_yaml = buffer.all_frames_as_yaml()
-    return response
-
-
-def _unregister(handle: JumpHandle) -> None:
-    with suppress(InvalidHandle):  # when the clock is gone already
-        handle.unregister()

@@ -10,8 +10,9 @@ from dummy_arm.tf.exceptions import (
     LookupException,
 )
 from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.history import AnyHistory, History, Pose, StaticHistory
+from dummy_arm.tf.history import History, Pose
 from dummy_arm.tf.path import Path
+from dummy_arm.tf.static_history import AnyHistory, StaticHistory
 
 #: More edges in a row tf2 takes for a loop.
 MAX_GRAPH_DEPTH = 1000

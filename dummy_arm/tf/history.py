@@ -1,19 +1,21 @@
-"""What is known of one frame: its poses in its parent, in the order of time."""
+"""What is known of a frame that moves: its poses in its parent, in the order of time."""
 
 from array import array
 from bisect import bisect_left, bisect_right
 import struct
-from typing import Optional, Union
+from typing import Any, Optional
 
 from dummy_arm.tf.times import display
+from dummy_arm.tf.wire import POSE_BYTES
 
 #: x, y, z (m) and the rotation's x, y, z, w.
 Pose = tuple[float, float, float, float, float, float, float]
 
-_DOUBLES = 7
-#: The size of a pose in a history.
-POSE_BYTES = _DOUBLES * 8
-_NO_STAMPS = array('q')
+_DOUBLES = POSE_BYTES // 8
+#: So many samples of one stamp are kept at most; the first and the last of them matter.
+_MOST_OF_ONE_STAMP = 100
+#: What is `regular` while samples are not.
+NO_STAMPS = array('q')
 _read_pose = struct.Struct('7d').unpack_from
 
 
@@ -67,59 +69,82 @@ class History:
         """
         stamps = self.stamps
         position = len(stamps)
-        if position:
-            earliest = stamps[-1] - self.cache_time
-            if stamps[self.start] < earliest:
-                self._expire(earliest)
-            if stamp < earliest:
-                return False
-            position = bisect_right(stamps, stamp, self.start)
-            if position > self.start and stamps[position - 1] == stamp:
-                if self._has(position, stamp, parent, pose):
-                    self.authority = authority
-                    return True
-                self.regular = _NO_STAMPS
-        else:
-            self.all_parents = (parent,)
-        self.authority = authority
-        if self.all_parents != (parent,):
-            self._insert_parent(position, parent)
-        if position == len(stamps):
-            # Over what is left of an insert that was interrupted, if there is.
-            self.poses[position * _DOUBLES:] = array('d', pose)
-            stamps.append(stamp)
-            self.latest = stamp
-        else:
-            stamps.insert(position, stamp)
+        try:
+            if position:
+                earliest = stamps[-1] - self.cache_time
+                if stamps[self.start] < earliest:
+                    self.expire(earliest)
+                if stamp < earliest:
+                    return False
+                position = bisect_right(stamps, stamp, self.start)
+                if position > self.start and stamps[position - 1] == stamp:
+                    first = bisect_left(stamps, stamp, self.start)
+                    if self._has(first, position, parent, pose):
+                        self.authority = authority
+                        return True
+                    self.regular = NO_STAMPS
+                    if position - first >= _MOST_OF_ONE_STAMP:
+                        position -= 1
+                        self._delete(position, 1)
+            else:
+                self.all_parents = (parent,)
+            self.authority = authority
+            if self.parents is not None or self.all_parents != (parent,):
+                self._insert_parent(position, parent)
             self.poses[position * _DOUBLES:position * _DOUBLES] = array('d', pose)
+            stamps.insert(position, stamp)
+            self.latest = stamps[-1]
+        except BaseException:
+            self.mend(position)
+            raise
         return True
 
-    def _has(self, end: int, stamp: int, parent: str, pose: Pose) -> bool:
-        """Tell whether a sample is there, among those of its stamp that end before an index."""
-        while end > self.start and self.stamps[end - 1] == stamp:
-            end -= 1
-            if self.pose(end) == pose and self.parent_of(end) == parent:
-                return True
-        return False
+    def _has(self, first: int, end: int, parent: str, pose: Pose) -> bool:
+        """Tell whether a sample is there, among those of its stamp."""
+        return any(self.pose(i) == pose and self.parent_of(i) == parent
+                   for i in range(first, end))
 
     def _insert_parent(self, position: int, parent: str) -> None:
         if self.parents is None:
+            self.regular = NO_STAMPS
             self.parents = [*self.all_parents] * len(self.stamps)
-            self.regular = _NO_STAMPS
         if parent not in self.all_parents:
             self.all_parents = (*self.all_parents, parent)
         self.parents.insert(position, parent)
 
-    def _expire(self, earliest: int) -> None:
+    def _delete(self, begin: int, count: int) -> None:
+        if self.parents is not None:
+            del self.parents[begin:begin + count]
+        del self.poses[begin * _DOUBLES:(begin + count) * _DOUBLES]
+        del self.stamps[begin:begin + count]
+
+    def mend(self, position: int) -> None:
+        """Undo or complete what Ctrl-C interrupted: an insertion at an index, or a deletion."""
+        columns: list[tuple[int, Any, int]] = [
+            (len(self.stamps), self.stamps, 1),
+            (len(self.poses) // _DOUBLES, self.poses, _DOUBLES)]
+        if self.parents is not None:
+            columns.append((len(self.parents), self.parents, 1))
+        lengths = [length for length, _, _ in columns]
+        longest = max(lengths)
+        surplus = longest - min(lengths)
+        # Stamps come last: more of them than of the others are of a deletion.
+        begin = 0 if lengths[0] == longest and surplus > 1 else position
+        for length, column, width in columns:
+            if length == longest and surplus:
+                del column[begin * width:(begin + surplus) * width]
+        if self.stamps:
+            self.latest = self.stamps[-1]
+
+    def expire(self, earliest: int) -> None:
+        """Forget the samples before a time (ns)."""
         stamps = self.stamps
         self.start = expired = bisect_left(stamps, earliest, self.start)
         if expired <= 16 or expired * 5 <= len(stamps):
             return
-        del stamps[:expired]
-        del self.poses[:expired * _DOUBLES]
         self.start = 0
+        self._delete(0, expired)
         if self.parents is not None:
-            del self.parents[:expired]
             self.all_parents = tuple(set(self.parents))
             if len(self.all_parents) == 1:
                 self.parents = None
@@ -199,35 +224,3 @@ class History:
                     f'{display(time)} but the latest data is at time {display(self.latest)}')
         return ('Lookup would require extrapolation into the past.  Requested time '
                 f'{display(time)} but the earliest data is at time {display(self.oldest)}')
-
-
-class StaticHistory:
-    """A pose that holds at all times."""
-
-    __slots__ = ('all_parents', 'authority', 'pose', 'recent')
-
-    is_static = True
-    parents = None
-    # No samples in time.
-    start = latest = oldest = 0
-    stamps = regular = _NO_STAMPS
-    poses = array('d')
-
-    def __init__(self, parent: str, pose: Pose, authority: str) -> None:
-        """Keep what is given."""
-        self.all_parents, self.pose, self.authority = (parent,), pose, authority
-        self.recent = 0
-
-    def __len__(self) -> int:
-        return 1
-
-    def pose_at(self, time: int) -> Pose:
-        """Read the pose."""
-        return self.pose
-
-    def parent_at(self, time: int) -> str:
-        """Tell the parent."""
-        return self.all_parents[0]
-
-
-AnyHistory = Union[History, StaticHistory]

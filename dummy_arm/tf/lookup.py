@@ -2,6 +2,7 @@
 
 from contextlib import suppress
 from threading import RLock
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +16,16 @@ from dummy_arm.tf.path import compose, IDENTITY, Path
 _MOST_PATHS = 10_000
 #: So many answers at once, so that nobody waits long for the lock.
 _CHUNK = 2048
+
+
+class Source(Protocol):
+    """What brings transforms into a buffer."""
+
+    def fetch(self) -> None:
+        """Insert what has arrived; called with the lock held, before a look at the data."""
+
+    def hurry(self) -> None:
+        """From now on, and as long as somebody waits, bring in what arrives at once."""
 
 
 class Lookups:
@@ -35,6 +46,7 @@ class Lookups:
         """
         self.lock = RLock()
         self.tree = FrameTree(cache_time)
+        self.sources: tuple[Source, ...] = ()
         self._paths: dict[tuple[str, str], Path] = {}
 
     def insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
@@ -50,6 +62,11 @@ class Lookups:
                 self._paths.clear()
         return taken
 
+    def fetch(self) -> None:
+        """Insert what has arrived; with the lock held."""
+        for origin in self.sources:
+            origin.fetch()
+
     def clear(self) -> None:
         """Forget what moves; the frames and what is static stay."""
         with self.lock:
@@ -64,6 +81,8 @@ class Lookups:
         :raises TransformException: when there is none.
         """
         with self.lock:
+            for origin in self.sources:
+                origin.fetch()
             path = self._paths.get((target, source))
             if path is not None:
                 try:
@@ -87,6 +106,7 @@ class Lookups:
         :param fixed: the frame in which things stay where they are between the two times.
         """
         with self.lock:
+            self.fetch()
             frame_names.check_for_lookup(
                 self.tree.histories, target_frame=target, source_frame=source, fixed_frame=fixed)
             _, fixed_from_source = self.pose(fixed, source, source_time)
@@ -101,6 +121,8 @@ class Lookups:
         :param times: (n,).
         :returns: (n, 7), NaN where there is none, and (n,) whether there is one.
         """
+        with self.lock:
+            self.fetch()
         order = np.argsort(times, kind='stable')  # which makes searching in histories fast
         poses = np.empty((len(times), 7))
         known = np.zeros(len(times), np.bool_)
@@ -135,6 +157,7 @@ class Lookups:
         :raises TransformException: when there is none.
         """
         with self.lock:
+            self.fetch()
             path = self._paths.get((target, source))
             if path is None or not path.covers(time or path.latest_common_time()):
                 if target == source:
@@ -147,6 +170,7 @@ class Lookups:
                    ) -> None:
         """Check that there is what `pose_full` gives."""
         with self.lock:
+            self.fetch()
             frame_names.check_for_can(
                 self.tree.histories, target_frame=target, source_frame=source, fixed_frame=fixed)
             self.check(target, fixed, target_time)
@@ -173,6 +197,7 @@ class Lookups:
     def latest_common_time(self, target: str, source: str) -> int:
         """Find the latest time (ns) that all frames between two know of; 0 when nothing moves."""
         with self.lock:
+            self.fetch()
             for name in target, source:
                 frame_names.check(name, 'get_latest_common_time', self.tree.histories)
             return self.tree.latest_common_time(target, source)

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from math import acos, sin, sqrt
 import struct
 
-from dummy_arm.tf.history import AnyHistory, History, Pose, POSE_BYTES
+from dummy_arm.tf.history import History, Pose
+from dummy_arm.tf.static_history import AnyHistory
+from dummy_arm.tf.wire import POSE_BYTES
 
 IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 #: A cosine above which its last bits tell in the result, so that tf2's bits are needed.

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 import logging
-from math import isnan
+from math import inf, isnan
 import time
 
 from dummy_arm.tf.history import Pose
@@ -45,6 +45,13 @@ def too_old(child: str, stamp: int, authority: str) -> str:
             'http://wiki.ros.org/tf/Errors%20explained')
 
 
+def too_many_frames(child: str, limit: int, authority: str) -> str:
+    """Tell that a frame is new and there may be no more."""
+    return (f'TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "{child}" from authority '
+            f'"{authority}", and every other with a new frame: {limit} frames are known, and no '
+            'more are allowed (max_frames of the buffer). Does something send ever new names?')
+
+
 class Refusals:
     """A log that says the same cause at most once a second."""
 
@@ -55,9 +62,15 @@ class Refusals:
 
     def tell(self, *problems: str) -> None:
         """Log problems, but not one whose cause, its first word, was logged within a second."""
-        now = time.monotonic()
         for problem in problems:
-            cause = problem.partition(' ')[0]
-            if now >= self._again.get(cause, now):
-                self._again[cause] = now + 1.0
-                self.log(problem)
+            self._tell(problem.partition(' ')[0], problem, 1.0)
+
+    def tell_once(self, cause: str, problem: str) -> None:
+        """Log a problem, but not if its cause was logged before."""
+        self._tell(cause, problem, inf)
+
+    def _tell(self, cause: str, problem: str, silence: float) -> None:
+        now = time.monotonic()
+        if now >= self._again.get(cause, now):
+            self._again[cause] = now + silence
+            self.log(problem)

@@ -8,6 +8,8 @@ from transforms3d import quaternions
 
 Quaternion = tuple[float, float, float, float]
 
+#: From so many rotations on, arrays of them are faster.
+_MANY = 32
 _NAN = (math.nan, math.nan, math.nan, math.nan)
 
 
@@ -49,6 +51,59 @@ def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
                 ((xz - wy) + (xz + wy)) * s, ((yz + wx) - (yz - wx)) * s)
     except (ZeroDivisionError, ValueError):
         return _NAN
+
+
+def normalize_poses(poses: NDArray[np.float64]) -> None:
+    """
+    Normalise the rotations of many poses, each as `normalized` does.
+
+    :param poses: (n, 7) x, y, z, qx, qy, qz, qw; changed in place.
+    """
+    rotations = poses[:, 3:]
+    if len(poses) < _MANY:
+        rotations[:] = [normalized(*rotation) for rotation in rotations.tolist()]
+        return
+    q = rotations.T.copy()
+    x, y, z, w = q
+    result, diagonal, products = np.empty_like(q), np.empty_like(q[:3]), np.empty_like(q[:3])
+    with np.errstate(all='ignore'):
+        doubled = q[:3] * (2.0 / (q * q).sum(axis=0))
+        w_xyz = w * doubled
+        xx, products[2], products[1] = x * doubled
+        yy, products[0] = y * doubled[1:]
+        zz = z * doubled[2]
+        diagonal[0], diagonal[1], diagonal[2] = yy + zz, xx + zz, xx + yy
+        np.subtract(1.0, diagonal, diagonal)
+        trace = diagonal[0] + diagonal[1] + diagonal[2]
+        above, below = products + w_xyz, products - w_xyz
+        root = np.sqrt(trace + 1.0)
+        np.multiply(above - below, 0.5 / root, result[:3])
+        np.multiply(root, 0.5, result[3])
+        if not trace.min() > 0.0:
+            _turn_far(~(trace > 0.0), diagonal, above, below, result)
+    rotations[:] = result.T
+
+
+def _turn_far(rows: NDArray[np.bool_], diagonal: NDArray[np.float64], above: NDArray[np.float64],
+              below: NDArray[np.float64], result: NDArray[np.float64]) -> None:
+    """
+    Set some quaternions of matrices whose trace is not positive.
+
+    :param above: (3, n) the elements 21, 02, 10.
+    :param below: (3, n) the elements 12, 20, 01.
+    """
+    m0, m1, m2 = diagonal
+    largest = np.where(np.where(m0 >= m1, m0, m1) < m2, 2, np.where(m0 < m1, 1, 0))
+    for i, j, k in (0, 1, 2), (1, 2, 0), (2, 0, 1):
+        n = (rows & (largest == i)).nonzero()[0]
+        if not len(n):
+            continue
+        root = np.sqrt(diagonal[i, n] - diagonal[j, n] - diagonal[k, n] + 1.0)
+        scale = 0.5 / root
+        result[i, n] = root * 0.5
+        result[j, n] = (above[k, n] + below[k, n]) * scale
+        result[k, n] = (above[j, n] + below[j, n]) * scale
+        result[3, n] = (above[i, n] - below[i, n]) * scale
 
 
 def multiply(left: Quaternion, right: Quaternion) -> Quaternion:

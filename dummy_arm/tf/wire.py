@@ -16,6 +16,7 @@ A message is plain CDR (XCDR1), as every RMW of Jazzy sends it:
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 import struct
+from typing import Optional
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -28,13 +29,25 @@ Row = tuple[int, int, str, str, float, float, float, float, float, float, float]
 
 _ENCAPSULATION = b'\x00\x01\x00\x00'
 _BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}
-_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 7 * 8
+#: The size of a pose.
+POSE_BYTES = 7 * 8
+_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + POSE_BYTES
 _pack_stamp = struct.Struct('<iI').pack
 _pack_pose = struct.Struct('<7d').pack
 
 
 class MalformedMessage(ValueError):
-    """Bytes that are no TFMessage."""
+    """Bytes that are no TFMessage; the text up to the colon is the kind of the fault."""
+
+
+def _pack_name(name: str) -> bytes:
+    try:
+        text = name.encode()
+    except UnicodeEncodeError as error:
+        raise ValueError(f'frame id {name!r} must be valid Unicode: {error}') from None
+    if b'\0' in text:
+        raise ValueError(f'frame id {name!r} must not contain a NUL character')
+    return struct.pack('<I', len(text) + 1) + text + b'\0'
 
 
 @lru_cache(maxsize=4096)
@@ -42,13 +55,7 @@ def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
     """Pack both names, padded up to the pose; `position` is that of the first, modulo 8."""
     packed = b''
     for name, alignment in ((frame_id, 4), (child_frame_id, 8)):
-        try:
-            text = name.encode()
-        except UnicodeEncodeError as error:
-            raise ValueError(f'frame id {name!r} must be valid Unicode: {error}') from None
-        if b'\0' in text:
-            raise ValueError(f'frame id {name!r} must not contain a NUL character')
-        packed += struct.pack('<I', len(text) + 1) + text + b'\0'
+        packed += _pack_name(name)
         packed += bytes(-(position + len(packed)) % alignment)
     return packed
 
@@ -85,16 +92,18 @@ def unpack(data: bytes) -> list[Row]:
     order = _BYTE_ORDER.get(data[:2])
     if order is None:
         raise MalformedMessage(
-            f'a TFMessage begins with 00 00 or 00 01 (plain CDR), not with {data[:2].hex(" ")!r}')
+            f'unknown encoding: a TFMessage begins with 00 00 or 00 01 (plain CDR), not with '
+            f'{data[:2].hex(" ")!r}')
     try:
         (count,) = struct.unpack_from(order + 'I', data, 4)
         if count * _SMALLEST_TRANSFORM > len(data) - 8:
             raise MalformedMessage(
-                f'{len(data)} bytes cannot hold the {count} transforms that they announce')
+                f'impossible count: {len(data)} bytes cannot hold the {count} transforms that '
+                'they announce')
         return _unpack_rows(data, order, count)
     except struct.error:
         raise MalformedMessage(
-            f'a TFMessage of {len(data)} bytes ends in the midst of a field') from None
+            f'truncated: a TFMessage of {len(data)} bytes ends in the midst of a field') from None
 
 
 def _unpack_rows(data: bytes, order: str, count: int) -> list[Row]:
@@ -171,3 +180,43 @@ class Packet:
         words[self._sec_at] = sec & 0xFFFFFFFF
         words[self._sec_at + 1] = nanosec
         return _ENCAPSULATION + body.tobytes()
+
+
+class Layout:
+    """
+    Where the fields of a little-endian message lie whose frames are known.
+
+    :param edges: (frame_id, child_frame_id) of each of the n transforms.
+    """
+
+    def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
+        fields = '<2s2xI'
+        position = 4
+        names = []
+        for edge in edges:
+            fields += '8s'
+            position += 8
+            for name, alignment in zip(edge, (4, 8)):
+                names.append(_pack_name(name))
+                padding = -(position + len(names[-1])) % alignment
+                fields += f'{len(names[-1])}s{padding}x'
+                position += len(names[-1]) + padding
+            fields += f'{POSE_BYTES}s'
+        self._struct = struct.Struct(fields)
+        #: The length of such a message (bytes).
+        self.size = self._struct.size
+        self._head = _ENCAPSULATION[:2], len(edges)
+        self._frame_ids, self._child_frame_ids = tuple(names[::2]), tuple(names[1::2])
+
+    def read(self, data: bytes) -> Optional[tuple[tuple[bytes, ...], tuple[bytes, ...]]]:
+        """
+        Read a message of at least the size.
+
+        :returns: the stamp (int32 s, uint32 ns) and the pose (7 float64) of each transform, as
+            they are on the wire; None when it is another message.
+        """
+        fields = self._struct.unpack_from(data)
+        if (fields[:2] == self._head and fields[3::4] == self._frame_ids
+                and fields[4::4] == self._child_frame_ids):
+            return fields[2::4], fields[5::4]
+        return None

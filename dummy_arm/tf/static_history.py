@@ -1,0 +1,38 @@
+"""What is known of a frame that does not move."""
+
+from array import array
+from typing import Union
+
+from dummy_arm.tf.history import History, NO_STAMPS, Pose
+
+
+class StaticHistory:
+    """A pose that holds at all times."""
+
+    __slots__ = ('all_parents', 'authority', 'pose', 'recent')
+
+    is_static = True
+    parents = None
+    # No samples in time.
+    start = latest = oldest = 0
+    stamps = regular = NO_STAMPS
+    poses = array('d')
+
+    def __init__(self, parent: str, pose: Pose, authority: str) -> None:
+        """Keep what is given."""
+        self.all_parents, self.pose, self.authority = (parent,), pose, authority
+        self.recent = 0
+
+    def __len__(self) -> int:
+        return 1
+
+    def pose_at(self, time: int) -> Pose:
+        """Read the pose."""
+        return self.pose
+
+    def parent_at(self, time: int) -> str:
+        """Tell the parent."""
+        return self.all_parents[0]
+
+
+AnyHistory = Union[History, StaticHistory]
