@@ -14,6 +14,7 @@ os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', '97')
 
 from geometry_msgs.msg import TransformStamped
+import listening
 import lookups
 from measure import best, Row
 import numpy as np
@@ -38,6 +39,8 @@ def main() -> None:
           f'u = {u * 1e6:.1f} µs')
     table(lookups.rows(u))
     lookups.plot(sys.argv[1])
+    table(listening.into_the_buffer(u))
+    table(listening.over_dds())
     table(sending.rows(rclpy.create_node('bench'), u))
     table(sending.ticking(rclpy.create_node('listener')))
     rclpy.shutdown()

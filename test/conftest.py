@@ -88,9 +88,9 @@ class Process:
         self._popen.wait(TIMEOUT)
         return time.monotonic() - start
 
-    def exit_code(self) -> int:
+    def exit_code(self, timeout: float = TIMEOUT) -> int:
         """Wait for the end."""
-        code = self._popen.wait(TIMEOUT)
+        code = self._popen.wait(timeout)
         self._reader.join()
         return code
 

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from dummy_arm.tf.transform import Transform as Transform
     from dummy_arm.tf.transform_broadcaster import PreparedTransforms as PreparedTransforms
     from dummy_arm.tf.transform_broadcaster import TransformBroadcaster as TransformBroadcaster
+    from dummy_arm.tf.transform_listener import TransformListener as TransformListener
 
 _MODULES = {
     'Buffer': 'buffer',
@@ -58,6 +59,7 @@ _MODULES = {
     'TransformableObjectType': 'buffer_interface',
     'TransformBroadcaster': 'transform_broadcaster',
     'TransformException': 'exceptions',
+    'TransformListener': 'transform_listener',
     'TransformRegistration': 'buffer_interface',
     'TypeException': 'buffer_interface',
 }

@@ -87,11 +87,10 @@ class Buffer(BufferCore, BufferInterface):
     def _is_alive(self) -> bool:
         return bool(self._context.ok())
 
-    def on_new_data(self) -> None:
-        """Wake those who wait for a transform."""
+    def on_new_data(self) -> bool:
+        """Wake those who wait for a transform; tell whether a future is done now."""
         super().on_new_data()
-        if self._waits:
-            self._waits.check()
+        return bool(self._waits) and self._waits.check()
 
     @property
     def is_waited_for(self) -> bool:

@@ -109,9 +109,10 @@ class BufferCore:
         for run in runs:
             self._intake.insert_run(run, authority)
 
-    def on_new_data(self) -> None:
-        """Wake those who wait for a transform."""
+    def on_new_data(self) -> bool:
+        """Wake those who wait for a transform; tell whether a future is done now."""
         self._waiting.notify()
+        return False
 
     @property
     def is_waited_for(self) -> bool:

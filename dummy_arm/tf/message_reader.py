@@ -3,6 +3,7 @@
 from array import array
 from collections.abc import Callable, Iterable
 import struct
+from sys import intern
 
 from dummy_arm.tf.times import SECOND
 from dummy_arm.tf.wire import Layout, MalformedMessage, Row, unpack
@@ -99,8 +100,9 @@ class MessageReader:
             self._layouts.clear()
             self._edges = 0
         self._edges += len(rows)
-        self._layouts[key] = (layout, [row[2].removeprefix('/') for row in rows],
-                              [row[3].removeprefix('/') for row in rows])
+        # Interned as the buffer's are: the same object is the same name.
+        self._layouts[key] = (layout, [intern(row[2].removeprefix('/')) for row in rows],
+                              [intern(row[3].removeprefix('/')) for row in rows])
 
 
 def _key(data: bytes) -> _Key:

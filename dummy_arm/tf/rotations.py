@@ -64,22 +64,22 @@ def normalize_poses(poses: NDArray[np.float64]) -> None:
         rotations[:] = [normalized(*rotation) for rotation in rotations.tolist()]
         return
     q = rotations.T.copy()
-    x, y, z, w = q
-    result, diagonal, products = np.empty_like(q), np.empty_like(q[:3]), np.empty_like(q[:3])
+    result = np.empty_like(q)
     with np.errstate(all='ignore'):
-        doubled = q[:3] * (2.0 / (q * q).sum(axis=0))
-        w_xyz = w * doubled
-        xx, products[2], products[1] = x * doubled
-        yy, products[0] = y * doubled[1:]
-        zz = z * doubled[2]
-        diagonal[0], diagonal[1], diagonal[2] = yy + zz, xx + zz, xx + yy
-        np.subtract(1.0, diagonal, diagonal)
-        trace = diagonal[0] + diagonal[1] + diagonal[2]
-        above, below = products + w_xyz, products - w_xyz
+        doubled = q[:3] * (2.0 / np.add.reduce(q * q))
+        w_xyz = q[3] * doubled
+        products = q[:3, np.newaxis] * doubled
+        xx, yy, zz = products[0, 0], products[1, 1], products[2, 2]
+        mixed = np.array((products[1, 2], products[0, 2], products[0, 1]))
+        trace = 1.0 - (yy + zz)
+        trace += 1.0 - (xx + zz)
+        trace += 1.0 - (xx + yy)
         root = np.sqrt(trace + 1.0)
+        above, below = mixed + w_xyz, mixed - w_xyz
         np.multiply(above - below, 0.5 / root, result[:3])
         np.multiply(root, 0.5, result[3])
         if not trace.min() > 0.0:
+            diagonal = 1.0 - np.array((yy + zz, xx + zz, xx + yy))
             _turn_far(~(trace > 0.0), diagonal, above, below, result)
     rotations[:] = result.T
 
@@ -96,14 +96,13 @@ def _turn_far(rows: NDArray[np.bool_], diagonal: NDArray[np.float64], above: NDA
     largest = np.where(np.where(m0 >= m1, m0, m1) < m2, 2, np.where(m0 < m1, 1, 0))
     for i, j, k in (0, 1, 2), (1, 2, 0), (2, 0, 1):
         n = (rows & (largest == i)).nonzero()[0]
-        if not len(n):
-            continue
-        root = np.sqrt(diagonal[i, n] - diagonal[j, n] - diagonal[k, n] + 1.0)
-        scale = 0.5 / root
-        result[i, n] = root * 0.5
-        result[j, n] = (above[k, n] + below[k, n]) * scale
-        result[k, n] = (above[j, n] + below[j, n]) * scale
-        result[3, n] = (above[i, n] - below[i, n]) * scale
+        if len(n):
+            root = np.sqrt(diagonal[i, n] - diagonal[j, n] - diagonal[k, n] + 1.0)
+            scale = 0.5 / root
+            result[i, n] = root * 0.5
+            result[j, n] = (above[k, n] + below[k, n]) * scale
+            result[k, n] = (above[j, n] + below[j, n]) * scale
+            result[3, n] = (above[i, n] - below[i, n]) * scale
 
 
 def multiply(left: Quaternion, right: Quaternion) -> Quaternion:

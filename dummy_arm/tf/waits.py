@@ -119,29 +119,30 @@ class Waits:
         future.lookup = _nothing  # rclpy may hold the future on: not the buffer with it
         return waited
 
-    def check(self) -> None:
-        """Look for answers, now that there are new data."""
+    def check(self) -> bool:
+        """Look for answers, now that there are new data; tell whether there were any."""
         with self._lock:
             futures = list(self._futures)
-        for future in futures:
-            self._try(future)
+        return sum(map(self._try, futures)) > 0
 
-    def _try(self, future: TransformFuture, waited: Optional[float] = None) -> None:
+    def _try(self, future: TransformFuture, waited: Optional[float] = None) -> bool:
         """
         Finish a future if there is an answer, or if the lookup fails in another way.
 
         :param waited: after how long (s) its time is up now; None: it goes on waiting.
+        :returns: whether it is done now.
         """
         try:
             outcome = partial(future.set_result, future.lookup())
         except TransformException as error:
             if waited is None:
-                return
+                return False
             outcome = partial(future.set_exception, TimeoutException(
                 f'Timed out after {waited:g} s, waiting for {future.what}: {error}'))
         except Exception as error:
             outcome = partial(future.set_exception, error)
         self._finish(future, outcome)
+        return True
 
     def _finish(self, future: TransformFuture, set_outcome: Callable[[], Any]) -> None:
         """Set the outcome of a future, unless it has one, and wake who waits for it."""

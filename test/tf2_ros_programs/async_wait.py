@@ -1,25 +1,29 @@
 """Wait for a transform in a coroutine, without blocking the executor; written for tf2_ros."""
 
-from fed_by_hand import FedByHand
 import rclpy
 from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
 import rclpy.time
 from tf2_ros import LookupException
+from tf2_ros.buffer import Buffer
+from tf2_ros.transform_listener import TransformListener
 
 
-class AsyncWait(FedByHand):
+class AsyncWait(Node):
     """Looks up once a tenth of a second."""
 
     def __init__(self):
         """Start the timer."""
         super().__init__('async_wait')
+        self.tf_buffer = Buffer()
+        self.tf_listener = TransformListener(self.tf_buffer, self)
         self.create_timer(0.1, self.on_timer)
 
     async def on_timer(self):
         """Look up, and await it."""
         print('waiting', flush=True)
         try:
-            transform = await self.buffer.lookup_transform_async(
+            transform = await self.tf_buffer.lookup_transform_async(
                 'wheel', 'sonar', rclpy.time.Time())
             print(f'got transform from {transform.child_frame_id}', flush=True)
         except LookupException as error:

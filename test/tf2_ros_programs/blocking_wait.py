@@ -1,19 +1,23 @@
 """Wait for a transform in a callback, in one of several threads; written for tf2_ros."""
 
-from fed_by_hand import FedByHand
 import rclpy
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+from rclpy.node import Node
 import rclpy.time
 from tf2_ros import LookupException
+from tf2_ros.buffer import Buffer
+from tf2_ros.transform_listener import TransformListener
 
 
-class BlockingWait(FedByHand):
+class BlockingWait(Node):
     """Looks up once a tenth of a second."""
 
     def __init__(self):
         """Start the timer."""
         super().__init__('blocking_wait')
+        self.tf_buffer = Buffer()
+        self.tf_listener = TransformListener(self.tf_buffer, self)
         self.create_timer(0.1, self.on_timer)
 
     def on_timer(self):
@@ -21,7 +25,7 @@ class BlockingWait(FedByHand):
         print('waiting', flush=True)
         try:
             when = rclpy.time.Time()
-            self.buffer.lookup_transform('wheel', 'sonar', when, timeout=Duration(seconds=5.0))
+            self.tf_buffer.lookup_transform('wheel', 'sonar', when, timeout=Duration(seconds=5.0))
         except LookupException:
             print('not ready', flush=True)
         else:

@@ -1,21 +1,25 @@
 """Print all frames at a regular interval; written for tf2_ros."""
 
-from fed_by_hand import FedByHand
 import rclpy
 from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from tf2_ros.buffer import Buffer
+from tf2_ros.transform_listener import TransformListener
 
 
-class FrameDumper(FedByHand):
+class FrameDumper(Node):
     """Prints ten times a second."""
 
     def __init__(self):
         """Start the timer."""
         super().__init__('frame_dumper')
+        self.tf_buffer = Buffer()
+        self.tf_listener = TransformListener(self.tf_buffer, self)
         self.create_timer(0.1, self.on_timer)
 
     def on_timer(self):
         """Print."""
-        print(self.buffer.all_frames_as_yaml(), flush=True)
+        print(self.tf_buffer.all_frames_as_yaml(), flush=True)
 
 
 rclpy.init()

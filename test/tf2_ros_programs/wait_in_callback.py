@@ -1,18 +1,22 @@
 """Be called when a transform is there; written for tf2_ros."""
 
-from fed_by_hand import FedByHand
 import rclpy
 from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
 import rclpy.time
 from tf2_ros import LookupException
+from tf2_ros.buffer import Buffer
+from tf2_ros.transform_listener import TransformListener
 
 
-class WaitInCallback(FedByHand):
+class WaitInCallback(Node):
     """Waits for a transform; and when it has come, anew."""
 
     def __init__(self):
         """Start the timer."""
         super().__init__('wait_in_callback')
+        self.tf_buffer = Buffer()
+        self.tf_listener = TransformListener(self.tf_buffer, self)
         self.future = None
         self.create_timer(0.1, self.on_timer)
 
@@ -21,7 +25,7 @@ class WaitInCallback(FedByHand):
         self.future = None
         if future.result():
             try:
-                self.buffer.lookup_transform('wheel', 'sonar', rclpy.time.Time())
+                self.tf_buffer.lookup_transform('wheel', 'sonar', rclpy.time.Time())
             except LookupException:
                 print('no longer available', flush=True)
             else:
@@ -32,7 +36,7 @@ class WaitInCallback(FedByHand):
         if self.future:
             return
         print('waiting', flush=True)
-        self.future = self.buffer.wait_for_transform_async(
+        self.future = self.tf_buffer.wait_for_transform_async(
             'wheel', 'sonar', rclpy.time.Time())
         self.future.add_done_callback(self.on_ready)
 

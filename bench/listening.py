@@ -1,0 +1,94 @@
+"""What it costs to listen: from bytes into the buffer, and whole processes over DDS."""
+
+from collections.abc import Iterator
+from importlib.util import find_spec
+from itertools import count
+from pathlib import Path
+from statistics import mean
+import subprocess
+import sys
+from timeit import timeit
+
+from measure import Row
+import numpy as np
+
+from dummy_arm.tf import BufferCore, wire
+from dummy_arm.tf.message_reader import MessageReader
+
+ROLES = str(Path(__file__).parent / 'roles.py')
+MS = 1_000_000
+RUNS = 2
+#: Samples of each frame (at 1000 Hz).
+HISTORY = 1000
+#: The rate at which it is counted what is lost (Hz).
+RATE_LOST = 2000
+#: Rates (Hz) and frames in a message.
+STREAMS = (500, 20), (1000, 4)
+
+
+def into_the_buffer(u: float) -> Iterator[Row]:
+    """Measure messages from their bytes into a buffer that is full, so that samples expire."""
+    for frames in 4, 20, 100:
+        packet = wire.Packet([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
+        poses = np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (frames, 1))
+        buffer, reader, stamps = BufferCore(HISTORY * MS), MessageReader(print), count(10**18, MS)
+
+        def insert(messages: list[bytes]) -> None:
+            for message in messages:
+                buffer.insert_messages((message,), reader)  # noqa: B023
+
+        def measure(number: int) -> float:
+            messages = [packet.pack(next(stamps), poses) for _ in range(number)]  # noqa: B023
+            return timeit(lambda: insert(messages), number=1) / number
+
+        measure(HISTORY + 100)
+        seconds = min(measure(200) for _ in range(20))
+        yield (f'message of {frames} frames, from bytes into the buffer', f'{seconds / u:.2f} u',
+               f'{seconds / u / frames:.3f} u a frame')
+
+
+def play(*arguments: str) -> 'subprocess.Popen[str]':
+    """Start a process."""
+    return subprocess.Popen([sys.executable, ROLES, *arguments], stdout=subprocess.PIPE, text=True)
+
+
+def measured(role: str, listener: str, topic: str, rate: float, frames: int, seconds: float
+             ) -> float:
+    """Have a listener measure itself while messages are sent."""
+    with play('send', topic, str(rate), str(frames), str(seconds)) as sender:
+        with play(role, *listener.split()) as process:
+            result = float(process.communicate(timeout=60)[0])
+        if role != 'count':
+            sender.terminate()
+    return result
+
+
+def over_dds() -> Iterator[Row]:
+    """Measure the CPU time of listening processes."""
+    listeners = [
+        ('rclpy to objects, compiled conversion, set one by one', 'Compiled', 'poses'),
+        ("rclpy to objects, this package's TFMessage, set one by one", 'Objects', 'tf'),
+        ('TransformListener, node spun', 'TransformListener', 'tf'),
+        ('TransformListener, node not spun', 'TransformListener unspun', 'tf')]
+    if find_spec('tf2_ros'):
+        listeners.insert(0, ('tf2_ros.TransformListener', 'tf2_ros', 'tf'))
+    for rate, frames in STREAMS:
+        results: dict[str, list[float]] = {}
+        for _ in range(RUNS):
+            for what, listener, topic in listeners:
+                results.setdefault(what, []).append(
+                    measured('cpu', listener, topic, rate, frames, 30))
+        reference = mean(results[listeners[0][0]])
+        for what, parts in results.items():
+            yield (f'{rate} Hz x {frames} frames: {what}', f'{mean(parts):.1%} of a core',
+                   f'{mean(parts) / reference:.3f} of the first')
+    expected = RATE_LOST * 10
+    got = measured('count', 'TransformListener', 'tf', RATE_LOST, 20, 10)
+    yield (f'{RATE_LOST} Hz x 20 frames, a queue of 100', f'{got:.0f} of {expected} messages',
+           f'{expected - got:.0f} lost')
+    own = measured('latency', 'subscription', 'tf', 100, 20, 30)
+    waiting = measured('latency', 'TransformListener', 'tf', 100, 20, 30)
+    yield ('median from publish to the callback of a subscription, 100 Hz x 20 frames',
+           f'{own * 1e3:.2f} ms', '1')
+    yield ('median from publish to the end of a lookup that waits for it',
+           f'{waiting * 1e3:.2f} ms', f'{waiting / own:.2f}')

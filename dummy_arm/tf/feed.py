@@ -1,0 +1,100 @@
+"""From a listener's subscriptions straight into a buffer."""
+
+from collections.abc import Callable
+from contextlib import suppress
+from time import monotonic
+
+from rclpy.exceptions import InvalidHandle
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.qos import HistoryPolicy
+from rclpy.subscription import Subscription
+
+from dummy_arm.tf.buffer_core import BufferCore
+from dummy_arm.tf.listening import Listening
+from dummy_arm.tf.message_reader import MessageReader
+from dummy_arm.tf.subscribing import take_all
+from dummy_arm.tf.wire import MalformedMessage
+
+#: The broadcaster that tf2_ros's listener in Python names.
+AUTHORITY = 'default_authority'
+#: The longest pause (s); and the part of the queue that may fill up in it.
+_LONGEST_PAUSE = 0.05
+_FILLED = 0.25
+#: At fewer messages a second there is no pause.
+_SLOW = 100.0
+
+
+class Feed:
+    """
+    Takes messages and inserts them, in the listener's thread and before every lookup.
+
+    So a lookup has all that has arrived, although the thread pauses while messages come in fast
+    and nobody waits for a transform. Nothing is taken or inserted without the buffer's lock.
+    """
+
+    def __init__(self, buffer: BufferCore, tf: Subscription, tf_static: Subscription,
+                 listening: Listening, on_malformed: Callable[[MalformedMessage], None]) -> None:
+        """
+        Begin to feed.
+
+        :param listening: the thread that calls `take`.
+        :param on_malformed: is called with the error of each message that is none.
+        """
+        self._buffer, self._tf, self._tf_static = buffer, tf, tf_static
+        self._listening, self._reader = listening, MessageReader(on_malformed)
+        # What was taken and is not in the buffer yet: Ctrl-C in a lookup loses nothing.
+        self._arrived: list[bytes] = []
+        self._arrived_static: list[bytes] = []
+        qos = tf.qos_profile
+        self._places = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else 1000
+        self._is_pausing = False
+        self._count = 0  # of messages since the last `take`, which was then:
+        self._last = monotonic()
+        buffer.add_source(self)
+
+    def end(self) -> None:
+        """Feed no more."""
+        self._buffer.remove_source(self)
+
+    def fetch(self) -> None:
+        """Insert what has arrived on /tf."""
+        with suppress(InvalidHandle, _rclpy.RCLError):  # when the listener ends just now
+            self._fetch()
+            if self._count and not self._is_pausing:
+                self._listening.wake()
+
+    def hurry(self) -> None:
+        """Take what arrives at once, as long as the buffer is waited for."""
+        if self._is_pausing:
+            self._listening.wake()
+
+    def take(self) -> tuple[bool, float]:
+        """
+        Insert what has arrived on both topics, for the listener's thread.
+
+        :returns: whether there is anything new since the last call; and how long to pause (s).
+        """
+        with self._buffer.lock:
+            take_all(self._tf_static, self._arrived_static)
+            self._insert(self._arrived_static, True)
+            self._fetch()
+            now = monotonic()
+            count, self._count, since, self._last = self._count, 0, now - self._last, now
+            # In this order: who begins to wait either is seen here, or sees the flag.
+            self._is_pausing = count > _SLOW * since
+            self._is_pausing = self._is_pausing and not self._buffer.is_waited_for
+        if count and self._buffer.on_new_data():
+            self._listening.wake_executor()
+        if not self._is_pausing:
+            return count > 0, 0.0
+        return True, min(_LONGEST_PAUSE, _FILLED * self._places * since / count)
+
+    def _fetch(self) -> None:
+        take_all(self._tf, self._arrived)
+        self._insert(self._arrived, False)
+
+    def _insert(self, arrived: list[bytes], is_static: bool) -> None:
+        if arrived:
+            self._buffer.insert_messages(arrived, self._reader, AUTHORITY, is_static)
+            self._count += len(arrived)
+            arrived.clear()

@@ -1,0 +1,136 @@
+"""The thread of a listener: waiting for messages, waking those who spin the node, ending."""
+
+import atexit
+from collections.abc import Callable
+from contextlib import suppress
+from threading import current_thread, Thread
+from time import monotonic
+from typing import Any
+from weakref import WeakSet
+
+from rclpy.callback_groups import CallbackGroup
+from rclpy.exceptions import InvalidHandle
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+
+#: The longest wait (s): signals shut a context down without a word.
+_STEP = 0.2
+#: The executor of the node is woken at most once in this time (s): it takes 0.1 to 0.3 ms.
+_BETWEEN_WAKES = 0.1
+#: How long those who end a thread wait for it (s); a callback that it runs may take longer.
+_ENDING = 0.5
+
+_running: WeakSet['Listening'] = WeakSet()
+
+
+class Listening:
+    """
+    A thread that has messages taken, until it is ended, the node is destroyed or ROS is shut down.
+
+    It waits on a wait set of its own. After messages were taken it may pause, so that others
+    gather: to be woken costs it more than what it does then.
+    """
+
+    def __init__(self, node: Node, group: CallbackGroup, eager: Subscription, lazy: Subscription,
+                 take: Callable[[], tuple[bool, float]], on_end: Callable[[], object]) -> None:
+        """
+        Prepare the thread.
+
+        :param group: of the guard condition by which the node's executor is woken.
+        :param eager: is always waited for.
+        :param lazy: is not waited for during a pause.
+        :param take: takes what has arrived; tells whether there was anything, and for how long
+            (s) to pause.
+        :param on_end: is called by the thread at its end.
+        """
+        self._node, self._context = node, node.context
+        self._eager, self._lazy = eager, lazy
+        self._take, self._on_end = take, on_end
+        self._wake = GuardCondition(None, None, context=node.context)
+        self._guard = node.create_guard_condition(_nothing, group)
+        # destroy_node() destroys the guard conditions of the node, and no other hook is there.
+        self._guard.destroy = self._on_guard_destroyed
+        self.has_ended = self._wakes_executor = False
+        self._next_wake = 0.0
+        self._thread = Thread(target=self._run, name=f'tf of {node.get_name()}', daemon=True)
+
+    def start(self) -> None:
+        """Start the thread."""
+        _running.add(self)
+        self._thread.start()
+
+    def wake(self) -> None:
+        """Have the thread take what has arrived, now."""
+        with suppress(InvalidHandle):
+            self._wake.trigger()
+
+    def wake_executor(self) -> None:
+        """Have the executor that spins the node return from its wait."""
+        self._wakes_executor = False
+        self._next_wake = monotonic() + _BETWEEN_WAKES
+        self._guard.trigger()
+
+    def end(self) -> None:
+        """End the thread, wherever this is called and however often."""
+        self._node.destroy_guard_condition(self._guard)
+        self.stop()
+
+    def stop(self) -> None:
+        """Have the thread stop, and wait for that, unless this is the thread."""
+        self.has_ended = True
+        self.wake()
+        if self._thread is not current_thread() and self._thread.is_alive():
+            self._thread.join(_ENDING)
+
+    def _on_guard_destroyed(self) -> None:
+        self.stop()
+        GuardCondition.destroy(self._guard)
+
+    def _run(self) -> None:
+        try:
+            with self._wake.handle, self._eager.handle, self._lazy.handle:
+                self._listen()
+        except (InvalidHandle, _rclpy.RCLError):
+            if not self.has_ended and self._context.ok():
+                raise
+        finally:
+            self.has_ended = True
+            _running.discard(self)
+            self._on_end()
+
+    def _listen(self) -> None:
+        context = self._context.handle
+        wait_set = _rclpy.WaitSet(2, 1, 0, 0, 0, 0, context)
+        pause = 0.0
+        while context.ok() and not self.has_ended:
+            self._wait(wait_set, pause)
+            if self.has_ended:
+                return
+            has_news, pause = self._take()
+            self._wakes_executor |= has_news
+            if self._wakes_executor and monotonic() >= self._next_wake:
+                self.wake_executor()
+
+    def _wait(self, wait_set: Any, pause: float) -> None:
+        wait_set.clear_entities()
+        wait_set.add_guard_condition(self._wake.handle)
+        wait_set.add_subscription(self._eager.handle)
+        if not pause:
+            wait_set.add_subscription(self._lazy.handle)
+        limit = pause or _STEP
+        if self._wakes_executor:
+            limit = min(limit, max(0.0, self._next_wake - monotonic()))
+        wait_set.wait(int(limit * 1e9))
+
+
+def _nothing() -> None:
+    """Have an executor return from a wait, and do nothing more."""
+
+
+@atexit.register
+def _stop_all() -> None:
+    """End all threads before the interpreter does: it would abort in the midst of a wait."""
+    for listening in list(_running):
+        listening.stop()

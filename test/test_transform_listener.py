@@ -1,0 +1,625 @@
+"""Listening to /tf and /tf_static, over DDS; what is sent comes from processes of their own."""
+
+import math
+from pathlib import Path
+import signal
+import threading
+import time
+
+from conftest import TIMEOUT
+from geometry_msgs.msg import TransformStamped
+import pytest
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Empty
+
+from dummy_arm.tf import (
+    Buffer,
+    BufferCore,
+    StaticTransformBroadcaster,
+    TFMessage,
+    TransformBroadcaster,
+    TransformListener,
+)
+from dummy_arm.tf.transform_stamped import message_of
+
+LATEST = Time()
+WAIT = Duration(seconds=TIMEOUT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+SENDER = """
+import sys, time, rclpy
+from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
+from dummy_arm.tf.transform_stamped import message_of
+parent, *children = sys.argv[1].split()
+rclpy.init()
+node = rclpy.create_node('sender')
+static = StaticTransformBroadcaster(node)
+static.sendTransform(message_of((0, 0, parent, children[0] + '_static', 0, 0, 0, 0, 0, 0, 1)))
+broadcaster = TransformBroadcaster(node)
+print('sending')
+while True:
+    stamp = divmod(time.time_ns(), 10**9)
+    broadcaster.sendTransform([
+        message_of((*stamp, parent, child, i, 0, 0, 0, 0, 0, 1))
+        for i, child in enumerate(children)])
+    time.sleep(0.01)
+"""
+
+
+def made(stamp_ns=0, parent='map', child='robot', x=0.0):
+    """Make a transform."""
+    return message_of((*divmod(stamp_ns, 10**9), parent, child, x, *STILL[1:]))
+
+
+@pytest.fixture
+def sender(start):
+    """Start a process that sends `PARENT CHILD ...` a hundred times a second."""
+    def send(frames):
+        process = start('-c', SENDER, frames)
+        process.line_with('sending')
+        return process
+
+    return send
+
+
+@pytest.fixture
+def listen(ros):
+    """Make a buffer and its listener."""
+    listeners = []
+
+    def make(node=None, buffer=None, **how):
+        node = node or ros.node
+        buffer = Buffer(node=node) if buffer is None else buffer
+        listeners.append(TransformListener(buffer, node, **how))
+        return buffer, listeners[-1]
+
+    yield make
+    for listener in listeners:
+        listener.unregister()
+
+
+def eventually(condition):
+    """Wait until a condition holds, without spinning anything."""
+    deadline = time.monotonic() + TIMEOUT
+    while not condition():
+        assert time.monotonic() < deadline, 'waited in vain'
+        time.sleep(0.002)
+
+
+def spun(work):
+    """Do work in a thread; wait for its end; give its result."""
+    results = []
+    thread = threading.Thread(target=lambda: results.append(work()), daemon=True)
+    thread.start()
+    thread.join(2 * TIMEOUT)
+    assert results, 'it never ended'
+    return results[0]
+
+
+@pytest.mark.parametrize('spin_thread', [False, True])
+@pytest.mark.parametrize('where', ['timer', 'subscription', 'service'])
+def test_a_lookup_waits_inside_a_callback(ros, sender, listen, where, spin_thread):
+    """Of a single-threaded executor, which spins nothing else meanwhile."""
+    buffer, _ = listen(spin_thread=spin_thread)
+    answers = []
+
+    def wait(*_):
+        if not answers:
+            begin = time.monotonic()
+            answers.append(buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT))
+            answers.append(time.monotonic() - begin)
+
+    other = Node('other', context=ros.context)
+    if where == 'timer':
+        ros.node.create_timer(0.01, wait)
+    elif where == 'subscription':
+        ros.node.create_subscription(Empty, 'go', wait, 10)
+        publisher = other.create_publisher(Empty, 'go', 10)
+        other_timer = threading.Timer(0.5, lambda: publisher.publish(Empty()))
+        other_timer.start()
+    else:
+        from std_srvs.srv import Trigger
+        ros.node.create_service(Trigger, 'go', lambda _, answer: wait() or answer)
+        client = other.create_client(Trigger, 'go')
+        assert client.wait_for_service(TIMEOUT)
+        client.call_async(Trigger.Request())
+    starting = threading.Timer(0.3, lambda: sender('map robot'))
+    starting.start()
+    ros.until(lambda: len(answers) == 2, 2 * TIMEOUT)
+    assert answers[0].child_frame_id == 'robot'
+    assert answers[1] > 0.05
+    starting.join()
+    other.destroy_node()
+
+
+def test_spin_once_returns_when_transforms_come_in(ros, sender, listen):
+    """Without a timeout, and nothing else that happens in the node."""
+    buffer, _ = listen()
+    sender('map robot')
+
+    def spin():
+        executor = SingleThreadedExecutor(context=ros.context)
+        executor.add_node(ros.node)
+        spins = 0
+        while not (buffer.can_transform('map', 'robot', LATEST)
+                   and buffer.can_transform('map', 'robot_static', LATEST)):
+            executor.spin_once()
+            spins += 1
+        for _ in range(10):
+            executor.spin_once()
+        executor.remove_node(ros.node)
+        executor.shutdown()
+        return spins
+
+    assert spun(spin) > 0
+
+
+def test_the_executor_is_woken_ten_times_a_second(ros, sender, listen):
+    """However many messages come in; so spinning costs little."""
+    buffer, _ = listen()
+    for number in range(3):
+        sender(f'map robot_{number}')
+    eventually(lambda: buffer.can_transform('robot_0', 'robot_2', LATEST))
+    executor = SingleThreadedExecutor(context=ros.context)
+    executor.add_node(ros.node)
+    end, wakes = time.monotonic() + 2.0, 0
+    while time.monotonic() < end:
+        executor.spin_once(timeout_sec=1.0)
+        wakes += 1
+    executor.shutdown()
+    assert 2 <= wakes <= 24
+
+
+@pytest.mark.parametrize('with_node', [True, False])
+def test_async_waits_end_while_the_node_is_spun(ros, sender, listen, with_node):
+    """Soon after the data are there, whether the buffer knows the node or not."""
+    buffer, _ = listen(buffer=Buffer(node=ros.node if with_node else None))
+    found = []
+
+    async def look():
+        transform = await buffer.lookup_transform_async('map', 'robot', LATEST)
+        found.append((transform, buffer.lookup_transform('map', 'robot', LATEST)))
+
+    ros.executor.create_task(look)
+    ros.executor.spin_once(timeout_sec=0.0)
+    sender('map robot')
+    ros.until(lambda: found)
+    assert found[0][0].child_frame_id == 'robot'
+
+
+def test_a_late_joiner_has_what_is_static(sender, listen, ros):
+    """Although it was sent once, long ago, by two."""
+    sender('map a')
+    sender('map b')
+    time.sleep(0.5)
+    buffer, _ = listen()
+    assert buffer.lookup_transform('a_static', 'b_static', LATEST, timeout=WAIT)
+
+
+def test_a_publisher_that_was_killed_comes_back(sender, listen):
+    """And is heard again."""
+    buffer, _ = listen()
+    first = sender('map robot')
+    buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
+    first.end(signal.SIGKILL)
+    silence = buffer.get_latest_common_time('map', 'robot')
+    sender('map robot')
+    buffer.lookup_transform('map', 'robot', silence + Duration(seconds=0.1), timeout=WAIT)
+
+
+def test_two_publishers_of_interleaved_frames(sender, listen):
+    """Each has every other frame of a chain."""
+    buffer, _ = listen()
+    sender('f0 f1')
+    sender('f1 f2')
+    sender('f2 f3')
+    begin = buffer.lookup_transform('f0', 'f3', LATEST, timeout=WAIT).header.stamp
+    later = Time.from_msg(begin) + Duration(seconds=0.5)
+    assert buffer.lookup_transform('f0', 'f3', later, timeout=WAIT)
+
+
+def test_static_transforms_are_updated(ros, listen):
+    """By the same broadcaster, and by another."""
+    buffer, _ = listen()
+    first, second = StaticTransformBroadcaster(ros.node), StaticTransformBroadcaster(ros.node)
+    for number, broadcaster in enumerate([first, first, second, first]):
+        broadcaster.sendTransform(made(child=f'other_{number}'))
+        broadcaster.sendTransform(made(x=float(number)))
+        eventually(lambda: buffer.can_transform(
+            'map', f'other_{number}', LATEST))  # noqa: B023
+        eventually(lambda: buffer.lookup_transform(
+            'map', 'robot', LATEST).transform.translation.x == number)  # noqa: B023
+
+
+def test_a_clock_that_jumps_back_clears_the_buffer(ros, listen):
+    """As does a switch to the simulation's; what is static stays."""
+    node = Node('simulated', context=ros.context)
+    ros.executor.add_node(node)
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+    buffer, _ = listen(node=node)
+    StaticTransformBroadcaster(ros.node).sendTransform(made(child='static'))
+    broadcaster = TransformBroadcaster(ros.node)
+
+    def send(seconds):
+        broadcaster.sendTransform(made(seconds * 10**9))
+        eventually(lambda: buffer.can_transform('map', 'robot', Time(seconds=seconds)))
+
+    def tick(seconds):
+        def has_ticked():
+            clock.publish(Clock(clock=Time(seconds=seconds).to_msg()))
+            return node.get_clock().now().nanoseconds == seconds * 10**9
+        ros.until(has_ticked)
+
+    ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
+    send(100)
+    node.set_parameters([Parameter('use_sim_time', value=True)])
+    assert node.get_clock().ros_time_is_active
+    assert not buffer.can_transform('map', 'robot', LATEST)
+    tick(100)
+    send(100)
+    tick(110)
+    send(110)
+    tick(101)
+    assert not buffer.can_transform('map', 'robot', LATEST)
+    assert buffer.can_transform('map', 'static', LATEST)
+    send(95)
+    buffer.lookup_transform('static', 'robot', LATEST)
+    ros.executor.remove_node(node)
+    node.destroy_node()
+
+
+def test_remappings_and_namespace_apply_as_with_tf2(ros, listen):
+    """The topics' names are absolute, and can be remapped."""
+    node = Node('n', context=ros.context, namespace='/robot1',
+                cli_args=['--ros-args', '-r', '/tf:=/other/tf', '-r', '/tf_static:=tf_static'])
+    _, listener = listen(node=node)
+    assert (listener.tf_sub.topic_name, listener.tf_static_sub.topic_name) == (
+        '/other/tf', '/robot1/tf_static')
+    eventually(lambda: '/other/tf' in dict(ros.node.get_topic_names_and_types()))
+    assert [*dict(ros.node.get_subscriber_names_and_types_by_node('n', '/robot1'))].count(
+        '/other/tf') == 1
+    publisher = ros.node.create_publisher(TFMessage, '/other/tf', 10)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(TFMessage(transforms=[made(5)]))
+    eventually(lambda: listener.buffer.can_transform('map', 'robot', LATEST))
+    node.destroy_node()
+
+
+def test_no_executor_sees_the_subscriptions(ros, listen):
+    """Nothing of the node but one guard condition is added to what it waits for."""
+    before = [list(ros.node.subscriptions), list(ros.node.waitables), list(ros.node.guards)]
+    _, listener = listen()
+    after = [list(ros.node.subscriptions), list(ros.node.waitables), list(ros.node.guards)]
+    assert after[:2] == before[:2]
+    assert len(after[2]) == len(before[2]) + 1
+    assert [name for name, _ in ros.node.get_node_names_and_namespaces()] == ['test']
+    listener.unregister()
+    assert list(ros.node.guards) == before[2]
+
+
+def published(ros, listener, *messages):
+    """Publish messages, and wait until the last, with a mark in it, is in the buffer."""
+    publisher = ros.node.create_publisher(TFMessage, '/tf', 1000)
+    ros.until(lambda: publisher.get_subscription_count() > 0)
+    for message in messages:
+        publisher.publish(message)
+    mark = f'mark_{time.monotonic_ns()}'
+    publisher.publish(TFMessage(transforms=[made(1, child=mark)]))
+    eventually(lambda: listener.buffer.can_transform('map', mark, LATEST))
+
+
+@pytest.fixture
+def said(monkeypatch):
+    """List what the listener and the buffer log."""
+    lines = []
+    from rclpy.impl.rcutils_logger import RcutilsLogger
+
+    def log(self, message, severity, **_):
+        lines.append((self.name, message))
+
+    monkeypatch.setattr(RcutilsLogger, 'log', log)
+    return lines
+
+
+def test_malformed_messages_are_counted_and_told_once_a_cause(ros, listen, said, golden_messages):
+    """And what comes between them is heard."""
+    _, listener = listen()
+    data = bytes.fromhex(max((case['cdr_hex'] for case in golden_messages), key=len))
+    bad = [data[:end] for end in range(9, len(data) - 8, 41)]
+    published(ros, listener, *bad, data[:4] + bytes([255] * 4) + data[8:], b'\0\7' + data[2:])
+    assert listener.malformed == len(bad) + 2
+    lines = [line for name, line in said if name == 'tf2_listener']
+    assert [line.partition(':')[0] for line in lines] == [
+        'Dropped a message that cannot be decoded, impossible count',
+        'Dropped a message that cannot be decoded, truncated',
+        'Dropped a message that cannot be decoded, unknown encoding']
+    published(ros, listener, *bad)
+    assert listener.malformed == 2 * len(bad) + 2
+    assert len([line for name, line in said if name == 'tf2_listener']) == 3
+
+
+def test_refusals_are_in_the_words_of_tf2_once_a_second(ros, listen, said):
+    """NaN, no rotation, a frame in itself, no name, too old; the good ones with them go in."""
+    buffer, listener = listen()
+    now = 1_700_000_000 * 10**9
+    nan, unturned = made(now, child='nan'), made(now, child='unturned')
+    nan.transform.translation.x = math.nan
+    unturned.transform.rotation.w = 0.0
+    bad = [nan, unturned, made(now, parent='self', child='self'), made(now, parent=''),
+           made(now, child='')]
+    good = made(now, child='good')
+    message = TFMessage(transforms=[good, *bad])
+    old = TFMessage(transforms=[made(now - 11 * 10**9, child='good')])
+    begin = time.monotonic()
+    published(ros, listener, *[message] * 20, *[old] * 20)
+    seconds = time.monotonic() - begin
+    lines = [line for name, line in said if name == 'tf2_buffer']
+    causes = [line.partition(' ')[0].rstrip(':') for line in lines]
+    for cause in ('TF_NAN_INPUT', 'TF_DENORMALIZED_QUATERNION', 'TF_SELF_TRANSFORM',
+                  'TF_NO_FRAME_ID', 'TF_NO_CHILD_FRAME_ID', 'TF_OLD_DATA'):
+        assert 1 <= causes.count(cause) <= 1 + seconds
+    assert ('TF_SELF_TRANSFORM: Ignoring transform from authority "default_authority" with '
+            'frame_id and  child_frame_id "self" because they are the same') in lines
+    assert set(buffer._getFrameStrings()) >= {'map', 'good'}
+    assert not {'nan', 'unturned', 'self', ''} & set(buffer._getFrameStrings())
+
+
+def test_frames_are_limited(ros, listen, said):
+    """A peer that sends ever new names does not fill the machine."""
+    buffer, _ = listen(buffer=Buffer(node=ros.node, max_frames=50))
+    known = made(1, child='known')
+    flood = [TFMessage(transforms=[known, *(
+        made(1, child=f'{i}_{j}') for j in range(10))]) for i in range(20)]
+    publisher = ros.node.create_publisher(TFMessage, '/tf', 1000)
+    ros.until(lambda: publisher.get_subscription_count() > 0)
+    for message in flood:
+        publisher.publish(message)
+    publisher.publish(TFMessage(transforms=[made(2, child='known')]))
+    eventually(lambda: buffer.can_transform('map', 'known', Time(nanoseconds=2)))
+    assert len(buffer._getFrameStrings()) == 50
+    assert [line.partition(':')[0] for _, line in said] == ['TF_TOO_MANY_FRAMES']
+
+
+def test_a_misfit_is_told_with_the_remedy(ros, listen, said):
+    """Static transforms that are not latched never arrive."""
+    listen()
+    ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
+    eventually(lambda: said)
+    assert said[0][1].startswith(
+        "New publisher discovered on topic '/tf_static', offering incompatible QoS. "
+        'No messages will be received from it. Last incompatible policy: DURABILITY')
+    time.sleep(1.2)
+    assert len(said) == 1
+
+
+def test_qos_is_as_asked(listen):
+    """Depths alone leave /tf_static latched; profiles are taken as they are."""
+    _, default = listen()
+    assert (default.tf_sub.qos_profile.depth, default.tf_static_sub.qos_profile.depth) == (
+        100, 100)
+    for sub, durability in ((default.tf_sub, DurabilityPolicy.VOLATILE),
+                            (default.tf_static_sub, DurabilityPolicy.TRANSIENT_LOCAL)):
+        qos = sub.qos_profile
+        assert (qos.reliability, qos.durability, qos.history) == (
+            ReliabilityPolicy.RELIABLE, durability, HistoryPolicy.KEEP_LAST)
+    _, depths = listen(qos=7, static_qos=8)
+    assert (depths.tf_sub.qos_profile.depth, depths.tf_static_sub.qos_profile.depth) == (7, 8)
+    assert depths.tf_static_sub.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+    best_effort = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
+    _, profiles = listen(qos=best_effort, static_qos=best_effort)
+    for sub in profiles.tf_sub, profiles.tf_static_sub:
+        assert sub.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+        assert sub.qos_profile.durability == DurabilityPolicy.VOLATILE
+
+
+class Counting(Buffer):
+    """A buffer that counts what is set."""
+
+    moving = static = 0
+
+    def set_transform(self, transform, authority='default_authority'):
+        """Count, and set it."""
+        assert isinstance(transform, TransformStamped)
+        self.moving += 1
+        super().set_transform(transform, authority)
+
+    def set_transform_static(self, transform, authority='default_authority'):
+        """Count, and set it."""
+        self.static += 1
+        super().set_transform_static(transform, authority)
+
+
+class Recorder:
+    """What is no Buffer, but can be set."""
+
+    def __init__(self):
+        """Begin with nothing."""
+        self.moving, self.static = [], []
+
+    def set_transform(self, transform, authority):
+        """Remember it."""
+        self.moving.append((transform.child_frame_id, authority))
+
+    def set_transform_static(self, transform, authority):
+        """Remember it."""
+        self.static.append((transform.child_frame_id, authority))
+
+
+def test_methods_that_are_overridden_are_called(ros, sender, listen):
+    """Of a subclass, of anything else, and of the listener."""
+    counting, recorder = Counting(node=ros.node), Recorder()
+
+    class Filtering(TransformListener):
+        def callback(self, data):
+            if data.transforms[0].child_frame_id != 'b':
+                super().callback(data)
+
+    filtered = Buffer(node=ros.node)
+    listen(buffer=counting)
+    listen(buffer=recorder)
+    filtering = Filtering(filtered, ros.node)
+    sender('map a')
+    sender('map b')
+    assert counting.lookup_transform('a', 'b', LATEST, timeout=WAIT)
+    assert counting.lookup_transform('a_static', 'b_static', LATEST, timeout=WAIT)
+    assert counting.moving >= 2
+    assert counting.static >= 2
+    eventually(lambda: {name for name, _ in recorder.moving} == {'a', 'b'})
+    eventually(lambda: set(recorder.static) == {
+        (f'{name}_static', 'default_authority') for name in 'ab'})
+    assert filtered.lookup_transform('a', 'b_static', LATEST, timeout=WAIT)
+    assert not filtered.can_transform('map', 'b', LATEST)
+    filtering.unregister()
+
+
+def test_an_error_in_what_is_overridden_is_told_and_the_next_message_taken(ros, listen, said):
+    """It must not end the thread; nor is it told at each message."""
+    class Failing(Counting):
+        def set_transform(self, transform, authority='default_authority'):
+            super().set_transform(transform, authority)
+            raise ZeroDivisionError('of the user')
+
+    buffer, listener = listen(buffer=Failing(node=ros.node))
+    published(ros, listener, *[TFMessage(transforms=[made(i)]) for i in range(1, 20)],
+              b'\0\1\0\0\1\0\0\0')
+    assert buffer.moving == 20
+    assert listener.malformed == 1
+    errors = [line for name, line in said if 'ZeroDivisionError: of the user' in line]
+    assert 1 <= len(errors) <= 3
+    assert 'in set_transform' in errors[0]
+
+
+def test_the_buffer_can_be_changed(ros, sender, listen):
+    """To another, to something else, to a BufferCore; what was before gets nothing more."""
+    sender('map robot')
+    first, listener = listen()
+    first.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
+    listener.buffer = recorder = Recorder()
+    eventually(lambda: recorder.moving)
+    last = first.get_latest_common_time('map', 'robot')
+    listener.buffer = core = BufferCore()
+    assert listener.buffer is core
+    assert core.lookup_transform('map', 'robot', 0, timeout=WAIT).stamp > last.nanoseconds
+    number = len(recorder.moving)
+    time.sleep(0.1)
+    assert len(recorder.moving) == number
+    assert first.get_latest_common_time('map', 'robot') == last
+
+
+def test_a_lookup_has_all_that_has_arrived(ros, listen):
+    """Also while the thread pauses, since messages come in fast."""
+    buffer, _ = listen()
+    publisher = ros.node.create_publisher(TFMessage, '/tf', 100)
+    ros.until(lambda: publisher.get_subscription_count() > 0)
+    late = 0
+    for stamp in range(1, 500):
+        publisher.publish(TFMessage(transforms=[made(stamp * 10**6)]))
+        time.sleep(0.001)
+        deadline = time.monotonic() + TIMEOUT
+        while not buffer.can_transform('map', 'robot', Time(nanoseconds=stamp * 10**6)):
+            assert time.monotonic() < deadline
+            late += 1
+            time.sleep(0.001)
+    assert late < 250  # of 500; if the thread alone took them, some 25 for each
+
+
+def test_listeners_and_contexts_are_independent(ros, listen):
+    """Each hears its domain; the end of one leaves the others."""
+    other = Context()
+    other.init(domain_id=ros.context.get_domain_id() + 100)
+    node = Node('elsewhere', context=other)
+    here, listener = listen()
+    also_here, also = listen()
+    elsewhere = Buffer(node=node)
+    listener_elsewhere = TransformListener(elsewhere, node)
+    StaticTransformBroadcaster(ros.node).sendTransform(made(child='here'))
+    StaticTransformBroadcaster(node).sendTransform(made(child='there'))
+    for buffer, mine, not_mine in ((here, 'here', 'there'), (also_here, 'here', 'there'),
+                                   (elsewhere, 'there', 'here')):
+        assert buffer.lookup_transform('map', mine, LATEST, timeout=WAIT)
+        assert not buffer.can_transform('map', not_mine, LATEST)
+    listener.unregister()
+    other.try_shutdown()
+    StaticTransformBroadcaster(ros.node).sendTransform(made(child='later'))
+    assert also_here.lookup_transform('map', 'later', LATEST, timeout=WAIT)
+    assert not here.can_transform('map', 'later', LATEST)
+    listener_elsewhere.unregister()
+    also.unregister()
+    also.unregister()
+
+
+def test_after_the_end_nothing_more_comes_in(ros, sender, listen):
+    """Neither by the thread nor by a lookup, nor if the buffer is set anew."""
+    buffer, listener = listen()
+    sender('map robot')
+    buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
+    listener.unregister()
+    assert not [thread for thread in threading.enumerate() if thread.name == 'tf of test']
+    last = buffer.get_latest_common_time('map', 'robot')
+    listener.buffer = other = Buffer(node=ros.node)
+    time.sleep(0.1)
+    assert buffer.get_latest_common_time('map', 'robot') == last
+    assert not other.can_transform('map', 'robot', LATEST)
+    assert not ros.node.get_subscriptions_info_by_topic('/tf')
+
+
+def test_the_node_name_is_free_at_once_after_destroy_node(start):
+    """No subscription outlives its node, so that the next of this name is the only one."""
+    process = start('-c', """
+import rclpy
+from dummy_arm.tf import Buffer, TransformListener
+rclpy.init()
+for _ in range(20):
+    node = rclpy.create_node('again')
+    listener = TransformListener(Buffer(node=node), node)
+    node.destroy_node()
+rclpy.shutdown()
+print('done')
+""")
+    assert process.exit_code() == 0
+    assert process.output == 'done\n'
+
+
+def test_a_listener_that_nobody_holds_goes_on(ros, sender):
+    """As with tf2_ros, whose subscriptions hold it."""
+    buffer = Buffer(node=ros.node)
+    TransformListener(buffer, ros.node)
+    sender('map robot')
+    assert buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
+
+
+def ended(start, kind, *ways):
+    """Run `endings.py` in two ways at the same time; wait for the good end of both."""
+    script = str(Path(__file__).parent / 'endings.py')
+    processes = [start(script, '101', kind, way, str(100 * i)) for i, way in enumerate(ways)]
+    for process in processes:
+        assert process.exit_code(300) == 0
+        assert process.output == 'all ended\n'
+
+
+def test_every_order_of_ending_in_a_thread(start):
+    """In any order of three calls, a hundred times each; in the executor's and the listener's."""
+    ended(start, 'in', 'executor', 'thread')
+
+
+def test_every_order_of_ending_in_the_main_thread(start):
+    """In any order of three calls, a hundred times each."""
+    ended(start, 'in', 'main')
+
+
+def test_every_end_of_a_program(start):
+    """A hundred times each: its last line, and sys.exit() in a callback."""
+    ended(start, 'by', 'end', 'exit')
+
+
+def test_every_end_by_ctrl_c(start):
+    """A hundred times each: while it spins, and while it waits for a transform."""
+    ended(start, 'by', 'spin', 'lookup')
