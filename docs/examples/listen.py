@@ -3,35 +3,34 @@
 import argparse
 import sys
 
-from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
 
 from dummy_arm.command import run_node
-from dummy_arm.tf import TFMessage
+from dummy_arm.tf import Buffer, TransformException, TransformListener
 
 
 class Listener(Node):
-    """Keeps the newest transform of every child frame."""
+    """Looks up every frame in its parent."""
 
     def __init__(self) -> None:
         super().__init__('listen')
-        latched = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self._newest: dict[str, TransformStamped] = {}
-        self.create_subscription(TFMessage, '/tf', self._take, 100)
-        self.create_subscription(TFMessage, '/tf_static', self._take, latched)
+        self._buffer = Buffer(node=self)
+        self._listener = TransformListener(self._buffer, self)
         self.create_timer(1.0, self._print)
 
-    def _take(self, message: TFMessage) -> None:
-        self._newest.update((transform.child_frame_id, transform)
-                            for transform in message.transforms)
-
     def _print(self) -> None:
-        if not self._newest:
+        frames = self._buffer.frames()
+        if not frames:
             print('nothing on /tf yet', flush=True)
-        for child, transform in self._newest.items():
+        for frame in frames:
+            try:
+                transform = self._buffer.lookup_transform(frame.parent, frame.name, Time())
+            except TransformException as error:
+                print(error, flush=True)
+                continue
             p, q = transform.transform.translation, transform.transform.rotation
-            print(f'{transform.header.frame_id:>12} -> {child:12} '
+            print(f'{frame.parent:>12} -> {frame.name:12} '
                   f'xyz {p.x:6.3f} {p.y:6.3f} {p.z:6.3f}   '
                   f'xyzw {q.x:6.3f} {q.y:6.3f} {q.z:6.3f} {q.w:6.3f}', flush=True)
 
