@@ -80,7 +80,8 @@ def test_golden_messages_are_read_as_unpacked(golden_messages):
                      for sec, nanosec, parent, child, *pose in unknown]
             for run in runs:
                 found += [(run.stamps[0], parent, child, *struct.unpack('7d', pose))
-                          for parent, child, pose in zip(run.parents, run.children, run.poses)]
+                          for parent, child, pose in zip(
+                              run.edges.parents, run.edges.children, run.poses)]
             np.testing.assert_equal(found, plain)
             if sight and len({row[:2] for row in rows}) == 1:
                 assert runs
@@ -103,7 +104,7 @@ def test_padding_and_what_follows_are_no_matter():
     longer = data + b'junk'
     reader.read([longer])
     _, (run,) = reader.read([longer])
-    assert run.children == ['bcdef', 'x' * 9]
+    assert run.edges.children == ['bcdef', 'x' * 9]
 
 
 def test_a_layout_is_of_all_names():
@@ -136,7 +137,7 @@ def test_the_memory_for_layouts_is_bounded(monkeypatch):
     reader = MessageReader(fail)
     for i in range(100):
         reader.read([wire.pack([(T, 0, 'a', f'b{i}', *STILL)])])
-        assert len(reader._layouts) <= 11
+        assert len(reader._known) <= 11
 
 
 numbers = st.floats(-1e3, 1e3) | st.sampled_from([math.nan, math.inf, 0.0])

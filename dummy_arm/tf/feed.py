@@ -18,8 +18,8 @@ from dummy_arm.tf.wire import MalformedMessage
 #: The broadcaster that tf2_ros's listener in Python names.
 AUTHORITY = 'default_authority'
 #: The longest pause (s); and the part of the queue that may fill up in it.
-_LONGEST_PAUSE = 0.05
-_FILLED = 0.25
+_LONGEST_PAUSE = 0.07
+_FILLED = 1 / 3
 #: At fewer messages a second there is no pause.
 _SLOW = 100.0
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from dummy_arm.tf.history import Pose
 from dummy_arm.tf.lookup import Lookups
-from dummy_arm.tf.message_reader import Run
+from dummy_arm.tf.message_reader import Edges, Run
 from dummy_arm.tf.refusals import problems, Refusals, too_many_frames, too_old
 from dummy_arm.tf.rotations import normalize_poses, normalized
 from dummy_arm.tf.wire import POSE_BYTES
@@ -77,33 +77,33 @@ class Intake:
         no further check, once they are known to be finite. Those of one frame are appended at
         once.
         """
-        run_stamps, count, edges = run.stamps, len(run.stamps), len(run.parents)
+        edges, run_stamps, count = run.edges, run.stamps, len(run.stamps)
+        number = len(edges.children)
         poses = np.frombuffer(bytearray().join(run.poses)).reshape(-1, POSE_BYTES // 8)
         normalize_poses(poses)
         if not isfinite(poses.sum()) or not (count == 1 or (np.diff(run_stamps) > 0).all()):
-            self._insert_each(run, range(count * edges), authority)
+            self._insert_each(run, range(count * number), authority)
             return
         if count > 1:
-            poses = poses.reshape(count, edges, -1).swapaxes(0, 1)
+            poses = poses.reshape(count, number, -1).swapaxes(0, 1)
         data, size = poses.tobytes(), count * POSE_BYTES
         first, last, before_last = run_stamps[0], run_stamps[-1], run_stamps[-2:][0]
-        tree = self._lookups.tree
-        histories: Mapping[str, Any] = tree.histories
+        cache_time = self._lookups.tree.cache_time
         with self._lookups.lock:
-            for begin, parent, child in zip(
-                    range(0, len(data), size), run.parents, run.children):
-                history = histories.get(child)
+            if edges.found_in is not self._lookups.version:
+                self._find(edges)
+            for begin, history in zip(range(0, len(data), size), edges.found):
                 if (history is None or not (stamps := history.regular)
-                        or first <= (newest := stamps[-1]) or history.all_parents[0] != parent):
+                        or first <= (newest := stamps[-1])):
                     edge = begin // size
-                    self._insert_each(run, range(edge, count * edges, edges), authority)
+                    self._insert_each(run, range(edge, count * number, number), authority)
                     continue
                 try:
                     history.poses.frombytes(data[begin:begin + size])
                     stamps.extend(run_stamps)
                     history.latest = last
                     history.authority = authority
-                    earliest = (newest if count == 1 else before_last) - tree.cache_time
+                    earliest = (newest if count == 1 else before_last) - cache_time
                     start = history.start
                     if stamps[start] < earliest:
                         start += 1
@@ -115,8 +115,17 @@ class Intake:
                     history.mend(len(stamps))
                     raise
 
+    def _find(self, edges: Edges) -> None:
+        """Find the histories of frames that have the right parent, and no other."""
+        histories: Mapping[str, Any] = self._lookups.tree.histories
+        edges.found = [
+            history if (history := histories.get(child)) and history.all_parents == (parent,)
+            else None for parent, child in zip(edges.parents, edges.children)]
+        edges.found_in = self._lookups.version
+
     def _insert_each(self, run: Run, indices: range, authority: str) -> None:
+        edges = run.edges
         for i in indices:
-            message, edge = divmod(i, len(run.parents))
-            self.insert(run.stamps[message], run.parents[edge], run.children[edge],
+            message, edge = divmod(i, len(edges.children))
+            self.insert(run.stamps[message], edges.parents[edge], edges.children[edge],
                         _unpack_pose(run.poses[i]), authority, False)

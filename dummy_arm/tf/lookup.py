@@ -47,6 +47,8 @@ class Lookups:
         self.lock = RLock()
         self.tree = FrameTree(cache_time)
         self.sources: tuple[Source, ...] = ()
+        #: Another object whenever a frame got another history or another parent.
+        self.version = object()
         self._paths: dict[tuple[str, str], Path] = {}
 
     def insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
@@ -59,7 +61,7 @@ class Lookups:
         with self.lock:
             taken, changed = self.tree.insert(stamp, parent, child, pose, authority, is_static)
             if changed:
-                self._paths.clear()
+                self._changed()
         return taken
 
     def fetch(self) -> None:
@@ -71,7 +73,11 @@ class Lookups:
         """Forget what moves; the frames and what is static stay."""
         with self.lock:
             self.tree.clear()
-            self._paths.clear()
+            self._changed()
+
+    def _changed(self) -> None:
+        self._paths.clear()
+        self.version = object()
 
     def pose(self, target: str, source: str, time: int) -> tuple[int, Pose]:
         """

@@ -4,6 +4,7 @@ from array import array
 from collections.abc import Callable, Iterable
 import struct
 from sys import intern
+from typing import Any
 
 from dummy_arm.tf.times import SECOND
 from dummy_arm.tf.wire import Layout, MalformedMessage, Row, unpack
@@ -18,19 +19,37 @@ _unpack_stamp = struct.Struct('<iI').unpack
 _Key = tuple[int, bytes, bytes]
 
 
+class Edges:
+    """The frames of a stream, without a leading slash; and where an Intake has found them."""
+
+    __slots__ = ('children', 'found', 'found_in', 'layout', 'parents')
+
+    def __init__(self, layout: Layout, edges: Iterable[tuple[str, str]]) -> None:
+        """
+        Keep what is given.
+
+        :param edges: frame_id and child_frame_id of each of the n transforms, as on the wire.
+        """
+        self.layout = layout
+        # Interned, as the buffer's are: the same name is the same object.
+        names = [tuple(intern(name.removeprefix('/')) for name in edge) for edge in edges]
+        self.parents, self.children = [edge[0] for edge in names], [edge[1] for edge in names]
+        self.found: list[Any] = []
+        self.found_in: object = None
+
+
 class Run:
     """Messages with the same frames, each with one stamp, in the order of their arrival."""
 
-    __slots__ = ('children', 'parents', 'poses', 'stamps')
+    __slots__ = ('edges', 'poses', 'stamps')
 
-    def __init__(self, parents: list[str], children: list[str]) -> None:
+    def __init__(self, edges: Edges) -> None:
         """
         Begin without a message.
 
-        :param parents: of each of the n transforms, without a leading slash.
-        :param children: likewise.
+        :param edges: of n transforms.
         """
-        self.parents, self.children = parents, children
+        self.edges = edges
         #: Of each of the m messages (ns).
         self.stamps = array('q')
         #: m x n times 7 float64: x, y, z (m) and the rotation's x, y, z, w.
@@ -47,8 +66,8 @@ class MessageReader:
         :param on_malformed: is called with the error of each message that is none.
         """
         self._on_malformed = on_malformed
-        self._layouts: dict[_Key, tuple[Layout, list[str], list[str]]] = {}
-        self._edges = 0
+        self._known: dict[_Key, Edges] = {}
+        self._count = 0  # of the edges in them
 
     def read(self, messages: Iterable[bytes], in_order: bool = False
              ) -> tuple[list[Row], list[Run]]:
@@ -60,7 +79,7 @@ class MessageReader:
             stamps; and the others, gathered by their frames.
         """
         rows: list[Row] = []
-        runs: dict[Layout, Run] = {}
+        runs: dict[Edges, Run] = {}
         for data in messages:
             try:
                 if in_order or not self._read_known(data, runs):
@@ -69,20 +88,19 @@ class MessageReader:
                 self._on_malformed(error)
         return rows, list(runs.values())
 
-    def _read_known(self, data: bytes, runs: dict[Layout, Run]) -> bool:
+    def _read_known(self, data: bytes, runs: dict[Edges, Run]) -> bool:
         """Append a message to a run, if its layout is known and it has one stamp."""
         key = _key(data)
-        known = self._layouts.get(key)
-        if known is None or (fields := known[0].read(data)) is None:
+        edges = self._known.get(key)
+        if edges is None or (fields := edges.layout.read(data)) is None:
             self._learn(key, data)
             return False
         stamps, poses = fields
         if stamps.count(stamps[0]) < len(stamps):
             return False
-        layout, parents, children = known
-        run = runs.get(layout)
+        run = runs.get(edges)
         if run is None:
-            runs[layout] = run = Run(parents, children)
+            runs[edges] = run = Run(edges)
         sec, nanosec = _unpack_stamp(stamps[0])
         run.stamps.append(sec * SECOND + nanosec)
         run.poses += poses
@@ -90,19 +108,16 @@ class MessageReader:
 
     def _learn(self, key: _Key, data: bytes) -> None:
         """Keep the layout of a message."""
-        rows = unpack(data)
-        if not rows or data[:2] != _LITTLE_ENDIAN:
+        edges = [row[2:4] for row in unpack(data)]
+        if not edges or data[:2] != _LITTLE_ENDIAN:
             return
-        layout = Layout([row[2:4] for row in rows])
-        if layout.size > len(data):
-            return
-        if self._edges > _MOST_EDGES:
-            self._layouts.clear()
-            self._edges = 0
-        self._edges += len(rows)
-        # Interned as the buffer's are: the same object is the same name.
-        self._layouts[key] = (layout, [intern(row[2].removeprefix('/')) for row in rows],
-                              [intern(row[3].removeprefix('/')) for row in rows])
+        layout = Layout(edges)
+        if layout.size <= len(data):
+            if self._count > _MOST_EDGES:
+                self._known.clear()
+                self._count = 0
+            self._count += len(edges)
+            self._known[key] = Edges(layout, edges)
 
 
 def _key(data: bytes) -> _Key:
