@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from contextlib import suppress
+from math import inf
 from time import monotonic
 
 from rclpy.exceptions import InvalidHandle
@@ -46,7 +47,7 @@ class Feed:
         self._arrived: list[bytes] = []
         self._arrived_static: list[bytes] = []
         qos = tf.qos_profile
-        self._places = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else 1000
+        self._places = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
         self._is_pausing = False
         self._count = 0  # of messages since the last `take`, which was then:
         self._last = monotonic()

@@ -17,7 +17,8 @@ from dummy_arm.tf.message import TFMessage
 
 #: How often it is looked for publishers that do not fit (s).
 _BETWEEN_LOOKS = 1.0
-_MOST_AT_ONCE = 100
+#: So many messages are taken at once, or as many as the queue has places.
+_MOST_AT_ONCE = 1000
 
 
 def subscribe(node: Node, topic: str, callback: Callable[[TFMessage], None], qos: QoSProfile,
@@ -35,13 +36,13 @@ def subscribe(node: Node, topic: str, callback: Callable[[TFMessage], None], qos
 
 def take_all(subscription: Subscription, messages: list[bytes]) -> None:
     """
-    Append the bytes of what has arrived to messages; at most a hundred of them at once.
+    Append the bytes of what has arrived to messages, but not of what arrives for ever meanwhile.
 
     :raises InvalidHandle: when the subscription was destroyed.
     """
     handle = subscription.handle
     with handle:
-        for _ in range(_MOST_AT_ONCE):
+        for _ in range(max(_MOST_AT_ONCE, subscription.qos_profile.depth)):
             taken = handle.take_message(TFMessage, True)
             if taken is None:
                 break
