@@ -165,7 +165,7 @@ def test_a_history_keeps_little_more_than_the_cache_time():
     history = buffer._lookups.tree.histories['b']
     assert len(history) == 102  # tf2 looks what has expired before it inserts
     assert len(history.stamps) < 130
-    assert len(history.poses) == 7 * len(history.stamps)
+    assert len(history.poses) == 56 * len(history.stamps)
 
 
 def test_a_frame_that_changes_its_parent():
@@ -333,17 +333,6 @@ def test_bad_values_change_nothing():
         buffer.set_transform((T, 'a', 'b'))
     put(buffer, 'a', 'b', T + 2 * S, 3.0)
     assert x_at(buffer, 'a', 'b', T + S) == 2.0
-
-
-def test_an_insert_that_was_interrupted_leaves_nothing():
-    """As by Ctrl-C, between its two arrays."""
-    buffer = BufferCore()
-    put(buffer, 'a', 'b', T, 1.0)
-    buffer._lookups.tree.histories['b'].poses.extend([7.0] * 7)
-    put(buffer, 'a', 'b', T + 2 * S, 3.0)
-    put(buffer, 'a', 'b', T + 4 * S, 5.0)
-    assert x_at(buffer, 'a', 'b', T + S) == 2.0
-    assert x_at(buffer, 'a', 'b', T + 3 * S) == 4.0
 
 
 def message(buffer, *arguments):

@@ -11,11 +11,11 @@ from dummy_arm.tf.wire import POSE_BYTES
 #: x, y, z (m) and the rotation's x, y, z, w.
 Pose = tuple[float, float, float, float, float, float, float]
 
-_DOUBLES = POSE_BYTES // 8
 #: So many samples of one stamp are kept at most; the first and the last of them matter.
 _MOST_OF_ONE_STAMP = 100
 #: What is `regular` while samples are not.
 NO_STAMPS = array('q')
+_pack_pose = struct.Struct('7d').pack
 _read_pose = struct.Struct('7d').unpack_from
 
 
@@ -27,11 +27,11 @@ class History:
     """
     The samples of a frame that moves, no older than a cache time before the newest.
 
-    The samples lie in two arrays, 64 bytes each. Those before `start` have expired; they are
-    removed many at a time. `all_parents` has each parent once; only while there are several,
-    `parents` has that of each sample. `regular` is `stamps`, but empty while two of them are the
-    same or the parents differ. `latest` is the newest stamp, or 0. `recent` is where the last
-    lookup was, as a hint for the next.
+    The samples lie in an array of stamps and in the bytes of their poses, 64 bytes each. Those
+    before `start` have expired; they are removed many at a time. `all_parents` has each parent
+    once; only while there are several, `parents` has that of each sample. `regular` is `stamps`,
+    but empty while two of them are the same or the parents differ. `latest` is the newest stamp,
+    or 0. `recent` is where the last lookup was, as a hint for the next.
     """
 
     __slots__ = ('all_parents', 'authority', 'cache_time', 'latest', 'parents', 'poses', 'recent',
@@ -50,7 +50,7 @@ class History:
         self.parents: Optional[list[str]] = None
         self.all_parents: tuple[str, ...] = ()
         self.stamps = array('q')
-        self.poses = array('d')
+        self.poses = bytearray()
         self.regular = self.stamps
         self.start = 0
         self.recent = 0
@@ -91,7 +91,7 @@ class History:
             self.authority = authority
             if self.parents is not None or self.all_parents != (parent,):
                 self._insert_parent(position, parent)
-            self.poses[position * _DOUBLES:position * _DOUBLES] = array('d', pose)
+            self.poses[position * POSE_BYTES:position * POSE_BYTES] = _pack_pose(*pose)
             stamps.insert(position, stamp)
             self.latest = stamps[-1]
         except BaseException:
@@ -115,14 +115,14 @@ class History:
     def _delete(self, begin: int, count: int) -> None:
         if self.parents is not None:
             del self.parents[begin:begin + count]
-        del self.poses[begin * _DOUBLES:(begin + count) * _DOUBLES]
+        del self.poses[begin * POSE_BYTES:(begin + count) * POSE_BYTES]
         del self.stamps[begin:begin + count]
 
     def mend(self, position: int) -> None:
         """Undo or complete what Ctrl-C interrupted: an insertion at an index, or a deletion."""
         columns: list[tuple[int, Any, int]] = [
             (len(self.stamps), self.stamps, 1),
-            (len(self.poses) // _DOUBLES, self.poses, _DOUBLES)]
+            (len(self.poses) // POSE_BYTES, self.poses, POSE_BYTES)]
         if self.parents is not None:
             columns.append((len(self.parents), self.parents, 1))
         lengths = [length for length, _, _ in columns]
@@ -193,7 +193,7 @@ class History:
         pair = History(0)
         pair.stamps.extend(self.stamps[i:i + 2])
         pair.latest = pair.stamps[-1]
-        pair.poses.extend(self.poses[i * _DOUBLES:(i + 2) * _DOUBLES])
+        pair.poses += self.poses[i * POSE_BYTES:(i + 2) * POSE_BYTES]
         return pair
 
     def parent_of(self, index: int) -> str:

@@ -99,7 +99,8 @@ class Intake:
                     self._insert_each(run, range(edge, count * number, number), authority)
                     continue
                 try:
-                    history.poses.frombytes(data[begin:begin + size])
+                    samples = history.poses
+                    samples += data[begin:begin + size]
                     stamps.extend(run_stamps)
                     history.latest = last
                     history.authority = authority

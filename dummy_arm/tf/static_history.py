@@ -1,6 +1,5 @@
 """What is known of a frame that does not move."""
 
-from array import array
 from typing import Union
 
 from dummy_arm.tf.history import History, NO_STAMPS, Pose
@@ -16,7 +15,7 @@ class StaticHistory:
     # No samples in time.
     start = latest = oldest = 0
     stamps = regular = NO_STAMPS
-    poses = array('d')
+    poses = bytearray()
 
     def __init__(self, parent: str, pose: Pose, authority: str) -> None:
         """Keep what is given."""
