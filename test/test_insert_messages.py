@@ -5,6 +5,7 @@ import math
 import struct
 import sys
 import threading
+import warnings
 
 from conftest import golden_rows
 from hypothesis import given, settings
@@ -30,6 +31,13 @@ def fail(error):
 def insert(buffer, reader, *messages, **how):
     """Insert messages into a buffer."""
     buffer.insert_messages(messages, reader, **how)
+
+
+def read(reader, message):
+    """Read a message: rows, and runs."""
+    pieces = reader.read([message])
+    return ([row for piece in pieces if isinstance(piece, list) for row in piece],
+            [piece for piece in pieces if not isinstance(piece, list)])
 
 
 def state(buffer):
@@ -75,7 +83,7 @@ def test_golden_messages_are_read_as_unpacked(golden_messages):
         plain = [(sec * S + nanosec, parent.removeprefix('/'), child.removeprefix('/'), *pose)
                  for sec, nanosec, parent, child, *pose in rows]
         for sight in range(2):
-            unknown, runs = reader.read([data])
+            unknown, runs = read(reader, data)
             found = [(sec * S + nanosec, parent.removeprefix('/'), child.removeprefix('/'), *pose)
                      for sec, nanosec, parent, child, *pose in unknown]
             for run in runs:
@@ -97,13 +105,13 @@ def test_padding_and_what_follows_are_no_matter():
     assert wire.unpack(bytes(ones)) == rows
     reader = MessageReader(fail)
     for message in data, bytes(ones), data:
-        unknown, runs = reader.read([message])
+        unknown, runs = read(reader, message)
         assert bool(unknown) != bool(runs)
     assert not unknown
     assert runs[0].stamps.tolist() == [T * S + 5]
     longer = data + b'junk'
     reader.read([longer])
-    _, (run,) = reader.read([longer])
+    _, (run,) = read(reader, longer)
     assert run.edges.children == ['bcdef', 'x' * 9]
 
 
@@ -149,14 +157,14 @@ layouts = st.lists(st.lists(edges, min_size=1, max_size=4), min_size=1, max_size
 
 @st.composite
 def batches(draw):
-    """Make batches of messages, whose stamps go on from batch to batch, or anything alone."""
+    """Make batches of messages, whose stamps go on from message to message, or jump about."""
     kinds = draw(layouts)
     now = T * S
     made = []
     for _ in range(draw(st.integers(1, 12))):
         batch = []
         in_order = draw(st.integers(0, 3)) > 0
-        for _ in range(draw(st.integers(1, 6)) if in_order else 1):
+        for _ in range(draw(st.integers(1, 6))):
             now += draw(st.integers(1, 3 * S // 2))
             stamps = [now] * 4 if in_order else [
                 now - draw(st.integers(-1, 15)) * S for _ in range(4)]
@@ -312,3 +320,34 @@ def test_messages_wake_those_who_wait_when_told():
     waiting.join(20.0)
     assert found[0].stamp == T * S
     assert not buffer.is_waited_for
+
+
+def test_numbers_that_are_not_finite_give_no_warning():
+    """Nor do numbers whose sum is not."""
+    buffer, reader = BufferCore(), MessageReader(fail)
+    for number in range(3):
+        for numbers in ((math.inf, -math.inf), (1e308, 1.7e308), (math.nan, 0.0)):
+            with warnings.catch_warnings():
+                warnings.simplefilter('error')
+                insert(buffer, reader, *(wire.pack([
+                    (T + number, i, 'a', f'{i}', *numbers, *STILL[2:]) for i in range(many)])
+                    for many in (1, 40)))
+    assert buffer.can_transform('a', '39')
+
+
+def test_a_log_may_look_up_while_transforms_are_refused():
+    """The lock is not held then."""
+    buffer, reader = BufferCore(), MessageReader(fail)
+    found = []
+
+    def log(_):
+        thread = threading.Thread(target=lambda: found.append(buffer.can_transform('a', 'b')))
+        thread.start()
+        thread.join(20.0)
+
+    buffer._intake.refusals.log = log
+    insert(buffer, reader, wire.pack([(T, 0, 'a', 'b', *STILL), (T, 0, 'x', 'x', *STILL)]))
+    assert not found
+    buffer.on_new_data()
+    assert found == [True]
+    assert not buffer.insert(T * S, 'y', 'y', STILL)  # within the same second

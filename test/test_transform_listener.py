@@ -336,6 +336,7 @@ def test_malformed_messages_are_counted_and_told_once_a_cause(ros, listen, said,
     bad = [data[:end] for end in range(9, len(data) - 8, 41)]
     published(ros, listener, *bad, data[:4] + bytes([255] * 4) + data[8:], b'\0\7' + data[2:])
     assert listener.malformed == len(bad) + 2
+    eventually(lambda: len(said) == 3)
     lines = [line for name, line in said if name == 'tf2_listener']
     assert [line.partition(':')[0] for line in lines] == [
         'Dropped a message that cannot be decoded, impossible count',
@@ -360,6 +361,7 @@ def test_refusals_are_in_the_words_of_tf2_once_a_second(ros, listen, said):
     old = TFMessage(transforms=[made(now - 11 * 10**9, child='good')])
     begin = time.monotonic()
     published(ros, listener, *[message] * 20, *[old] * 20)
+    eventually(lambda: any('TF_OLD_DATA' in line for _, line in said))
     seconds = time.monotonic() - begin
     lines = [line for name, line in said if name == 'tf2_buffer']
     causes = [line.partition(' ')[0].rstrip(':') for line in lines]
@@ -385,6 +387,7 @@ def test_frames_are_limited(ros, listen, said):
     publisher.publish(TFMessage(transforms=[made(2, child='known')]))
     eventually(lambda: buffer.can_transform('map', 'known', Time(nanoseconds=2)))
     assert len(buffer._getFrameStrings()) == 50
+    eventually(lambda: said)
     assert [line.partition(':')[0] for _, line in said] == ['TF_TOO_MANY_FRAMES']
 
 
@@ -492,6 +495,7 @@ def test_an_error_in_what_is_overridden_is_told_and_the_next_message_taken(ros, 
               b'\0\1\0\0\1\0\0\0')
     assert buffer.moving == 20
     assert listener.malformed == 1
+    eventually(lambda: len(said) > 1)
     errors = [line for name, line in said if 'ZeroDivisionError: of the user' in line]
     assert 1 <= len(errors) <= 3
     assert 'in set_transform' in errors[0]
@@ -594,6 +598,110 @@ def test_a_listener_that_nobody_holds_goes_on(ros, sender):
     TransformListener(buffer, ros.node)
     sender('map robot')
     assert buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
+
+
+def flood(ros, listener):
+    """Make a function that publishes a transform, at a rate at which the thread pauses."""
+    publisher = ros.node.create_publisher(TFMessage, '/tf', 100)
+    ros.until(lambda: publisher.get_subscription_count() > 0)
+
+    def publish(stamp_ns, number=20):
+        for i in range(number):
+            publisher.publish(TFMessage(transforms=[made(stamp_ns + i)]))
+            time.sleep(0.002)
+
+    publish(1000 * 10**9, 50)
+    assert listener.buffer.can_transform('map', 'robot', LATEST)
+    return publish
+
+
+def test_what_was_sent_before_a_clear_does_not_come_in_after_it(ros, listen):
+    """It would be newer than all that follows, where time has jumped back."""
+    buffer, listener = listen()
+    publish = flood(ros, listener)
+    for _ in range(10):
+        publish(1000 * 10**9)
+        time.sleep(0.005)
+        buffer.clear()
+        assert not buffer.can_transform('map', 'robot', LATEST)
+        publish(10**9)
+        eventually(lambda: buffer.can_transform('map', 'robot', Time(seconds=1)))
+        buffer.clear()
+
+
+def test_a_buffer_that_is_set_gets_all_that_is_sent_from_then_on(ros, listen):
+    """Also when the thread waits for the lock of the one before."""
+    first, listener = listen()
+    flood(ros, listener)
+    second = Buffer(node=ros.node)
+    with first.lock:
+        TransformBroadcaster(ros.node).sendTransform(made(2000 * 10**9))
+        time.sleep(0.1)
+        listener.buffer = second
+        StaticTransformBroadcaster(ros.node).sendTransform(made(child='static'))
+        time.sleep(0.1)
+    assert second.lookup_transform('map', 'static', LATEST, timeout=WAIT)
+    assert not first.can_transform('map', 'static', LATEST)
+
+
+def test_a_signal_handler_may_look_up(start):
+    """Wherever it interrupts a lookup: each pose stays with its stamp."""
+    process = start('-c', """
+import signal, time
+import rclpy
+from rclpy.time import Time
+from dummy_arm.tf import Buffer, TransformBroadcaster, TransformListener
+rclpy.init()
+node = rclpy.create_node('handling')
+buffer = Buffer(node=node)
+listener = TransformListener(buffer, node)
+prepared = TransformBroadcaster(node).prepare([('map', 'robot')])
+calls = []
+signal.signal(signal.SIGALRM, lambda *_: calls.append(
+    buffer.can_transform('map', 'robot', Time()) and
+    buffer.lookup_transforms('map', 'robot', range(0, 10**6, 10**4))))
+signal.setitimer(signal.ITIMER_REAL, 0.001, 0.001)
+for stamp in range(1, 4000):
+    prepared.send(stamp, [[float(stamp), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+    buffer.can_transform('map', 'robot', Time())
+    buffer.lookup_transforms('map', 'robot', [stamp])
+signal.setitimer(signal.ITIMER_REAL, 0)
+assert len(calls) > 100
+while not buffer.can_transform('map', 'robot', Time(nanoseconds=3999)):
+    time.sleep(0.01)
+first = buffer.frames()[0].oldest
+for stamp in range(first, 4000):
+    assert buffer.lookup_transform(
+        'map', 'robot', Time(nanoseconds=stamp)).transform.translation.x == stamp
+rclpy.shutdown()
+print('good')
+""")
+    assert process.exit_code() == 0
+    assert process.output == 'good\n'
+
+
+def test_what_a_done_callback_does_leaves_the_thread_alive(ros, listen, said):
+    """It may exit, and it may wait for moving and static transforms, although it runs in there."""
+    buffer, listener = listen()
+    found = []
+
+    def wait(_):
+        found.append(buffer.can_transform('map', 'moving', LATEST, timeout=WAIT))
+        found.append(buffer.can_transform('map', 'static', LATEST, timeout=WAIT))
+        raise SystemExit('of the user')
+
+    buffer.wait_for_transform_async('map', 'robot', LATEST).add_done_callback(wait)
+    published(ros, listener)
+    broadcaster = TransformBroadcaster(ros.node)
+    ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
+    broadcaster.sendTransform(made(1))
+    time.sleep(0.2)
+    assert not found
+    broadcaster.sendTransform(made(1, child='moving'))
+    StaticTransformBroadcaster(ros.node).sendTransform(made(child='static'))
+    eventually(lambda: [line for _, line in said if 'SystemExit: of the user' in line])
+    assert found == [True, True]
+    published(ros, listener)
 
 
 def ended(start, kind, *ways):

@@ -41,7 +41,7 @@ class BlockingWaits:
 
         :param timeout: s.
         :param is_alive: tells whether data may come in; a wait ends when that ends.
-        :param on_wait: is called when there is no answer at once.
+        :param on_wait: is called before each lookup that is a wait, with the lock held.
         :raises TransformException: the last that the lookup raised.
         """
         try:
@@ -53,8 +53,8 @@ class BlockingWaits:
         with self._changed:
             self._count += 1
             try:
-                on_wait()
                 while True:
+                    on_wait()
                     try:
                         return lookup(*arguments)
                     except TransformException:

@@ -227,10 +227,12 @@ class Buffer(BufferCore, BufferInterface):
         return as_dot(self.frames(), self._getFrameStrings(), nanoseconds(time))
 
     def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
-        return frame_id in self._lookups.tree.histories
+        with self._lookups.fetched():
+            return frame_id in self._lookups.tree.histories
 
     def _getFrameStrings(self) -> list[str]:  # noqa: N802
-        return list(self._lookups.tree.histories)
+        with self._lookups.fetched():
+            return list(self._lookups.tree.histories)
 
 
 def _message(stamp: int, target_frame: str, source_frame: str, pose: Pose) -> TransformStamped:

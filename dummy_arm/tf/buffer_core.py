@@ -13,7 +13,7 @@ from dummy_arm.tf.frames import Frame
 from dummy_arm.tf.history import Pose
 from dummy_arm.tf.intake import Intake
 from dummy_arm.tf.lookup import Lookups, Source
-from dummy_arm.tf.message_reader import MessageReader
+from dummy_arm.tf.message_reader import MessageReader, Run
 from dummy_arm.tf.times import int64_times, nanoseconds_or_int, SECOND
 from dummy_arm.tf.transform import Transform
 
@@ -88,6 +88,7 @@ class BufferCore:
         :raises OverflowError: when a stamp is no int64.
         """
         taken = self._intake.insert(stamp, frame_id, child_frame_id, pose, authority, is_static)
+        self._intake.refusals.log_all()
         if taken:
             self.on_new_data()
         return taken
@@ -97,20 +98,22 @@ class BufferCore:
         """
         Insert the transforms of TFMessages as they are on the wire, at a fraction of the cost.
 
-        Those that move are put in their order by their stamps. The log says what was refused, and
-        why. Whoever waits for a transform is not woken: `on_new_data` does that.
+        Afterwards, and without the lock, call `on_new_data`: it wakes those who wait for a
+        transform, and logs what was refused, and why.
 
         :param reader: one for each topic; it tells of messages that are none.
         """
-        rows, runs = reader.read(messages, in_order=is_static)
-        for row in rows:
-            self._intake.insert(row[0] * SECOND + row[1], row[2], row[3], row[4:], authority,
-                                is_static)
-        for run in runs:
-            self._intake.insert_run(run, authority)
+        for piece in reader.read(messages, only_rows=is_static):
+            if isinstance(piece, Run):
+                self._intake.insert_run(piece, authority)
+                continue
+            for row in piece:
+                self._intake.insert(row[0] * SECOND + row[1], row[2], row[3], row[4:], authority,
+                                    is_static)
 
     def on_new_data(self) -> bool:
         """Wake those who wait for a transform; tell whether a future is done now."""
+        self._intake.refusals.log_all()
         self._waiting.notify()
         return False
 
@@ -131,9 +134,11 @@ class BufferCore:
                 other for other in self._lookups.sources if other is not source)
 
     def _hurry(self) -> None:
-        """Have the sources bring in what arrives at once."""
+        """Have the sources bring in what has arrived, and from now on what arrives at once."""
         for source in self._lookups.sources:
             source.hurry()
+            with self.lock:
+                source.fetch()
 
     def clear(self) -> None:
         """Forget all but the names of the frames and what is static."""
@@ -227,8 +232,7 @@ class BufferCore:
 
     def frames(self) -> list[Frame]:
         """List the frames that have a parent, in the order in which they were first named."""
-        with self.lock:
-            self._lookups.fetch()
+        with self._lookups.fetched():
             return self._lookups.tree.frames()
 
     def all_frames_as_yaml(self) -> str:
@@ -238,8 +242,7 @@ class BufferCore:
 
     def all_frames_as_string(self) -> str:
         """Write a line for every frame, with its parent."""
-        with self.lock:
-            self._lookups.fetch()
+        with self._lookups.fetched():
             return self._lookups.tree.as_string()
 
 

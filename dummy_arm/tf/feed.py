@@ -14,7 +14,6 @@ from dummy_arm.tf.buffer_core import BufferCore
 from dummy_arm.tf.listening import Listening
 from dummy_arm.tf.message_reader import MessageReader
 from dummy_arm.tf.subscribing import take_all
-from dummy_arm.tf.wire import MalformedMessage
 
 #: The broadcaster that tf2_ros's listener in Python names.
 AUTHORITY = 'default_authority'
@@ -34,32 +33,38 @@ class Feed:
     """
 
     def __init__(self, buffer: BufferCore, tf: Subscription, tf_static: Subscription,
-                 listening: Listening, on_malformed: Callable[[MalformedMessage], None]) -> None:
+                 listening: Listening, on_fault: Callable[[BaseException], None]) -> None:
         """
         Begin to feed.
 
         :param listening: the thread that calls `take`.
-        :param on_malformed: is called with the error of each message that is none.
+        :param on_fault: is called with the MalformedMessage of each message that is none, and
+            with what goes wrong in a callback of the user.
         """
         self._buffer, self._tf, self._tf_static = buffer, tf, tf_static
-        self._listening, self._reader = listening, MessageReader(on_malformed)
-        # What was taken and is not in the buffer yet: Ctrl-C in a lookup loses nothing.
+        self._listening, self._on_fault = listening, on_fault
+        self._reader = MessageReader(on_fault)
+        # What was taken and is not in the buffer yet, when Ctrl-C interrupts a lookup.
         self._arrived: list[bytes] = []
         self._arrived_static: list[bytes] = []
         qos = tf.qos_profile
         self._places = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
-        self._is_pausing = False
+        self._is_pausing = self._has_ended = False
         self._count = 0  # of messages since the last `take`, which was then:
         self._last = monotonic()
         buffer.add_source(self)
 
     def end(self) -> None:
         """Feed no more."""
-        self._buffer.remove_source(self)
+        with self._buffer.lock:
+            self._has_ended = True
+            self._buffer.remove_source(self)
 
     def fetch(self) -> None:
-        """Insert what has arrived on /tf."""
+        """Insert what has arrived on /tf; on /tf_static too, if its thread itself looks up."""
         with suppress(InvalidHandle, _rclpy.RCLError):  # when the listener ends just now
+            if self._listening.is_current():
+                self._fetch_static()
             self._fetch()
             if self._count and not self._is_pausing:
                 self._listening.wake()
@@ -76,26 +81,43 @@ class Feed:
         :returns: whether there is anything new since the last call; and how long to pause (s).
         """
         with self._buffer.lock:
-            take_all(self._tf_static, self._arrived_static)
-            self._insert(self._arrived_static, True)
+            if self._has_ended:
+                return False, 0.0
+            self._fetch_static()
             self._fetch()
             now = monotonic()
             count, self._count, since, self._last = self._count, 0, now - self._last, now
             # In this order: who begins to wait either is seen here, or sees the flag.
             self._is_pausing = count > _SLOW * since
             self._is_pausing = self._is_pausing and not self._buffer.is_waited_for
-        if count and self._buffer.on_new_data():
+        if count and self._wake_waiting():
             self._listening.wake_executor()
         if not self._is_pausing:
             return count > 0, 0.0
         return True, min(_LONGEST_PAUSE, _FILLED * self._places * since / count)
+
+    def _wake_waiting(self) -> bool:
+        """Wake those who wait for a transform; tell whether an executor has to be woken."""
+        try:
+            return self._buffer.on_new_data()
+        except BaseException as error:  # SystemExit of a future's callback: not of this thread
+            self._on_fault(error)
+            return True
+
+    def _fetch_static(self) -> None:
+        take_all(self._tf_static, self._arrived_static)
+        self._insert(self._arrived_static, True)
 
     def _fetch(self) -> None:
         take_all(self._tf, self._arrived)
         self._insert(self._arrived, False)
 
     def _insert(self, arrived: list[bytes], is_static: bool) -> None:
-        if arrived:
+        if not arrived:
+            return
+        try:
             self._buffer.insert_messages(arrived, self._reader, AUTHORITY, is_static)
-            self._count += len(arrived)
-            arrived.clear()
+        except Exception as error:  # a fault of this package; the next messages may be good
+            self._on_fault(error)
+        self._count += len(arrived)
+        arrived.clear()

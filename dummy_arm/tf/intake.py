@@ -80,8 +80,8 @@ class Intake:
         edges, run_stamps, count = run.edges, run.stamps, len(run.stamps)
         number = len(edges.children)
         poses = np.frombuffer(bytearray().join(run.poses)).reshape(-1, POSE_BYTES // 8)
-        normalize_poses(poses)
-        if not isfinite(poses.sum()) or not (count == 1 or (np.diff(run_stamps) > 0).all()):
+        are_finite = normalize_poses(poses)
+        if not are_finite or not (count == 1 or (np.diff(run_stamps) > 0).all()):
             self._insert_each(run, range(count * number), authority)
             return
         if count > 1:

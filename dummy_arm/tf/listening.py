@@ -6,7 +6,6 @@ from contextlib import suppress
 from threading import current_thread, Thread
 from time import monotonic
 from typing import Any
-from weakref import WeakSet
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
@@ -22,7 +21,7 @@ _BETWEEN_WAKES = 0.1
 #: How long those who end a thread wait for it (s); a callback that it runs may take longer.
 _ENDING = 0.5
 
-_running: WeakSet['Listening'] = WeakSet()
+_running: set['Listening'] = set()
 
 
 class Listening:
@@ -63,8 +62,12 @@ class Listening:
 
     def wake(self) -> None:
         """Have the thread take what has arrived, now."""
-        with suppress(InvalidHandle):
+        with suppress(InvalidHandle, _rclpy.RCLError):  # when it ends just now
             self._wake.trigger()
+
+    def is_current(self) -> bool:
+        """Tell whether this is called in the thread."""
+        return self._thread is current_thread()
 
     def wake_executor(self) -> None:
         """Have the executor that spins the node return from its wait."""
@@ -81,7 +84,7 @@ class Listening:
         """Have the thread stop, and wait for that, unless this is the thread."""
         self.has_ended = True
         self.wake()
-        if self._thread is not current_thread() and self._thread.is_alive():
+        if not self.is_current() and self._thread.is_alive():
             self._thread.join(_ENDING)
 
     def _on_guard_destroyed(self) -> None:
@@ -97,8 +100,8 @@ class Listening:
                 raise
         finally:
             self.has_ended = True
-            _running.discard(self)
             self._on_end()
+            _running.discard(self)
 
     def _listen(self) -> None:
         context = self._context.handle
@@ -132,5 +135,9 @@ def _nothing() -> None:
 @atexit.register
 def _stop_all() -> None:
     """End all threads before the interpreter does: it would abort in the midst of a wait."""
-    for listening in list(_running):
+    running = list(_running)
+    for listening in running:
+        listening.has_ended = True
+        listening.wake()
+    for listening in running:
         listening.stop()

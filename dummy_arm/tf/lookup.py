@@ -1,6 +1,7 @@
 """Lookups among the frames of a tree, by any number of threads, while others insert."""
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from threading import RLock
 from typing import Protocol
 
@@ -59,19 +60,32 @@ class Lookups:
         :returns: False when it is too old.
         """
         with self.lock:
-            taken, changed = self.tree.insert(stamp, parent, child, pose, authority, is_static)
+            try:
+                taken, changed = self.tree.insert(stamp, parent, child, pose, authority, is_static)
+            except BaseException:  # as Ctrl-C, in the midst of a change
+                self._changed()
+                raise
             if changed:
                 self._changed()
         return taken
 
     def fetch(self) -> None:
-        """Insert what has arrived; with the lock held."""
+        """Insert what has arrived; with the lock held, and no lookup under way."""
         for origin in self.sources:
             origin.fetch()
 
+    @contextmanager
+    def fetched(self) -> Iterator[None]:
+        """Hold the lock, and insert what has arrived first, unless this thread has held it."""
+        is_nested = self.lock._is_owned()  # type: ignore[attr-defined]
+        with self.lock:
+            if not is_nested:
+                self.fetch()
+            yield
+
     def clear(self) -> None:
         """Forget what moves; the frames and what is static stay."""
-        with self.lock:
+        with self.fetched():  # so that nothing that was sent before comes in after this
             self.tree.clear()
             self._changed()
 
@@ -86,9 +100,10 @@ class Lookups:
         :returns: the time (ns), and the pose.
         :raises TransformException: when there is none.
         """
+        fetches = self.sources and not self.lock._is_owned()  # type: ignore[attr-defined]
         with self.lock:
-            for origin in self.sources:
-                origin.fetch()
+            if fetches:
+                self.fetch()
             path = self._paths.get((target, source))
             if path is not None:
                 try:
@@ -111,8 +126,7 @@ class Lookups:
 
         :param fixed: the frame in which things stay where they are between the two times.
         """
-        with self.lock:
-            self.fetch()
+        with self.fetched():
             frame_names.check_for_lookup(
                 self.tree.histories, target_frame=target, source_frame=source, fixed_frame=fixed)
             _, fixed_from_source = self.pose(fixed, source, source_time)
@@ -127,8 +141,8 @@ class Lookups:
         :param times: (n,).
         :returns: (n, 7), NaN where there is none, and (n,) whether there is one.
         """
-        with self.lock:
-            self.fetch()
+        with self.fetched():
+            pass
         order = np.argsort(times, kind='stable')  # which makes searching in histories fast
         poses = np.empty((len(times), 7))
         known = np.zeros(len(times), np.bool_)
@@ -162,8 +176,10 @@ class Lookups:
 
         :raises TransformException: when there is none.
         """
+        fetches = self.sources and not self.lock._is_owned()  # type: ignore[attr-defined]
         with self.lock:
-            self.fetch()
+            if fetches:
+                self.fetch()
             path = self._paths.get((target, source))
             if path is None or not path.covers(time or path.latest_common_time()):
                 if target == source:
@@ -175,8 +191,7 @@ class Lookups:
     def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                    ) -> None:
         """Check that there is what `pose_full` gives."""
-        with self.lock:
-            self.fetch()
+        with self.fetched():
             frame_names.check_for_can(
                 self.tree.histories, target_frame=target, source_frame=source, fixed_frame=fixed)
             self.check(target, fixed, target_time)
@@ -185,7 +200,7 @@ class Lookups:
     def chain(self, target: str, target_time: int, source: str, source_time: int, fixed: str
               ) -> list[str]:
         """List the frames from a source by way of the fixed frame to a target, without detour."""
-        with self.lock:
+        with self.fetched():
             self.check_full(target, target_time, source, source_time, fixed)
             there = self._frames(fixed, source, source_time)
             back = self._frames(fixed, target, target_time)
@@ -202,8 +217,7 @@ class Lookups:
 
     def latest_common_time(self, target: str, source: str) -> int:
         """Find the latest time (ns) that all frames between two know of; 0 when nothing moves."""
-        with self.lock:
-            self.fetch()
+        with self.fetched():
             for name in target, source:
                 frame_names.check(name, 'get_latest_common_time', self.tree.histories)
             return self.tree.latest_common_time(target, source)

@@ -4,7 +4,7 @@ from array import array
 from collections.abc import Callable, Iterable
 import struct
 from sys import intern
-from typing import Any
+from typing import Any, Union
 
 from dummy_arm.tf.times import SECOND
 from dummy_arm.tf.wire import Layout, MalformedMessage, Row, unpack
@@ -22,7 +22,7 @@ _Key = tuple[int, bytes, bytes]
 class Edges:
     """The frames of a stream, without a leading slash; and where an Intake has found them."""
 
-    __slots__ = ('children', 'found', 'found_in', 'layout', 'parents')
+    __slots__ = ('children', 'found', 'found_in', 'layout', 'names', 'parents')
 
     def __init__(self, layout: Layout, edges: Iterable[tuple[str, str]]) -> None:
         """
@@ -34,6 +34,7 @@ class Edges:
         # Interned, as the buffer's are: the same name is the same object.
         names = [tuple(intern(name.removeprefix('/')) for name in edge) for edge in edges]
         self.parents, self.children = [edge[0] for edge in names], [edge[1] for edge in names]
+        self.names = frozenset(self.children)
         self.found: list[Any] = []
         self.found_in: object = None
 
@@ -69,27 +70,36 @@ class MessageReader:
         self._known: dict[_Key, Edges] = {}
         self._count = 0  # of the edges in them
 
-    def read(self, messages: Iterable[bytes], in_order: bool = False
-             ) -> tuple[list[Row], list[Run]]:
+    def read(self, messages: Iterable[bytes], only_rows: bool = False
+             ) -> list[Union[list[Row], Run]]:
         """
         Read messages.
 
-        :param in_order: give all as rows, in the order of arrival.
-        :returns: the transforms of messages whose layout was not known or that have several
-            stamps; and the others, gathered by their frames.
+        :param only_rows: gather none of them into runs.
+        :returns: the transforms of a message whose layout was not known or that has several
+            stamps, as rows; those of others, in runs. What is of one child is in the order of
+            its arrival.
         """
-        rows: list[Row] = []
+        pieces: list[Union[list[Row], Run]] = []
         runs: dict[Edges, Run] = {}
         for data in messages:
             try:
-                if in_order or not self._read_known(data, runs):
-                    rows += unpack(data)
+                if only_rows or not self._read_known(data, runs, pieces):
+                    rows = unpack(data)
+                    pieces += runs.values()
+                    runs.clear()
+                    pieces.append(rows)
             except MalformedMessage as error:
                 self._on_malformed(error)
-        return rows, list(runs.values())
+        return [*pieces, *runs.values()]
 
-    def _read_known(self, data: bytes, runs: dict[Edges, Run]) -> bool:
-        """Append a message to a run, if its layout is known and it has one stamp."""
+    def _read_known(self, data: bytes, runs: dict[Edges, Run],
+                    pieces: list[Union[list[Row], Run]]) -> bool:
+        """
+        Append a message to a run, if its layout is known and it has one stamp.
+
+        Runs that have a frame in common with one that begins go to the pieces before it.
+        """
         key = _key(data)
         edges = self._known.get(key)
         if edges is None or (fields := edges.layout.read(data)) is None:
@@ -100,6 +110,9 @@ class MessageReader:
             return False
         run = runs.get(edges)
         if run is None:
+            if runs:
+                pieces += [runs.pop(other) for other in list(runs)
+                           if not edges.names.isdisjoint(other.names)]
             runs[edges] = run = Run(edges)
         sec, nanosec = _unpack_stamp(stamps[0])
         run.stamps.append(sec * SECOND + nanosec)
@@ -108,16 +121,19 @@ class MessageReader:
 
     def _learn(self, key: _Key, data: bytes) -> None:
         """Keep the layout of a message."""
-        edges = [row[2:4] for row in unpack(data)]
-        if not edges or data[:2] != _LITTLE_ENDIAN:
+        pairs = [row[2:4] for row in unpack(data)]
+        if not pairs or data[:2] != _LITTLE_ENDIAN:
             return
-        layout = Layout(edges)
-        if layout.size <= len(data):
+        layout = Layout(pairs)
+        edges = Edges(layout, pairs)
+        # A frame twice in a message would not keep its order in a run.
+        if layout.size <= len(data) and len(edges.names) == len(pairs):
             if self._count > _MOST_EDGES:
                 self._known.clear()
                 self._count = 0
-            self._count += len(edges)
-            self._known[key] = Edges(layout, edges)
+            if key not in self._known:
+                self._count += len(pairs)
+            self._known[key] = edges
 
 
 def _key(data: bytes) -> _Key:

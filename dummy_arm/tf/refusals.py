@@ -1,5 +1,6 @@
 """Why tf2 refuses a transform, in the words of its log, said at most once a second a cause."""
 
+from collections import deque
 from collections.abc import Callable
 import logging
 from math import inf, isnan
@@ -53,24 +54,34 @@ def too_many_frames(child: str, limit: int, authority: str) -> str:
 
 
 class Refusals:
-    """A log that says the same cause at most once a second."""
+    """
+    A log that says the same cause at most once a second.
+
+    What is told is logged by `log_all`, for which no lock must be held: a log may look up.
+    """
 
     def __init__(self) -> None:
         """Begin with nothing said."""
         self.log: Callable[[str], None] = logging.getLogger('dummy_arm.tf').warning
         self._again: dict[str, float] = {}
+        self._told: deque[str] = deque()
 
     def tell(self, *problems: str) -> None:
-        """Log problems, but not one whose cause, its first word, was logged within a second."""
+        """Tell problems, but not one whose cause, its first word, was told within a second."""
         for problem in problems:
             self._tell(problem.partition(' ')[0], problem, 1.0)
 
     def tell_once(self, cause: str, problem: str) -> None:
-        """Log a problem, but not if its cause was logged before."""
+        """Tell a problem, but not if its cause was told before."""
         self._tell(cause, problem, inf)
 
     def _tell(self, cause: str, problem: str, silence: float) -> None:
         now = time.monotonic()
         if now >= self._again.get(cause, now):
             self._again[cause] = now + silence
-            self.log(problem)
+            self._told.append(problem)
+
+    def log_all(self) -> None:
+        """Log what was told."""
+        while self._told:
+            self.log(self._told.popleft())

@@ -53,16 +53,17 @@ def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
         return _NAN
 
 
-def normalize_poses(poses: NDArray[np.float64]) -> None:
+def normalize_poses(poses: NDArray[np.float64]) -> bool:
     """
     Normalise the rotations of many poses, each as `normalized` does.
 
     :param poses: (n, 7) x, y, z, qx, qy, qz, qw; changed in place.
+    :returns: True when all is finite; of numbers so large that their sum is not, False.
     """
     rotations = poses[:, 3:]
     if len(poses) < _MANY:
         rotations[:] = [normalized(*rotation) for rotation in rotations.tolist()]
-        return
+        return all(map(math.isfinite, poses.ravel().tolist()))
     q = rotations.T.copy()
     result = np.empty_like(q)
     with np.errstate(all='ignore'):
@@ -81,7 +82,8 @@ def normalize_poses(poses: NDArray[np.float64]) -> None:
         if not trace.min() > 0.0:
             diagonal = 1.0 - np.array((yy + zz, xx + zz, xx + yy))
             _turn_far(~(trace > 0.0), diagonal, above, below, result)
-    rotations[:] = result.T
+        rotations[:] = result.T
+        return math.isfinite(poses.sum())
 
 
 def _turn_far(rows: NDArray[np.bool_], diagonal: NDArray[np.float64], above: NDArray[np.float64],

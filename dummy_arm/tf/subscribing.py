@@ -1,12 +1,13 @@
 """Subscriptions to TFMessage that no executor sees, and publishers that do not fit."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from time import monotonic
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import QoSSubscriptionEventType as EventType
-from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.logging import get_logger
 from rclpy.node import Node
@@ -56,14 +57,15 @@ class Misfits:
         """Begin to look out."""
         self._topic = subscription.topic_name
         self._log = get_logger(subscription.logger_name)
-        with subscription.handle:
+        self._incompatible_qos: Any = None
+        with subscription.handle, suppress(UnsupportedEventTypeError):
             self._incompatible_qos = _rclpy.EventHandle(
                 subscription.handle, EventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS)
         self._next = 0.0
 
     def look(self) -> None:
         """Warn, in rclpy's words, of those that came up since the last look; once a second."""
-        if (now := monotonic()) < self._next:
+        if self._incompatible_qos is None or (now := monotonic()) < self._next:
             return
         self._next = now + _BETWEEN_LOOKS
         status: Any = self._incompatible_qos.take_event()
@@ -76,4 +78,5 @@ class Misfits:
 
     def close(self) -> None:
         """Let go of the subscription."""
-        self._incompatible_qos.destroy_when_not_in_use()
+        if self._incompatible_qos is not None:
+            self._incompatible_qos.destroy_when_not_in_use()

@@ -1,5 +1,6 @@
 """Listening to /tf and /tf_static: what comes in goes into a buffer."""
 
+from threading import RLock
 from traceback import format_exception
 from typing import Any, Optional, Union
 
@@ -63,6 +64,7 @@ class TransformListener:
         self._listening = Listening(node, self.group, self.tf_static_sub, self.tf_sub,
                                     self._take, self._close)
         self._feed: Optional[Feed] = None
+        self._switching = RLock()
         self.buffer = buffer
         self._listening.start()
 
@@ -78,16 +80,18 @@ class TransformListener:
 
     @buffer.setter
     def buffer(self, buffer: Any) -> None:
-        self._buffer = buffer
-        self._feed_into(buffer if self._goes_straight_into(buffer) else None)
+        with self._switching:
+            self._buffer = buffer
+            self._feed_into(buffer if self._goes_straight_into(buffer) else None)
 
     def _feed_into(self, buffer: Optional[BufferCore]) -> None:
         """Feed a buffer, if any, and no other any more."""
-        feed = self._feed
-        self._feed = None if buffer is None or self._listening.has_ended else Feed(
-            buffer, self.tf_sub, self.tf_static_sub, self._listening, self._on_malformed)
-        if feed is not None:
-            feed.end()
+        with self._switching:
+            feed = self._feed
+            self._feed = None if buffer is None or self._listening.has_ended else Feed(
+                buffer, self.tf_sub, self.tf_static_sub, self._listening, self._on_fault)
+            if feed is not None:
+                feed.end()
 
     def _goes_straight_into(self, buffer: Any) -> bool:
         """Tell whether nobody has put anything of his own between the messages and the buffer."""
@@ -114,7 +118,9 @@ class TransformListener:
         for misfits in self._misfits:
             misfits.look()
         feed = self._feed
-        return self._call_back() if feed is None else feed.take()
+        taken = self._call_back() if feed is None else feed.take()
+        self._faults.log_all()
+        return taken
 
     def _call_back(self) -> tuple[bool, float]:
         has_news = False
@@ -126,17 +132,19 @@ class TransformListener:
                 has_news = True
                 try:
                     callback(TFMessage(transforms=[*map(message_of, wire.unpack(data))]))
-                except wire.MalformedMessage as error:
-                    self._on_malformed(error)
-                except Exception as error:
-                    self._faults.tell(''.join(format_exception(error)))
+                except BaseException as error:  # SystemExit, too, is not of this thread
+                    self._on_fault(error)
         return has_news, 0.0
 
-    def _on_malformed(self, error: wire.MalformedMessage) -> None:
-        self.malformed += 1
-        self._faults.tell_once(str(error).partition(':')[0], (
-            f'Dropped a message that cannot be decoded, {error}. Others of this kind are dropped '
-            'without a word.'))
+    def _on_fault(self, error: BaseException) -> None:
+        """Count a malformed message, and tell of its kind once; of other errors once a second."""
+        if isinstance(error, wire.MalformedMessage):
+            self.malformed += 1
+            self._faults.tell_once(str(error).partition(':')[0], (
+                f'Dropped a message that cannot be decoded, {error}. Others of this kind are '
+                'dropped without a word.'))
+        else:
+            self._faults.tell(''.join(format_exception(error)))
 
     def _close(self) -> None:
         """Let go of the subscriptions."""
