@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from math import isfinite, nan
 from operator import index
 import struct
-from sys import intern
 from typing import Any
 
 import numpy as np
@@ -44,8 +43,7 @@ class Intake:
         stamp = index(stamp)
         if not -_INT64 <= stamp < _INT64:
             raise OverflowError(f'a stamp must be an int64 of ns, got {stamp}')
-        parent = intern(frame_id.removeprefix('/'))
-        child = intern(child_frame_id.removeprefix('/'))
+        parent, child = frame_id.removeprefix('/'), child_frame_id.removeprefix('/')
         x, y, z, qx, qy, qz, qw = array('d', pose)
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
         if found := problems(parent, child, pose, authority):

@@ -1,9 +1,8 @@
 """The bytes of messages to what a buffer takes; what repeats in a stream is worked out once."""
 
 from array import array
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 import struct
-from sys import intern
 from typing import Any, Union
 
 from dummy_arm.tf.times import SECOND
@@ -24,16 +23,15 @@ class Edges:
 
     __slots__ = ('children', 'found', 'found_in', 'layout', 'names', 'parents')
 
-    def __init__(self, layout: Layout, edges: Iterable[tuple[str, str]]) -> None:
+    def __init__(self, layout: Layout, edges: Sequence[tuple[str, str]]) -> None:
         """
         Keep what is given.
 
         :param edges: frame_id and child_frame_id of each of the n transforms, as on the wire.
         """
         self.layout = layout
-        # Interned, as the buffer's are: the same name is the same object.
-        names = [tuple(intern(name.removeprefix('/')) for name in edge) for edge in edges]
-        self.parents, self.children = [edge[0] for edge in names], [edge[1] for edge in names]
+        self.parents = [parent.removeprefix('/') for parent, _ in edges]
+        self.children = [child.removeprefix('/') for _, child in edges]
         self.names = frozenset(self.children)
         self.found: list[Any] = []
         self.found_in: object = None
