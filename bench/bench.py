@@ -40,6 +40,7 @@ def main() -> None:
     table(lookups.rows(u))
     lookups.plot(sys.argv[1])
     table(listening.into_the_buffer(u))
+    table(listening.memory())
     table(listening.over_dds())
     table(sending.rows(rclpy.create_node('bench'), u))
     table(sending.ticking(rclpy.create_node('listener')))
