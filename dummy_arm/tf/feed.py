@@ -17,9 +17,10 @@ from dummy_arm.tf.subscribing import take_all
 
 #: The broadcaster that tf2_ros's listener in Python names.
 AUTHORITY = 'default_authority'
-#: The longest pause (s); and the part of the queue that may fill up in it.
+#: The longest pause (s).
 _LONGEST_PAUSE = 0.07
-_FILLED = 1 / 3
+#: After a pause the queue has room for so long still (s), or else for three quarters of all.
+_RESERVE = 0.1
 #: At fewer messages a second there is no pause.
 _SLOW = 100.0
 
@@ -94,7 +95,8 @@ class Feed:
             self._listening.wake_executor()
         if not self._is_pausing:
             return count > 0, 0.0
-        return True, min(_LONGEST_PAUSE, _FILLED * self._places * since / count)
+        room = self._places * since / count
+        return True, min(_LONGEST_PAUSE, max(room - _RESERVE, room / 4))
 
     def _wake_waiting(self) -> bool:
         """Wake those who wait for a transform; tell whether an executor has to be woken."""
