@@ -12,6 +12,7 @@ from timeit import timeit
 from leak import resident
 from measure import Row
 import numpy as np
+from numpy.typing import NDArray
 
 from dummy_arm.tf import BufferCore, wire
 from dummy_arm.tf.message_reader import MessageReader
@@ -27,11 +28,16 @@ RATE_LOST = 2000
 STREAMS = (500, 20), (1000, 4)
 
 
+def chain(frames: int) -> tuple[wire.Packet, NDArray[np.float64]]:
+    """Prepare messages of a chain of frames, and their poses."""
+    packet = wire.Packet([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
+    return packet, np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (frames, 1))
+
+
 def into_the_buffer(u: float) -> Iterator[Row]:
     """Measure messages from their bytes into a buffer that is full, so that samples expire."""
     for frames in 4, 20, 100:
-        packet = wire.Packet([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
-        poses = np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (frames, 1))
+        packet, poses = chain(frames)
         buffer, reader, stamps = BufferCore(HISTORY * MS), MessageReader(print), count(10**18, MS)
 
         def insert(messages: list[bytes]) -> None:
@@ -50,8 +56,7 @@ def into_the_buffer(u: float) -> Iterator[Row]:
 
 def memory() -> Iterator[Row]:
     """Measure what a buffer takes while messages go on and on: 100 frames at 100 Hz."""
-    packet = wire.Packet([(f'frame_{i}', f'frame_{i + 1}') for i in range(100)])
-    poses = np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (100, 1))
+    packet, poses = chain(100)
     buffer, reader = BufferCore(10_000 * MS), MessageReader(print)
     sizes = {}
     for number in range(300 * 100 + 1):

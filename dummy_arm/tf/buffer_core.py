@@ -137,8 +137,8 @@ class BufferCore:
         """Have the sources bring in what has arrived, and from now on what arrives at once."""
         for source in self._lookups.sources:
             source.hurry()
-            with self.lock:
-                source.fetch()
+        with self.lock:
+            self._lookups.fetch()
 
     def clear(self) -> None:
         """Forget all but the names of the frames and what is static."""

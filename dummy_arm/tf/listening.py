@@ -77,8 +77,7 @@ class Listening:
 
     def end(self) -> None:
         """End the thread, wherever this is called and however often."""
-        self._node.destroy_guard_condition(self._guard)
-        self.stop()
+        self._node.destroy_guard_condition(self._guard)  # which calls `stop`, unless it has
 
     def stop(self) -> None:
         """Have the thread stop, and wait for that, unless this is the thread."""

@@ -77,11 +77,15 @@ class Lookups:
     @contextmanager
     def fetched(self) -> Iterator[None]:
         """Hold the lock, and insert what has arrived first, unless this thread has held it."""
-        is_nested = self.lock._is_owned()  # type: ignore[attr-defined]
+        fetches = self._is_outermost()
         with self.lock:
-            if not is_nested:
+            if fetches:
                 self.fetch()
             yield
+
+    def _is_outermost(self) -> bool:
+        """Tell whether this thread does not hold the lock, in a lookup that was interrupted."""
+        return not self.lock._is_owned()  # type: ignore[attr-defined]
 
     def clear(self) -> None:
         """Forget what moves; the frames and what is static stay."""
@@ -100,7 +104,7 @@ class Lookups:
         :returns: the time (ns), and the pose.
         :raises TransformException: when there is none.
         """
-        fetches = self.sources and not self.lock._is_owned()  # type: ignore[attr-defined]
+        fetches = self.sources and self._is_outermost()  # as `fetched`, which takes longer
         with self.lock:
             if fetches:
                 self.fetch()
@@ -176,7 +180,7 @@ class Lookups:
 
         :raises TransformException: when there is none.
         """
-        fetches = self.sources and not self.lock._is_owned()  # type: ignore[attr-defined]
+        fetches = self.sources and self._is_outermost()
         with self.lock:
             if fetches:
                 self.fetch()

@@ -3,7 +3,7 @@
 from array import array
 from collections.abc import Callable, Iterable, Sequence
 import struct
-from typing import Any, Union
+from typing import Any, Optional, Union
 
 from dummy_arm.tf.times import SECOND
 from dummy_arm.tf.wire import Layout, MalformedMessage, Row, unpack
@@ -82,8 +82,8 @@ class MessageReader:
         runs: dict[Edges, Run] = {}
         for data in messages:
             try:
-                if only_rows or not self._read_known(data, runs, pieces):
-                    rows = unpack(data)
+                rows = unpack(data) if only_rows else self._read(data, runs, pieces)
+                if rows is not None:
                     pieces += runs.values()
                     runs.clear()
                     pieces.append(rows)
@@ -91,21 +91,24 @@ class MessageReader:
                 self._on_malformed(error)
         return [*pieces, *runs.values()]
 
-    def _read_known(self, data: bytes, runs: dict[Edges, Run],
-                    pieces: list[Union[list[Row], Run]]) -> bool:
+    def _read(self, data: bytes, runs: dict[Edges, Run], pieces: list[Union[list[Row], Run]]
+              ) -> Optional[list[Row]]:
         """
         Append a message to a run, if its layout is known and it has one stamp.
 
         Runs that have a frame in common with one that begins go to the pieces before it.
+
+        :returns: the rows of another message.
         """
         key = _key(data)
         edges = self._known.get(key)
         if edges is None or (fields := edges.layout.read(data)) is None:
-            self._learn(key, data)
-            return False
+            rows = unpack(data)
+            self._learn(key, data, rows)
+            return rows
         stamps, poses = fields
         if stamps.count(stamps[0]) < len(stamps):
-            return False
+            return unpack(data)
         run = runs.get(edges)
         if run is None:
             if runs:
@@ -115,11 +118,11 @@ class MessageReader:
         sec, nanosec = _unpack_stamp(stamps[0])
         run.stamps.append(sec * SECOND + nanosec)
         run.poses += poses
-        return True
+        return None
 
-    def _learn(self, key: _Key, data: bytes) -> None:
+    def _learn(self, key: _Key, data: bytes, rows: list[Row]) -> None:
         """Keep the layout of a message."""
-        pairs = [row[2:4] for row in unpack(data)]
+        pairs = [row[2:4] for row in rows]
         if not pairs or data[:2] != _LITTLE_ENDIAN:
             return
         layout = Layout(pairs)

@@ -10,6 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from dummy_arm.tf import wire
 from dummy_arm.tf.message import TFMessage
+from dummy_arm.tf.qos import profile
 from dummy_arm.tf.transform_stamped import as_list, bad_fields_named, rows_to_send
 
 
@@ -29,10 +30,9 @@ class StaticTransformBroadcaster:
         :param qos: profile of the publisher, or its depth; None: a depth of 1. Unless a profile
             says otherwise it is reliable and transient local.
         """
-        if qos is None or isinstance(qos, int):
-            qos = QoSProfile(depth=1 if qos is None else qos,
-                             durability=DurabilityPolicy.TRANSIENT_LOCAL)
-        self.pub_tf = node.create_publisher(TFMessage, '/tf_static', qos)
+        self.pub_tf = node.create_publisher(
+            TFMessage, '/tf_static',
+            profile(qos, 1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self._rows: dict[str, wire.Row] = {}
         self._lock = Lock()
 

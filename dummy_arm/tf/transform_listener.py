@@ -15,6 +15,7 @@ from dummy_arm.tf.buffer_core import BufferCore
 from dummy_arm.tf.feed import AUTHORITY, Feed
 from dummy_arm.tf.listening import Listening
 from dummy_arm.tf.message import TFMessage
+from dummy_arm.tf.qos import profile
 from dummy_arm.tf.refusals import Refusals
 from dummy_arm.tf.subscribing import Misfits, subscribe, take_all
 from dummy_arm.tf.transform_stamped import message_of
@@ -46,16 +47,12 @@ class TransformListener:
         :param static_qos: profile or depth for /tf_static; None: a depth of 100. Unless a profile
             says otherwise it is reliable and transient local.
         """
-        if qos is None or isinstance(qos, int):
-            qos = QoSProfile(depth=100 if qos is None else qos)
-        if static_qos is None or isinstance(static_qos, int):
-            static_qos = QoSProfile(depth=100 if static_qos is None else static_qos,
-                                    durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self.node = node
         self.group = ReentrantCallbackGroup()
-        self.tf_sub = subscribe(node, '/tf', self.callback, qos, self.group)
+        self.tf_sub = subscribe(node, '/tf', self.callback, profile(qos, 100), self.group)
         self.tf_static_sub = subscribe(
-            node, '/tf_static', self.static_callback, static_qos, self.group)
+            node, '/tf_static', self.static_callback,
+            profile(static_qos, 100, durability=DurabilityPolicy.TRANSIENT_LOCAL), self.group)
         self._misfits = Misfits(self.tf_sub), Misfits(self.tf_static_sub)
         #: How many messages could not be decoded, and were dropped.
         self.malformed = 0
