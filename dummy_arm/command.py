@@ -62,4 +62,5 @@ def _spin_until_signal(node: Node) -> None:
     executor.add_node(node)
     while not signals:
         executor.spin_once(timeout_sec=_LONGEST_WAIT)
+    executor.shutdown()  # before the context: it would complain, when it is collected
     node.destroy_node()
