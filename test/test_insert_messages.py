@@ -40,14 +40,20 @@ def read(reader, message):
             [piece for piece in pieces if not isinstance(piece, list)])
 
 
+def samples(history):
+    """Give the stamps, poses and parents that have not expired."""
+    place, _ = history.place
+    rows = range(place.start, len(place.stamps))
+    return (place.stamps[place.start:].tolist(), str([history.pose(i) for i in rows]),
+            [history.parent_of(i) for i in rows])
+
+
 def state(buffer):
     """Give all that a buffer knows, but for samples that have expired."""
     return {
         name: None if history is None else (
             history.is_static, history.authority, str(history.pose)) if history.is_static else (
-            history.is_static, history.authority, history.latest, history.stamps[history.start:],
-            bytes(history.poses[56 * history.start:]),
-            [history.parent_of(i) for i in range(history.start, len(history.stamps))])
+            history.is_static, history.authority, history.latest, *samples(history))
         for name, history in buffer._lookups.tree.histories.items()}
 
 
@@ -210,7 +216,82 @@ def test_a_stream_of_messages_answers_as_single_transforms_do():
             slow.insert(row[0] * S + row[1], row[2], row[3], row[4:])
         assert state(fast) == state(slow)
     for history in fast._lookups.tree.histories.values():
-        assert history is None or len(history.stamps) <= 2.5 * 100 + 64 + 40
+        assert history is None or len(history.place[0].stamps) <= 1.25 * 100 + 40
+
+
+def places(buffer):
+    """Give where the samples of each frame that moves lie."""
+    return [history.place for history in buffer._lookups.tree.histories.values() if history]
+
+
+def test_frames_that_come_together_have_their_stamps_in_common():
+    """From the second message on; the newest may come again."""
+    buffer, reader = BufferCore(), MessageReader(fail)
+    insert(buffer, reader, *(chain(5, T * S + i) for i in range(3)))
+    insert(buffer, reader, chain(5, T * S + 2))
+    insert(buffer, reader, chain(5, T * S + 2), chain(5, T * S + 3), chain(5, T * S + 4))
+    assert [offset for _, offset in places(buffer)] == [0, 56, 112, 168, 224]
+    (common,) = {samples for samples, _ in places(buffer)}
+    assert common.stamps.tolist() == [T * S + i for i in range(5)]
+    buffer.clear()
+    insert(buffer, reader, *(chain(5, T * S + i) for i in range(3)))
+    insert(buffer, reader, chain(5, T * S + 3))
+    assert len({samples for samples, _ in places(buffer)}) == 1
+
+
+def test_a_frame_that_comes_alone_too_parts_the_others_for_good():
+    """They would be copied again and again."""
+    buffer, reader = BufferCore(), MessageReader(fail)
+    insert(buffer, reader, *(chain(5, T * S + i) for i in range(3)))
+    buffer.insert(T * S + 1, 'f0', 'f1', (9.0, *STILL[1:]))
+    insert(buffer, reader, *(chain(5, T * S + i) for i in range(3, 6)))
+    buffer.insert(T * S, 'f5', 'new', STILL)
+    insert(buffer, reader, chain(5, T * S + 6))
+    assert len({samples for samples, _ in places(buffer)}) == 6
+    assert [frame.length for frame in buffer.frames()] == [8, 7, 7, 7, 7, 1]
+
+
+def test_streams_that_have_frames_in_common_answer_as_single_transforms_do():
+    """Those of a chain, parts of it, single frames, late ones, twice the same, after a clear."""
+    random = np.random.default_rng(5)
+    for _ in range(25):
+        fast, slow, reader = BufferCore(2 * S), BufferCore(2 * S), MessageReader(fail)
+        fast._intake.refusals.log = slow._intake.refusals.log = lambda _: None
+        disturbances = random.choice([0.0, 0.02, 0.2])
+        now, sent = T * S, [chain(6, T * S)]
+        for _ in range(40):
+            batch = []
+            for _ in range(random.integers(1, 8)):
+                now += int(random.integers(1, S // 4))
+                batch.append(chain(6, now, float(random.normal())))
+                if random.random() < disturbances:
+                    batch.append([
+                        chain(int(random.integers(1, 6)), now + 1),
+                        chain(6, now - int(random.integers(0, 3 * S)), 5.0),
+                        sent[-1], batch[0], chain(6, now, 7.0),
+                        wire.pack([(*divmod(now, S), 'f0', f'new {now}', *STILL)]),
+                        wire.pack([(*divmod(now, S), 'other', 'f3', *STILL)]),
+                    ][random.integers(0, 7)])
+            sent += batch
+            insert(fast, reader, *batch)
+            for row in (row for data in batch for row in wire.unpack(data)):
+                slow.insert(row[0] * S + row[1], row[2], row[3], row[4:])
+            assert state(fast) == state(slow)
+            times = random.integers(now - 3 * S, now + S // 10, 20)
+            for source in 'f6', 'f3':
+                one, other = (buffer.lookup_transforms('f1', source, times)
+                              for buffer in (fast, slow))
+                for left, right in zip(one, other):
+                    np.testing.assert_array_equal(left, right)
+                for time, translation, known in zip(times.tolist(), one[0], one[2]):
+                    assert fast.can_transform('f1', source, time) == known
+                    if known:
+                        np.testing.assert_allclose(
+                            fast.lookup_transform('f1', source, time).translation, translation)
+            if random.random() < disturbances / 5:
+                fast.clear()
+                slow.clear()
+                now -= 10 * S
 
 
 def interrupted(work, number):
@@ -218,7 +299,8 @@ def interrupted(work, number):
     lines = count()
 
     def trace(frame, event, _):
-        if not frame.f_code.co_filename.endswith(('history.py', 'intake.py')):
+        if not frame.f_code.co_filename.endswith(
+                ('history.py', 'samples.py', 'common_samples.py', 'intake.py')):
             return None
         if event == 'line' and next(lines) == number:
             raise KeyboardInterrupt
@@ -258,16 +340,46 @@ def test_ctrl_c_at_any_line_leaves_a_history_whole(stamps, parent, by):
         put(300, 301)
         history = buffer._lookups.tree.histories['c']
         assert isinstance(history, History)
-        assert len(history.poses) == 56 * len(history.stamps)
-        assert np.frombuffer(history.poses)[::7].tolist() == [
-            stamp / S for stamp in history.stamps]
-        assert history.parents is None or len(history.parents) == len(history.stamps)
-        assert history.stamps.tolist() == sorted(history.stamps)
+        stamps_now = history.place[0].stamps
+        assert len(history.place[0].poses) == 56 * len(stamps_now)
+        assert [history.pose(i)[0] for i in range(len(stamps_now))] == [
+            stamp / S for stamp in stamps_now]
+        assert history.parents is None or len(history.parents) == len(stamps_now)
+        assert stamps_now.tolist() == sorted(stamps_now)
         assert history.latest == 301 * S
         assert buffer.lookup_transform('a', 'c', 301 * S).translation[0] == 301.0
         if not was_interrupted:
             break
     assert line > 10
+
+
+def test_ctrl_c_at_any_line_leaves_samples_in_common_whole():
+    """While frames begin to have them, while rows come and expire, and while they are parted."""
+    def row(second, pose):
+        return wire.pack([(second, 0, parent, child, pose + i, *STILL[1:])
+                          for i, (parent, child) in enumerate(['ab', 'bc', 'cd'])])
+
+    for line in count():
+        buffer, reader = BufferCore(50 * S), MessageReader(fail)
+
+        def work():
+            for second in range(1, 70):
+                insert(buffer, reader, row(second, second))  # noqa: B023
+            buffer.insert(69 * S + 1, 'b', 'c', (70.0, *STILL[1:]))  # noqa: B023
+            insert(buffer, reader, row(70, 70))  # noqa: B023
+
+        was_interrupted = interrupted(work, line * 7)
+        insert(buffer, reader, row(300, 300), row(301, 301))
+        for i, (samples, _) in enumerate(places(buffer)):
+            assert len(samples.poses) == samples.row * len(samples.stamps)
+            history = buffer._lookups.tree.histories['bcd'[i]]
+            for index, stamp in enumerate(samples.stamps):
+                expected = 70.0 if stamp % S else stamp / S + i
+                assert history.pose(index)[0] == expected
+            assert history.latest == 301 * S
+        if not was_interrupted:
+            break
+    assert line > 50
 
 
 def test_of_one_stamp_a_hundred_samples_are_kept():
@@ -280,7 +392,8 @@ def test_of_one_stamp_a_hundred_samples_are_kept():
     history = buffer._lookups.tree.histories['b']
     assert len(history) == 102
     assert history.parents is not None
-    assert len(history.parents) == len(history.stamps) == len(history.poses) // 56 == 102
+    place, _ = history.place
+    assert len(history.parents) == len(place.stamps) == len(place.poses) // 56 == 102
     assert history.pose(1)[0] == 1
     assert buffer.lookup_transform('a', 'b', T * S + 10).translation[0] == 1000
     assert buffer.lookup_transform('a', 'b', T * S + 15).translation[0] == 500

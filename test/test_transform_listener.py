@@ -575,6 +575,33 @@ def test_after_the_end_nothing_more_comes_in(ros, sender, listen):
     assert not ros.node.get_subscriptions_info_by_topic('/tf')
 
 
+@pytest.mark.parametrize('end', ['unregister', 'destroy_node'])
+def test_all_that_had_arrived_is_there_after_the_end(ros, listen, end):
+    """Whether it was taken already or not."""
+    node = Node('ending', context=ros.context)
+    buffer, listener = listen(node=node)
+    publish = flood(ros, listener)
+    publish(2000 * 10**9)
+    time.sleep(0.02)
+    if end == 'unregister':
+        listener.unregister()
+    node.destroy_node()
+    assert buffer.get_latest_common_time('map', 'robot') == Time(nanoseconds=2000 * 10**9 + 19)
+
+
+def test_messages_come_in_though_nobody_looks_up(ros, listen):
+    """In the course of a stream that has the thread pause."""
+    buffer, listener = listen()
+    publish = flood(ros, listener)
+    seen = set()
+    for second in range(2001, 2501):
+        publish(second * 10**9, 1)
+        with buffer.lock:
+            seen.add(buffer._lookups.tree.histories['robot'].latest // 10**9)
+    assert 3 <= len(seen) < 100
+    assert max(seen) > 2300
+
+
 def test_the_node_name_is_free_at_once_after_destroy_node(start):
     """No subscription outlives its node, so that the next of this name is the only one."""
     process = start('-c', """
@@ -649,6 +676,7 @@ def test_a_signal_handler_may_look_up(start):
     process = start('-c', """
 import signal, time
 import rclpy
+from rclpy.duration import Duration
 from rclpy.time import Time
 from dummy_arm.tf import Buffer, TransformBroadcaster, TransformListener
 rclpy.init()
@@ -658,6 +686,7 @@ listener = TransformListener(buffer, node)
 prepared = TransformBroadcaster(node).prepare([('map', 'robot')])
 calls = []
 signal.signal(signal.SIGALRM, lambda *_: calls.append(
+    not buffer.can_transform('map', 'nowhere', Time(), Duration(seconds=0.0001)) and
     buffer.can_transform('map', 'robot', Time()) and
     buffer.lookup_transforms('map', 'robot', range(0, 10**6, 10**4))))
 signal.setitimer(signal.ITIMER_REAL, 0.001, 0.001)

@@ -49,15 +49,16 @@ def _along(edges: Sequence[AnyHistory], times: Times, known: NDArray[np.bool_]) 
 def _interpolate(edge: AnyHistory, times: Times, known: NDArray[np.bool_]) -> _Columns:
     if edge.is_static:
         return tuple(np.array([edge.pose_at(0)]).T)
-    stamps = np.frombuffer(edge.stamps, np.int64)[edge.start:]
-    samples = np.frombuffer(edge.poses).reshape(-1, 7)[edge.start:]
+    samples, offset = edge.place
+    stamps = np.frombuffer(samples.stamps, np.int64)[samples.start:]
+    poses = samples.poses_of(offset)[samples.start:]
     try:
         newest = len(stamps) - 1
         before = stamps.searchsorted(times, 'right') - 1
         known &= (before >= 0) & ((before < newest) | (times == stamps[newest]) | (times == 0))
-        if edge.regular is not edge.stamps:
+        if samples.regular is not samples.stamps:
             before[(times == stamps[0]) & (times != stamps[newest])] = 0
-        if edge.latest == 0:
+        if samples.latest == 0:
             before[times == 0] = newest
         before.clip(0, newest, out=before)
         after = np.minimum(before + 1, newest)
@@ -66,11 +67,10 @@ def _interpolate(edge: AnyHistory, times: Times, known: NDArray[np.bool_]) -> _C
         span = (stamps.take(after) - stamps_before).view(np.uint64)
         span[span == 0] = 1
         r = (times - stamps_before).view(np.uint64) / span
-        # Copied into columns, which are far faster to work on than rows.
-        ax, ay, az, aqx, aqy, aqz, aqw = samples.take(before, axis=0).T.copy()
-        bx, by, bz, bqx, bqy, bqz, bqw = samples.take(after, axis=0).T.copy()
+        ax, ay, az, aqx, aqy, aqz, aqw = _columns(poses[before])
+        bx, by, bz, bqx, bqy, bqz, bqw = _columns(poses[after])
     finally:
-        del stamps, samples  # whatever happens: an array that is looked at cannot grow
+        del stamps, poses  # whatever happens: an array that is looked at cannot grow
     s = 1.0 - r
     x, y, z = s * ax + r * bx, s * ay + r * by, s * az + r * bz
     cosine = aqx * bqx + aqy * bqy + aqz * bqz + aqw * bqw
@@ -86,3 +86,9 @@ def _interpolate(edge: AnyHistory, times: Times, known: NDArray[np.bool_]) -> _C
     r = np.sin(r * angle) * scale * sign
     return (x, y, z, s * aqx + r * bqx, s * aqy + r * bqy, s * aqz + r * bqz,
             s * aqw + r * bqw)
+
+
+def _columns(poses: NDArray[np.void]) -> Floats:
+    """Copy poses into columns, which are far faster to work on than rows."""
+    columns: Floats = poses.view(np.float64).reshape(-1, 7).T.copy()
+    return columns

@@ -22,6 +22,7 @@ class BlockingWaits:
 
         :param lock: of the data; reentrant.
         """
+        self._lock = lock
         self._changed = Condition(lock)
         self._count = 0
 
@@ -39,6 +40,9 @@ class BlockingWaits:
         """
         Call a lookup again and again, as data come in, until it answers or time is up.
 
+        Where this thread has the lock, as in a signal handler that interrupted a lookup, nothing
+        can come in: there it is called once.
+
         :param timeout: s.
         :param is_alive: tells whether data may come in; a wait ends when that ends.
         :param on_wait: is called before each lookup that is a wait, with the lock held.
@@ -47,7 +51,7 @@ class BlockingWaits:
         try:
             return lookup(*arguments)
         except TransformException:
-            if timeout <= 0.0:
+            if timeout <= 0.0 or self._lock._is_owned():
                 raise
         deadline, was_alive = monotonic() + timeout, is_alive()
         with self._changed:

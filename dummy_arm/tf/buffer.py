@@ -210,7 +210,7 @@ class Buffer(BufferCore, BufferInterface):
             lookup, None if timeout is None else nanoseconds(timeout, 'timeout') / SECOND,
             f"the transform from '{source_frame}' to '{target_frame}'")
         if not future.done():
-            self._hurry()
+            self._lookups.hurry()
         return future
 
     def get_latest_common_time(self, target_frame: str, source_frame: str

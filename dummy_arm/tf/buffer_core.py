@@ -133,13 +133,6 @@ class BufferCore:
             self._lookups.sources = tuple(
                 other for other in self._lookups.sources if other is not source)
 
-    def _hurry(self) -> None:
-        """Have the sources bring in what has arrived, and from now on what arrives at once."""
-        for source in self._lookups.sources:
-            source.hurry()
-        with self.lock:
-            self._lookups.fetch()
-
     def clear(self) -> None:
         """Forget all but the names of the frames and what is static."""
         self._lookups.clear()
@@ -216,7 +209,7 @@ class BufferCore:
 
     def _waited(self, timeout: Any, lookup: Callable[..., _Answer], *arguments: Any) -> _Answer:
         return self._waiting.wait(self._nanoseconds(timeout, 'timeout') / SECOND, self._is_alive,
-                                  self._hurry, lookup, *arguments)
+                                  self._lookups.bring_in, lookup, *arguments)
 
     def _is_alive(self) -> bool:
         """Tell whether data may come in; a wait ends when that ends."""

@@ -18,7 +18,11 @@ from dummy_arm.tf.subscribing import take_all
 #: The broadcaster that tf2_ros's listener in Python names.
 AUTHORITY = 'default_authority'
 #: The longest pause (s).
-_LONGEST_PAUSE = 0.07
+_LONGEST_PAUSE = 0.1
+#: While there are pauses, messages are inserted after so long at the latest (s) ...
+_LONGEST_DELAY = 0.3
+#: ... or when there are more than so many bytes, since a lookup has to insert them before it.
+_MOST_DELAYED = 500_000
 #: After a pause the queue has room for so long still (s), or else for three quarters of all.
 _RESERVE = 0.1
 #: At fewer messages a second there is no pause.
@@ -30,7 +34,8 @@ class Feed:
     Takes messages and inserts them, in the listener's thread and before every lookup.
 
     So a lookup has all that has arrived, although the thread pauses while messages come in fast
-    and nobody waits for a transform. Nothing is taken or inserted without the buffer's lock.
+    and nobody waits for a transform, and inserts many at once. Nothing is taken or inserted
+    without the buffer's lock.
     """
 
     def __init__(self, buffer: BufferCore, tf: Subscription, tf_static: Subscription,
@@ -45,19 +50,21 @@ class Feed:
         self._buffer, self._tf, self._tf_static = buffer, tf, tf_static
         self._listening, self._on_fault = listening, on_fault
         self._reader = MessageReader(on_fault)
-        # What was taken and is not in the buffer yet, when Ctrl-C interrupts a lookup.
+        # What was taken and is not in the buffer yet.
         self._arrived: list[bytes] = []
         self._arrived_static: list[bytes] = []
         qos = tf.qos_profile
         self._places = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
         self._is_pausing = self._has_ended = False
         self._count = 0  # of messages since the last `take`, which was then:
-        self._last = monotonic()
+        self._last = self._last_insertion = monotonic()
         buffer.add_source(self)
 
     def end(self) -> None:
-        """Feed no more."""
+        """Feed no more than what has arrived."""
         with self._buffer.lock:
+            if not self._has_ended:
+                self.fetch()
             self._has_ended = True
             self._buffer.remove_source(self)
 
@@ -65,10 +72,11 @@ class Feed:
         """Insert what has arrived on /tf; on /tf_static too, if its thread itself looks up."""
         with suppress(InvalidHandle, _rclpy.RCLError):  # when the listener ends just now
             if self._listening.is_current():
-                self._fetch_static()
-            self._fetch()
-            if self._count and not self._is_pausing:
-                self._listening.wake()
+                self._take_static()
+            self._take_from(self._tf, self._arrived)
+        self._insert_all()
+        if self._count and not self._is_pausing:
+            self._listening.wake()
 
     def hurry(self) -> None:
         """Take what arrives at once, as long as the buffer is waited for."""
@@ -77,20 +85,24 @@ class Feed:
 
     def take(self) -> tuple[bool, float]:
         """
-        Insert what has arrived on both topics, for the listener's thread.
+        Take what has arrived on both topics, for the listener's thread; insert it now or later.
 
         :returns: whether there is anything new since the last call; and how long to pause (s).
         """
         with self._buffer.lock:
             if self._has_ended:
                 return False, 0.0
-            self._fetch_static()
-            self._fetch()
+            self._take_static()
+            self._take_from(self._tf, self._arrived)
             now = monotonic()
             count, self._count, since, self._last = self._count, 0, now - self._last, now
             # In this order: who begins to wait either is seen here, or sees the flag.
             self._is_pausing = count > _SLOW * since
             self._is_pausing = self._is_pausing and not self._buffer.is_waited_for
+            if (not self._is_pausing or now - self._last_insertion > _LONGEST_DELAY
+                    or sum(map(len, self._arrived)) > _MOST_DELAYED):
+                self._insert_all()
+                self._last_insertion = now
         if count and self._wake_waiting():
             self._listening.wake_executor()
         if not self._is_pausing:
@@ -106,13 +118,19 @@ class Feed:
             self._on_fault(error)
             return True
 
-    def _fetch_static(self) -> None:
-        take_all(self._tf_static, self._arrived_static)
-        self._insert(self._arrived_static, True)
+    def _take_static(self) -> None:
+        self._take_from(self._tf_static, self._arrived_static)
+        if self._arrived_static:
+            self._insert_all()
 
-    def _fetch(self) -> None:
-        take_all(self._tf, self._arrived)
+    def _take_from(self, subscription: Subscription, arrived: list[bytes]) -> None:
+        before = len(arrived)
+        take_all(subscription, arrived)
+        self._count += len(arrived) - before
+
+    def _insert_all(self) -> None:
         self._insert(self._arrived, False)
+        self._insert(self._arrived_static, True)
 
     def _insert(self, arrived: list[bytes], is_static: bool) -> None:
         if not arrived:
@@ -121,5 +139,4 @@ class Feed:
             self._buffer.insert_messages(arrived, self._reader, AUTHORITY, is_static)
         except Exception as error:  # a fault of this package; the next messages may be good
             self._on_fault(error)
-        self._count += len(arrived)
         arrived.clear()

@@ -1,10 +1,10 @@
 """What is known of a frame that moves: its poses in its parent, in the order of time."""
 
-from array import array
 from bisect import bisect_left, bisect_right
 import struct
-from typing import Any, Optional
+from typing import Optional
 
+from dummy_arm.tf.samples import NO_STAMPS, Samples
 from dummy_arm.tf.times import display
 from dummy_arm.tf.wire import POSE_BYTES
 
@@ -13,8 +13,6 @@ Pose = tuple[float, float, float, float, float, float, float]
 
 #: So many samples of one stamp are kept at most; the first and the last of them matter.
 _MOST_OF_ONE_STAMP = 100
-#: What is `regular` while samples are not.
-NO_STAMPS = array('q')
 _pack_pose = struct.Struct('7d').pack
 _read_pose = struct.Struct('7d').unpack_from
 
@@ -27,15 +25,13 @@ class History:
     """
     The samples of a frame that moves, no older than a cache time before the newest.
 
-    The samples lie in an array of stamps and in the bytes of their poses, 64 bytes each. Those
-    before `start` have expired; they are removed many at a time. `all_parents` has each parent
-    once; only while there are several, `parents` has that of each sample. `regular` is `stamps`,
-    but empty while two of them are the same or the parents differ. `latest` is the newest stamp,
-    or 0. `recent` is where the last lookup was, as a hint for the next.
+    `place` is where they lie: Samples, of this frame or in common with others, and the offset of
+    its pose in a row (bytes). `all_parents` has each parent once; only while there are several,
+    `parents` has that of each sample. `keeps_apart` is set when the frame has left others for a
+    sample that they have not.
     """
 
-    __slots__ = ('all_parents', 'authority', 'cache_time', 'latest', 'parents', 'poses', 'recent',
-                 'regular', 'stamps', 'start')
+    __slots__ = ('all_parents', 'cache_time', 'keeps_apart', 'parents', 'place')
 
     is_static = False
 
@@ -46,18 +42,40 @@ class History:
         :param cache_time: ns.
         """
         self.cache_time = cache_time
-        self.authority = ''
         self.parents: Optional[list[str]] = None
         self.all_parents: tuple[str, ...] = ()
-        self.stamps = array('q')
-        self.poses = bytearray()
-        self.regular = self.stamps
-        self.start = 0
-        self.recent = 0
-        self.latest = 0
+        self.place = Samples(), 0
+        self.keeps_apart = False
 
     def __len__(self) -> int:
-        return len(self.stamps) - self.start
+        samples = self.place[0]
+        return len(samples.stamps) - samples.start
+
+    @property
+    def authority(self) -> str:
+        """Who published the last sample."""
+        return self.place[0].authority
+
+    @property
+    def latest(self) -> int:
+        """The stamp of the newest sample (ns); 0 without one."""
+        return self.place[0].latest
+
+    @property
+    def oldest(self) -> int:
+        """The stamp of the oldest sample (ns); 0 without one."""
+        samples = self.place[0]
+        return samples.stamps[samples.start] if len(self) else 0
+
+    def own_samples(self) -> Samples:
+        """Give the samples, from now on not in common with others."""
+        samples, offset = self.place
+        if samples.row == POSE_BYTES:
+            return samples
+        own = samples.column(offset, samples.start, len(samples.stamps))
+        samples.abandoned = self.keeps_apart = True
+        self.place = own, 0
+        return own
 
     def insert(self, stamp: int, parent: str, pose: Pose, authority: str) -> bool:
         """
@@ -67,35 +85,39 @@ class History:
 
         :returns: False when it is older than the cache time allows, and was left out.
         """
-        stamps = self.stamps
+        samples = self.own_samples()
+        stamps = samples.stamps
         position = len(stamps)
         try:
             if position:
                 earliest = stamps[-1] - self.cache_time
-                if stamps[self.start] < earliest:
-                    self.expire(earliest)
+                if stamps[samples.start] < earliest:
+                    self._expire(earliest)
                 if stamp < earliest:
                     return False
-                position = bisect_right(stamps, stamp, self.start)
-                if position > self.start and stamps[position - 1] == stamp:
-                    first = bisect_left(stamps, stamp, self.start)
+                position = bisect_right(stamps, stamp, samples.start)
+                if position > samples.start and stamps[position - 1] == stamp:
+                    first = bisect_left(stamps, stamp, samples.start)
                     if self._has(first, position, parent, pose):
-                        self.authority = authority
+                        samples.authority = authority
                         return True
-                    self.regular = NO_STAMPS
+                    samples.regular = NO_STAMPS
                     if position - first >= _MOST_OF_ONE_STAMP:
                         position -= 1
-                        self._delete(position, 1)
+                        if self.parents is not None:
+                            del self.parents[position]
+                        samples.delete(position, 1)
             else:
                 self.all_parents = (parent,)
-            self.authority = authority
+            samples.authority = authority
             if self.parents is not None or self.all_parents != (parent,):
                 self._insert_parent(position, parent)
-            self.poses[position * POSE_BYTES:position * POSE_BYTES] = _pack_pose(*pose)
+            samples.poses[position * POSE_BYTES:position * POSE_BYTES] = _pack_pose(*pose)
             stamps.insert(position, stamp)
-            self.latest = stamps[-1]
+            samples.latest = stamps[-1]
         except BaseException:
-            self.mend(position)
+            samples.mend(position)
+            self._mend_parents(position)
             raise
         return True
 
@@ -105,51 +127,40 @@ class History:
                    for i in range(first, end))
 
     def _insert_parent(self, position: int, parent: str) -> None:
+        samples = self.place[0]
         if self.parents is None:
-            self.regular = NO_STAMPS
-            self.parents = [*self.all_parents] * len(self.stamps)
+            samples.regular = NO_STAMPS
+            self.parents = [*self.all_parents] * len(samples.stamps)
         if parent not in self.all_parents:
             self.all_parents = (*self.all_parents, parent)
         self.parents.insert(position, parent)
 
-    def _delete(self, begin: int, count: int) -> None:
+    def _mend_parents(self, position: int) -> None:
+        """Undo an insertion or complete a deletion at an index, which Ctrl-C interrupted."""
         if self.parents is not None:
-            del self.parents[begin:begin + count]
-        del self.poses[begin * POSE_BYTES:(begin + count) * POSE_BYTES]
-        del self.stamps[begin:begin + count]
+            surplus = len(self.parents) - len(self.place[0].stamps)
+            if surplus > 0:
+                del self.parents[position:position + surplus]
 
-    def mend(self, position: int) -> None:
-        """Undo or complete what Ctrl-C interrupted: an insertion at an index, or a deletion."""
-        columns: list[tuple[int, Any, int]] = [
-            (len(self.stamps), self.stamps, 1),
-            (len(self.poses) // POSE_BYTES, self.poses, POSE_BYTES)]
-        if self.parents is not None:
-            columns.append((len(self.parents), self.parents, 1))
-        lengths = [length for length, _, _ in columns]
-        longest = max(lengths)
-        surplus = longest - min(lengths)
-        # Stamps come last: more of them than of the others are of a deletion.
-        begin = 0 if lengths[0] == longest and surplus > 1 else position
-        for length, column, width in columns:
-            if length == longest and surplus:
-                del column[begin * width:(begin + surplus) * width]
-        if self.stamps:
-            self.latest = self.stamps[-1]
-
-    def expire(self, earliest: int) -> None:
+    def _expire(self, earliest: int) -> None:
         """Forget the samples before a time (ns)."""
-        stamps = self.stamps
-        self.start = expired = bisect_left(stamps, earliest, self.start)
-        if expired <= 16 or expired * 5 <= len(stamps):
+        samples = self.place[0]
+        try:
+            removed = samples.expire(earliest)
+        except BaseException:
+            self._mend_parents(1)
+            raise
+        if not removed:
             return
-        self.start = 0
-        self._delete(0, expired)
+        stamps = samples.stamps
         if self.parents is not None:
+            del self.parents[1:1 + removed]
+            self.parents[0] = self.parents[1]
             self.all_parents = tuple(set(self.parents))
             if len(self.all_parents) == 1:
                 self.parents = None
-        if self.parents is None and len(self.regular) < len(stamps) == len(set(stamps)):
-            self.regular = stamps
+        if self.parents is None and len(samples.regular) < len(stamps) == len(set(stamps)):
+            samples.regular = stamps
 
     def find(self, time: int) -> int:
         """
@@ -160,7 +171,8 @@ class History:
 
         :raises NoPose: when the time is before the first sample or after the last.
         """
-        stamps, start = self.stamps, self.start
+        samples = self.place[0]
+        stamps, start = samples.stamps, samples.start
         newest = len(stamps) - 1
         if newest >= start:
             if time in (0, stamps[newest]):
@@ -173,7 +185,8 @@ class History:
 
     def pose(self, index: int) -> Pose:
         """Read the pose of a sample."""
-        return _read_pose(self.poses, index * POSE_BYTES)
+        samples, offset = self.place
+        return _read_pose(samples.poses, index * samples.row + offset)
 
     def pose_at(self, time: int) -> Optional[Pose]:
         """
@@ -182,7 +195,8 @@ class History:
         :raises NoPose: as `find` does.
         """
         i = self.find(time)
-        if (i + 1 == len(self.stamps) or self.stamps[i] == time
+        stamps = self.place[0].stamps
+        if (i + 1 == len(stamps) or stamps[i] == time
                 or self.parent_of(i) != self.parent_of(i + 1)):
             return self.pose(i)
         return None
@@ -190,10 +204,9 @@ class History:
     def pair_around(self, time: int) -> 'History':
         """Make a history of the samples before and after a time (ns)."""
         i = self.find(time)
+        samples, offset = self.place
         pair = History(0)
-        pair.stamps.extend(self.stamps[i:i + 2])
-        pair.latest = pair.stamps[-1]
-        pair.poses += self.poses[i * POSE_BYTES:(i + 2) * POSE_BYTES]
+        pair.place = samples.column(offset, i, i + 2), 0
         return pair
 
     def parent_of(self, index: int) -> str:
@@ -206,11 +219,6 @@ class History:
             return self.parent_of(self.find(time))
         except NoPose:
             return None
-
-    @property
-    def oldest(self) -> int:
-        """The stamp of the oldest sample (ns); 0 without one."""
-        return self.stamps[self.start] if len(self) else 0
 
     def why_not(self, time: int) -> str:
         """Tell in tf2's words why there is no pose at a time (ns); '' without any sample."""

@@ -8,17 +8,16 @@ import struct
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dummy_arm.tf.history import Pose
+from dummy_arm.tf.common_samples import in_common
+from dummy_arm.tf.history import History, Pose
 from dummy_arm.tf.lookup import Lookups
 from dummy_arm.tf.message_reader import Edges, Run
 from dummy_arm.tf.refusals import problems, Refusals, too_many_frames, too_old
 from dummy_arm.tf.rotations import normalize_poses, normalized
-from dummy_arm.tf.wire import POSE_BYTES
 
 _INT64 = 1 << 63
-#: After so many samples that expired one by one, a history is asked to free their memory.
-_EXPIRED_AT_ONCE = 64
 _unpack_pose = struct.Struct('7d').unpack
 
 
@@ -72,54 +71,49 @@ class Intake:
         Insert the transforms of some messages, of frames that move, each as `insert` does.
 
         Most are newer than all that is known of their frame, and have its only parent: those need
-        no further check, once they are known to be finite. Those of one frame are appended at
-        once.
+        no further check, once they are known to be finite.
         """
-        edges, run_stamps, count = run.edges, run.stamps, len(run.stamps)
-        number = len(edges.children)
-        poses = np.frombuffer(bytearray().join(run.poses)).reshape(-1, POSE_BYTES // 8)
-        are_finite = normalize_poses(poses)
-        if not are_finite or not (count == 1 or (np.diff(run_stamps) > 0).all()):
+        number, count = len(run.edges.children), len(run.stamps)
+        poses = np.frombuffer(bytearray().join(run.poses)).reshape(count * number, -1)
+        if normalize_poses(poses):
+            with self._lookups.lock:
+                self._append(run, 0, poses.reshape(count, number, -1), authority)
+        else:
             self._insert_each(run, range(count * number), authority)
-            return
-        if count > 1:
-            poses = poses.reshape(count, number, -1).swapaxes(0, 1)
-        data, size = poses.tobytes(), count * POSE_BYTES
-        first, last, before_last = run_stamps[0], run_stamps[-1], run_stamps[-2:][0]
+
+    def _append(self, run: Run, begin: int, poses: NDArray[np.float64], authority: str) -> None:
+        """
+        Append messages of a run to the samples of their frames.
+
+        :param begin: the first of m messages of n transforms.
+        :param poses: (m, n, 7), normalised.
+        """
+        edges, (count, number, _) = run.edges, poses.shape
+        stamps = run.stamps[begin:begin + count]
         cache_time = self._lookups.tree.cache_time
-        with self._lookups.lock:
-            if edges.found_in is not self._lookups.version:
-                self._find(edges)
-            for begin, history in zip(range(0, len(data), size), edges.found):
-                if (history is None or not (stamps := history.regular)
-                        or first <= (newest := stamps[-1])):
-                    edge = begin // size
-                    self._insert_each(run, range(edge, count * number, number), authority)
-                    continue
-                try:
-                    samples = history.poses
-                    samples += data[begin:begin + size]
-                    stamps.extend(run_stamps)
-                    history.latest = last
-                    history.authority = authority
-                    earliest = (newest if count == 1 else before_last) - cache_time
-                    start = history.start
-                    if stamps[start] < earliest:
-                        start += 1
-                        if stamps[start] < earliest or not start % _EXPIRED_AT_ONCE:
-                            history.expire(earliest)
-                        else:
-                            history.start = start
-                except BaseException:
-                    history.mend(len(stamps))
-                    raise
+        if edges.found_in is not self._lookups.version:
+            self._find(edges)
+        if (common := edges.common) is not None and not common.abandoned:
+            if common.append(stamps, poses.tobytes(), authority, cache_time):
+                return
+            if count > 1:
+                for i in range(count):
+                    self._append(run, begin + i, poses[i:i + 1], authority)
+                return
+        for i, history in enumerate(edges.found):
+            if history is None or not history.own_samples().append(
+                    stamps, poses[:, i].tobytes(), authority, cache_time):
+                self._insert_each(run, range(
+                    begin * number + i, (begin + count) * number, number), authority)
 
     def _find(self, edges: Edges) -> None:
-        """Find the histories of frames that have the right parent, and no other."""
+        """Find the histories of frames that move, have the right parent, and no other."""
         histories: Mapping[str, Any] = self._lookups.tree.histories
         edges.found = [
-            history if (history := histories.get(child)) and history.all_parents == (parent,)
-            else None for parent, child in zip(edges.parents, edges.children)]
+            history if isinstance(history := histories.get(child), History)
+            and history.all_parents == (parent,) else None
+            for parent, child in zip(edges.parents, edges.children)]
+        edges.common = in_common(edges.found)
         edges.found_in = self._lookups.version
 
     def _insert_each(self, run: Run, indices: range, authority: str) -> None:

@@ -122,7 +122,7 @@ class Listening:
         if not pause:
             wait_set.add_subscription(self._lazy.handle)
         limit = pause or _STEP
-        if self._wakes_executor:
+        if self._wakes_executor and not pause:
             limit = min(limit, max(0.0, self._next_wake - monotonic()))
         wait_set.wait(int(limit * 1e9))
 

@@ -74,6 +74,16 @@ class Lookups:
         for origin in self.sources:
             origin.fetch()
 
+    def hurry(self) -> None:
+        """As long as somebody waits, have the sources bring in at once what arrives."""
+        for origin in self.sources:
+            origin.hurry()
+
+    def bring_in(self) -> None:
+        """Insert what has arrived, as `fetch`; and hurry."""
+        self.hurry()
+        self.fetch()
+
     @contextmanager
     def fetched(self) -> Iterator[None]:
         """Hold the lock, and insert what has arrived first, unless this thread has held it."""

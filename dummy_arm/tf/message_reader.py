@@ -10,6 +10,8 @@ from dummy_arm.tf.wire import Layout, MalformedMessage, Row, unpack
 
 #: So many edges may lie in the layouts that are kept, all together.
 _MOST_EDGES = 100_000
+#: A run ends with so many transforms: longer arrays would not stay in the caches.
+_LONG = 1000
 _LITTLE_ENDIAN = b'\x00\x01'
 _FIRST_NAME = 16
 _unpack_stamp = struct.Struct('<iI').unpack
@@ -21,7 +23,7 @@ _Key = tuple[int, bytes, bytes]
 class Edges:
     """The frames of a stream, without a leading slash; and where an Intake has found them."""
 
-    __slots__ = ('children', 'found', 'found_in', 'layout', 'names', 'parents')
+    __slots__ = ('children', 'common', 'found', 'found_in', 'layout', 'names', 'parents')
 
     def __init__(self, layout: Layout, edges: Sequence[tuple[str, str]]) -> None:
         """
@@ -34,6 +36,7 @@ class Edges:
         self.children = [child.removeprefix('/') for _, child in edges]
         self.names = frozenset(self.children)
         self.found: list[Any] = []
+        self.common: Any = None
         self.found_in: object = None
 
 
@@ -49,7 +52,7 @@ class Run:
         :param edges: of n transforms.
         """
         self.edges = edges
-        #: Of each of the m messages (ns).
+        #: Of each of the m messages (ns), larger than the one before.
         self.stamps = array('q')
         #: m x n times 7 float64: x, y, z (m) and the rotation's x, y, z, w.
         self.poses: list[bytes] = []
@@ -109,14 +112,18 @@ class MessageReader:
         stamps, poses = fields
         if stamps.count(stamps[0]) < len(stamps):
             return unpack(data)
+        sec, nanosec = _unpack_stamp(stamps[0])
+        stamp = sec * SECOND + nanosec
         run = runs.get(edges)
+        if run is not None and (stamp <= run.stamps[-1] or len(run.poses) >= _LONG):
+            pieces.append(runs.pop(edges))
+            run = None
         if run is None:
             if runs:
                 pieces += [runs.pop(other) for other in list(runs)
                            if not edges.names.isdisjoint(other.names)]
             runs[edges] = run = Run(edges)
-        sec, nanosec = _unpack_stamp(stamps[0])
-        run.stamps.append(sec * SECOND + nanosec)
+        run.stamps.append(stamp)
         run.poses += poses
         return None
 

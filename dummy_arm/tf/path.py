@@ -3,16 +3,13 @@
 from bisect import bisect_right
 from collections.abc import Sequence
 from math import acos, sin, sqrt
-import struct
 
 from dummy_arm.tf.history import History, Pose
 from dummy_arm.tf.static_history import AnyHistory
-from dummy_arm.tf.wire import POSE_BYTES
 
 IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 #: A cosine above which its last bits tell in the result, so that tf2's bits are needed.
 NEAR = 0.999999999999
-_read_two_poses = struct.Struct('14d').unpack_from
 
 
 class Path:
@@ -88,16 +85,19 @@ def _along(edges: Sequence[AnyHistory], time: int) -> Pose:
     x, y, z, qx, qy, qz, qw = IDENTITY
     composed = False
     for edge in edges:
-        stamps = edge.regular
-        i = edge.recent
+        samples, offset = edge.place
+        stamps = samples.regular
+        i = samples.recent
         if not (i < len(stamps) and stamps[i - 1] <= time < stamps[i]):
-            edge.recent = i = bisect_right(stamps, time) if time < edge.latest else len(stamps)
-        if edge.start < i < len(stamps):
+            samples.recent = i = (
+                bisect_right(stamps, time) if time < samples.latest else len(stamps))
+        if samples.start < i < len(stamps):
             before = stamps[i - 1]
             r = (time - before) / (stamps[i] - before)
             s = 1.0 - r
             (px, py, pz, ax, ay, az, aw,
-             nx, ny, nz, bx, by, bz, bw) = _read_two_poses(edge.poses, (i - 1) * POSE_BYTES)
+             nx, ny, nz, bx, by, bz, bw) = samples.read_two(
+                 samples.poses, (i - 1) * samples.row + offset)
             px, py, pz = s * px + r * nx, s * py + r * ny, s * pz + r * nz
             cosine = ax * bx + ay * by + az * bz + aw * bw
             if cosine < 0.0:

@@ -9,7 +9,7 @@ from transforms3d import quaternions
 Quaternion = tuple[float, float, float, float]
 
 #: From so many rotations on, arrays of them are faster.
-_MANY = 32
+_MANY = 20
 _NAN = (math.nan, math.nan, math.nan, math.nan)
 
 

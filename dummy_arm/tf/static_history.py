@@ -2,25 +2,24 @@
 
 from typing import Union
 
-from dummy_arm.tf.history import History, NO_STAMPS, Pose
+from dummy_arm.tf.history import History, Pose
+from dummy_arm.tf.samples import Samples
 
 
 class StaticHistory:
     """A pose that holds at all times."""
 
-    __slots__ = ('all_parents', 'authority', 'pose', 'recent')
+    __slots__ = ('all_parents', 'authority', 'pose')
 
     is_static = True
     parents = None
     # No samples in time.
-    start = latest = oldest = 0
-    stamps = regular = NO_STAMPS
-    poses = bytearray()
+    latest = oldest = 0
+    place = Samples(), 0
 
     def __init__(self, parent: str, pose: Pose, authority: str) -> None:
         """Keep what is given."""
         self.all_parents, self.pose, self.authority = (parent,), pose, authority
-        self.recent = 0
 
     def __len__(self) -> int:
         return 1
