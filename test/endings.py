@@ -21,6 +21,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 
 import dummy_arm.tf.buffer_core  # noqa: F401  (all that may be imported before a fork)
 
@@ -158,6 +159,8 @@ def by_spin(ready):
         os.write(ready, b'.')
 
     timer = ending.node.create_timer(0.0, tell)
+    # SIGINT may interrupt rclpy's executor where it has made a coroutine and not begun it.
+    warnings.filterwarnings('ignore', "coroutine 'Executor", RuntimeWarning)
     ending.rclpy.spin(ending.node)
 
 
