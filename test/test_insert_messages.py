@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from dummy_arm.tf import BufferCore, rotations, wire
+from dummy_arm.tf import BufferCore, normalization, wire
 from dummy_arm.tf.history import History
 from dummy_arm.tf.message_reader import MessageReader
-from dummy_arm.tf.rotations import normalize_poses, normalized
+from dummy_arm.tf.normalization import normalize_poses, normalized
 
 S = 1_000_000_000
 T = 1_700_000_000
@@ -187,7 +187,7 @@ def test_messages_are_inserted_as_their_transforms_one_by_one(made, many):
     """Whatever is in them: the same samples, parents, static frames and expiry."""
     fast, slow, reader = BufferCore(), BufferCore(), MessageReader(fail)
     fast._intake.refusals.log = slow._intake.refusals.log = lambda _: None
-    before, rotations._MANY = rotations._MANY, many
+    before, normalization._MANY = normalization._MANY, many
     try:
         for batch, is_static in made:
             insert(fast, reader, *map(wire.pack, batch), is_static=is_static)
@@ -195,7 +195,7 @@ def test_messages_are_inserted_as_their_transforms_one_by_one(made, many):
                 slow.insert(row[0] * S + row[1], row[2], row[3], row[4:], is_static=is_static)
             assert state(fast) == state(slow)
     finally:
-        rotations._MANY = before
+        normalization._MANY = before
 
 
 def chain(number, stamp, shift=0.0):

@@ -24,6 +24,7 @@ from dummy_arm.tf import history, rotations
 from dummy_arm.tf.buffer_interface import from_msg_msg as from_msg_msg
 from dummy_arm.tf.buffer_interface import register_default
 from dummy_arm.tf.buffer_interface import to_msg_msg as to_msg_msg
+from dummy_arm.tf.normalization import normalized
 from dummy_arm.tf.path import compose
 from dummy_arm.tf.point_cloud import do_transform_cloud
 
@@ -116,7 +117,7 @@ def _rotation(orientation: Quaternion) -> rotations.Quaternion:
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     if x * x + y * y + z * z + w * w < _NO_ROTATION:
         return _UNTURNED
-    return rotations.normalized(x, y, z, w)
+    return normalized(x, y, z, w)
 
 
 register_default(PointStamped, do_transform_point)

@@ -14,8 +14,8 @@ from dummy_arm.tf.common_samples import in_common
 from dummy_arm.tf.history import History, Pose
 from dummy_arm.tf.lookup import Lookups
 from dummy_arm.tf.message_reader import Edges, Run
+from dummy_arm.tf.normalization import normalize_poses, normalized
 from dummy_arm.tf.refusals import problems, Refusals, too_many_frames, too_old
-from dummy_arm.tf.rotations import normalize_poses, normalized
 
 _INT64 = 1 << 63
 _unpack_pose = struct.Struct('7d').unpack

@@ -49,7 +49,7 @@ class Transform(NamedTuple):
 
     def inverse(self) -> 'Transform':
         """Exchange the frames: the pose of `frame_id` in the child frame."""
-        back = rotations.inverse(self.rotation)
+        back = rotations.conjugate(self.rotation)
         x, y, z = (-(rotations.matrix(back) @ self.translation)).tolist()
         return Transform(self.stamp, self.child_frame_id, self.frame_id, (x, y, z), back)
 
