@@ -1,66 +1,101 @@
-"""What the commands share: arguments, spinning, and how they end."""
+"""What the commands share: arguments, errors and exit codes; no ROS."""
 
 import argparse
 from collections.abc import Callable, Sequence
+from difflib import get_close_matches
+from math import isfinite
+import os
+import re
 import signal
 import sys
-from typing import Optional
-
-import rclpy
-from rclpy.exceptions import ParameterException
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
-
-_LONGEST_WAIT = 0.2  # s; a signal does not end a wait in the middleware
+from typing import Any, NoReturn, Optional
 
 
 class UsageError(ValueError):
     """A command or node was asked for what cannot be; the text says what and why."""
 
 
-def run_node(parser: argparse.ArgumentParser, make_node: Callable[[], Node],
-             args: Optional[Sequence[str]] = None) -> int:
-    """
-    Run a node until it is told to stop: by Ctrl-C, by SIGTERM or by a shutdown of the context.
+class CommandError(Exception):
+    """A command could not do what it was asked for; the text says why, and what to do."""
 
-    :param parser: for what is no ROS argument.
-    :param make_node: makes the node; may raise a UsageError.
+
+class Parser(argparse.ArgumentParser):
+    """A parser that takes negative numbers of any form, and tells an error in one line."""
+
+    def __init__(self, prog: str, description: str, epilog: str = '', **how: Any) -> None:
+        """
+        Make a parser.
+
+        :param epilog: what the help ends with: an example.
+        """
+        super().__init__(prog=prog, description=description, epilog=epilog, allow_abbrev=False,
+                         formatter_class=argparse.RawDescriptionHelpFormatter, **how)
+        # That of argparse takes an exponent or 'nan' for an option.
+        self._negative_number_matcher = re.compile(r'-(\d|\.\d|inf|nan)', re.IGNORECASE)
+
+    def error(self, message: str) -> NoReturn:
+        """End the program with exit code 2, the message and the usage."""
+        for given in message.removeprefix('unrecognized arguments: ').split():
+            near = get_close_matches(given.split('=')[0], self._option_string_actions)
+            if near and message.startswith('unrecognized'):
+                message = f'{message} (did you mean {near[0]}?)'
+        usage = ' '.join(self.format_usage().split())
+        self.exit(2, f'{self.prog}: {message}; {usage}\n')
+
+
+def number(text: str) -> float:
+    """
+    Read a number of an argument.
+
+    :raises argparse.ArgumentTypeError: when it is none, or not finite.
+    """
+    try:
+        value = float(text.replace('_', '?'))  # Python would take 1_0 for 10
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'{text!r} is no number') from None
+    if not isfinite(value):
+        raise argparse.ArgumentTypeError(f'{text!r} is not finite')
+    return value
+
+
+def run(parser: argparse.ArgumentParser, command: Callable[..., int],
+        args: Optional[Sequence[str]] = None) -> int:
+    """
+    Parse the arguments, and do what a command does; Ctrl-C and SIGTERM are normal ends.
+
+    :param command: is called with what was parsed, and with `ros_args`, all arguments; may raise
+        a UsageError or a CommandError.
     :param args: the command line without the command; None: that of the process.
-    :returns: the exit code: 0, or 2 after a line on stderr that says what was used wrongly.
+    :returns: the exit code: 0, or after a line on stderr 1 where the command could not do it, 2
+        where it was used wrongly.
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    handler = signal.getsignal(signal.SIGTERM)
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
-        parser.parse_args(remove_ros_args(arguments)[1:])
-        # Not rclpy's handlers: they shut the context down while the node may be at work in it.
-        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
-        _spin_until_signal(make_node())
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    except _rclpy.UnknownROSArgsError as error:
-        print(f'{parser.prog}: unknown ROS arguments: {error}', file=sys.stderr)
-        return 2
-    except (UsageError, ParameterException, _rclpy.RCLInvalidROSArgsError) as error:
-        print(f'{parser.prog}: {str(error).splitlines()[0]}', file=sys.stderr)
-        return 2
+        options = parser.parse_args(_without_ros_args(arguments)[1:])
+        sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
+        return command(ros_args=arguments, **vars(options))
+    except KeyboardInterrupt:
+        return 0
+    except BrokenPipeError:  # who reads the output has had enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except (UsageError, CommandError) as error:
+        print(f'{parser.prog}: {error}', file=sys.stderr)
+        return 2 if isinstance(error, UsageError) else 1
     finally:
-        rclpy.try_shutdown()
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-    return 0
+        signal.signal(signal.SIGTERM, handler)
 
 
-def _spin_until_signal(node: Node) -> None:
-    signals: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: signals.append(number))
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while not signals:
-        executor.spin_once(timeout_sec=_LONGEST_WAIT)
-    executor.shutdown()  # before the context: it would complain, when it is collected
-    node.destroy_node()
+def _without_ros_args(arguments: list[str]) -> list[str]:
+    try:
+        from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+    except ImportError:
+        return arguments
+    try:
+        return list(_rclpy.rclpy_remove_ros_args(arguments))
+    except _rclpy.UnknownROSArgsError as error:
+        raise UsageError(f'unknown ROS arguments: {error}') from None
+    except _rclpy.RCLInvalidROSArgsError as error:
+        raise UsageError(str(error).splitlines()[0]) from None

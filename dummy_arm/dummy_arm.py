@@ -1,6 +1,5 @@
 """The node of the course's final task: an arm that waves, published as TF."""
 
-import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -14,7 +13,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dummy_arm.arm import Arm, Wave
-from dummy_arm.command import run_node, UsageError
+from dummy_arm.command import Parser, run, UsageError
+from dummy_arm.node_command import run_node
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
 
 MAP = 'map'
@@ -169,13 +169,13 @@ class DummyArm(Node):
         self._joints.send(now_ns, self._arm.poses_at([wave.angle(t) for wave in self._waves]))
 
 
-def make_parser() -> argparse.ArgumentParser:
+def make_parser() -> Parser:
     """Make the parser, whose help lists the parameters."""
     lines = [f'  {name:15} {quantity.meaning} ({quantity.unit}; {quantity.smallest:g} to '
              f'{quantity.largest:g}; default {quantity.default:g})'
              for name, quantity in quantities(Arm()).items()]
-    return argparse.ArgumentParser(
-        prog='dummy_arm', formatter_class=argparse.RawDescriptionHelpFormatter,
+    return Parser(
+        'dummy_arm',
         description='Publish a small arm that waves as TF: map -> base_link on /tf_static, '
                     'base_link -> joint_1 -> joint_2\n-> joint_3 -> end_effector on /tf. '
                     'Ctrl-C ends it.',
@@ -188,4 +188,4 @@ def make_parser() -> argparse.ArgumentParser:
 
 def main(args: Optional[Sequence[str]] = None) -> int:
     """Run the node; see `--help`."""
-    return run_node(make_parser(), DummyArm, args)
+    return run(make_parser(), lambda ros_args: run_node(DummyArm, ros_args), args)

@@ -14,11 +14,19 @@ import subprocess
 import sys
 import threading
 import time
+from typing import Any
 
 import pytest
 
 TIMEOUT = 20.0  # s; for what takes well under a second on a machine that is not overloaded
-ARM = ('-c', 'import sys, dummy_arm.entry_points; sys.exit(dummy_arm.entry_points.dummy_arm())')
+
+
+def tool(name: str, *arguments: str) -> tuple[str, ...]:
+    """Give the arguments of python that run a command."""
+    return '-c', f'import sys, dummy_arm.entry_points as e; sys.exit(e.{name}())', *arguments
+
+
+ARM = tool('dummy_arm')
 
 made_at_run_time = pytest.mark.skipif(
     find_spec('tf2_msgs') is not None,
@@ -55,11 +63,11 @@ def domain_id() -> Iterator[int]:
 class Process:
     """A program that is run by a test, in a domain; its output comes line by line."""
 
-    def __init__(self, domain: int, *arguments: str) -> None:
+    def __init__(self, domain: int, *arguments: str, **how: Any) -> None:
         """Start python with the arguments."""
         self._popen = subprocess.Popen(
             [sys.executable, '-u', *arguments], text=True, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
+            stderr=subprocess.STDOUT, env={**os.environ, 'ROS_DOMAIN_ID': str(domain)}, **how)
         self.output = ''
         self._lines: queue.Queue[str] = queue.Queue()
         self._reader = threading.Thread(target=self._read)
@@ -108,8 +116,8 @@ def start(domain_id: int) -> Iterator[Callable[..., Process]]:
     """Start programs: `start('-m', 'module', …)`."""
     processes = []
 
-    def start_process(*arguments: str) -> Process:
-        processes.append(Process(domain_id, *arguments))
+    def start_process(*arguments: str, **how: Any) -> Process:
+        processes.append(Process(domain_id, *arguments, **how))
         return processes[-1]
 
     yield start_process

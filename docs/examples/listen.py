@@ -1,12 +1,12 @@
 """Print, once a second, the newest transform of every frame on /tf and /tf_static."""
 
-import argparse
 import sys
 
 from rclpy.node import Node
 from rclpy.time import Time
 
-from dummy_arm.command import run_node
+from dummy_arm.command import Parser, run
+from dummy_arm.node_command import run_node
 from dummy_arm.tf import Buffer, TransformException, TransformListener
 
 
@@ -35,4 +35,4 @@ class Listener(Node):
                   f'xyzw {q.x:6.3f} {q.y:6.3f} {q.z:6.3f} {q.w:6.3f}', flush=True)
 
 
-sys.exit(run_node(argparse.ArgumentParser(prog='listen', description=__doc__), Listener))
+sys.exit(run(Parser('listen', __doc__ or ''), lambda ros_args: run_node(Listener, ros_args)))

@@ -1,0 +1,62 @@
+"""What the commands share: arguments, errors, exit codes."""
+
+import argparse
+import subprocess
+import sys
+
+import pytest
+
+from dummy_arm.command import CommandError, number, Parser, run, UsageError
+
+
+@pytest.fixture
+def parser():
+    """Make a parser of numbers."""
+    made = Parser('tool', 'It does nothing.', 'example: tool -1')
+    made.add_argument('--value', type=number)
+    made.add_argument('numbers', nargs='*', type=number)
+    return made
+
+
+@pytest.mark.parametrize('text', ['-1', '-1.5', '-.5', '-1e-3', '-1E+3', '-.5e2', '1e3', '+2'])
+def test_numbers_parse_anywhere(parser, text):
+    """Of flags and of positions, with `=` and without; argparse takes -1e-3 for a flag."""
+    assert parser.parse_args(['--value', text]).value == float(text)
+    assert parser.parse_args([f'--value={text}', text, text]).numbers == [float(text)] * 2
+
+
+@pytest.mark.parametrize('text', ['1_0', '1.0abc', '', 'x', '1,5', 'nan', '-inf', '0x1'])
+def test_other_text_is_no_number(text):
+    """Also what Python takes for one."""
+    with pytest.raises(argparse.ArgumentTypeError, match=r'is no number|is not finite'):
+        number(text)
+
+
+@pytest.mark.parametrize(('outcome', 'code', 'said'), [
+    (0, 0, ''), (1, 1, ''), (UsageError('so not'), 2, 'tool: so not\n'),
+    (CommandError('it broke'), 1, 'tool: it broke\n'), (KeyboardInterrupt(), 0, ''),
+])
+def test_exit_codes(parser, capsys, outcome, code, said):
+    """0: did it, 1: could not, 2: used wrongly; Ctrl-C is a normal end."""
+    def command(value, numbers, ros_args):
+        assert (value, numbers) == (None, [-1.0])
+        assert ros_args == ['tool', '-1', '--ros-args', '-r', 'a:=b']
+        if isinstance(outcome, BaseException):
+            raise outcome
+        return outcome
+
+    assert run(parser, command, ['-1', '--ros-args', '-r', 'a:=b']) == code
+    assert capsys.readouterr() == ('', said)
+
+
+def test_who_has_read_enough_is_no_error():
+    """As with `| head`."""
+    code = ('import sys; from dummy_arm.command import Parser, run; sys.exit(run('
+            'Parser("tool", ""), lambda ros_args: [print("line") for _ in range(100000)] and 0))')
+    process = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE,
+                               stderr=subprocess.PIPE)
+    assert process.stdout.readline() == b'line\n'
+    process.stdout.close()
+    assert process.stderr.read() == b''
+    assert process.wait() == 0
+    process.stderr.close()
