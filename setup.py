@@ -14,11 +14,12 @@ setup(
     python_requires='>=3.10',
     install_requires=['numpy>=1.26', 'setuptools', 'transforms3d>=0.4'],
     extras_require={
-        'ros': ['ros-jazzy-common-interfaces', 'ros-jazzy-rclpy[fastrtps]', 'pygraphviz'],
+        'ros': ['ros-jazzy-common-interfaces', 'ros-jazzy-rclpy[fastrtps]', 'pygraphviz', 'tqdm'],
         'view': ['viser'],
         'bag': ['rosbags'],
         'bench': ['matplotlib'],
-        'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'pytest', 'pyyaml', 'ruff'],
+        'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'pypdf', 'pytest', 'pyyaml',
+                 'ruff'],
     },
     zip_safe=True,
     maintainer='dummy_arm developers',
@@ -27,7 +28,9 @@ setup(
     license='MIT',
     entry_points={
         'console_scripts': [
-            'dummy_arm = dummy_arm.entry_points:dummy_arm',
+            f'{command} = dummy_arm.entry_points:{command}' for command in (
+                'dummy_arm', 'dynamic_tf_publisher', 'param', 'static_transform_publisher',
+                'view_frames')
         ],
     },
 )

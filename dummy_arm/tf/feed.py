@@ -136,7 +136,10 @@ class Feed:
         if not arrived:
             return
         try:
-            self._buffer.insert_messages(arrived, self._reader, AUTHORITY, is_static)
+            self._insert_messages(arrived, is_static)
         except Exception as error:  # a fault of this package; the next messages may be good
             self._on_fault(error)
         arrived.clear()
+
+    def _insert_messages(self, messages: list[bytes], is_static: bool) -> None:
+        self._buffer.insert_messages(messages, self._reader, AUTHORITY, is_static)

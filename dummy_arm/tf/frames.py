@@ -72,7 +72,7 @@ def as_dot(frames: Iterable[Frame], names: Iterable[str], now: int = 0) -> str:
     for frame in edges:
         age = f'( {in_seconds(now - frame.latest):.3f} sec old)' if now else ''
         lines.append(
-            f'{_quoted(frame.parent)} -> {_quoted(frame.name)}[label="'
+            f'{quoted(frame.parent)} -> {quoted(frame.name)}[label="'
             f'Broadcaster: {_escaped(frame.authority)}\\nAverage rate: {frame.rate:.3f} Hz\\n'
             f'Most recent transform: {display(frame.latest)} {age}\\n'
             f'Buffer length: {frame.buffer_length:.3f} sec\\n"];')
@@ -80,11 +80,12 @@ def as_dot(frames: Iterable[Frame], names: Iterable[str], now: int = 0) -> str:
     roots = [name for name in names if name not in children]
     if not roots and not edges:
         lines.append('"no tf data received"')
-    lines += [f'{_quoted(root)};' for root in roots]
+    lines += [f'{quoted(root)};' for root in roots]
     return '\n'.join([*lines, '}'])
 
 
-def _quoted(name: str) -> str:
+def quoted(name: str) -> str:
+    """Write a name as DOT quotes it."""
     return f'"{_escaped(name)}"'
 
 

@@ -11,15 +11,15 @@ _SHOWN = 5
 
 
 @lru_cache(maxsize=8)  # a program that waits asks again and again
-def nearest(name: str, known: tuple[str, ...]) -> str:
-    """Name the frames whose names are nearest to one that does not exist, or some others."""
+def nearest(name: str, known: tuple[str, ...], what: str = 'frames') -> str:
+    """Name those whose names are nearest to one that does not exist, or some others."""
     if not known:
         return 'No transform has been received yet.'
     close = get_close_matches(name, known, _SHOWN)
     if close:
         return f'Nearest known: {_listed(close)}.'
     more = f' and {len(known) - _SHOWN} more' if len(known) > _SHOWN else ''
-    return f'Known frames: {_listed(known[:_SHOWN])}{more}.'
+    return f'Known {what}: {_listed(known[:_SHOWN])}{more}.'
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -35,6 +35,11 @@ def subscribe(node: Node, topic: str, callback: Callable[[TFMessage], None], qos
                         SubscriptionEventCallbacks(use_default_callbacks=False))
 
 
+def most_at_once(subscription: Subscription) -> int:
+    """Tell how many messages are taken at most, so that others have their turn."""
+    return max(_MOST_AT_ONCE, int(subscription.qos_profile.depth))
+
+
 def take_all(subscription: Subscription, messages: list[bytes]) -> None:
     """
     Append the bytes of what has arrived to messages, but not of what arrives for ever meanwhile.
@@ -43,7 +48,7 @@ def take_all(subscription: Subscription, messages: list[bytes]) -> None:
     """
     handle = subscription.handle
     with handle:
-        for _ in range(max(_MOST_AT_ONCE, subscription.qos_profile.depth)):
+        for _ in range(most_at_once(subscription)):
             taken = handle.take_message(TFMessage, True)
             if taken is None:
                 break

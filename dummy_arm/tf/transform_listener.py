@@ -33,6 +33,8 @@ class TransformListener:
     It listens until `unregister()`, `node.destroy_node()` or `rclpy.shutdown()`.
     """
 
+    feed_class = Feed
+
     def __init__(self, buffer: Buffer, node: Node, *, spin_thread: bool = False,
                  qos: Optional[Union[QoSProfile, int]] = None,
                  static_qos: Optional[Union[QoSProfile, int]] = None) -> None:
@@ -85,7 +87,7 @@ class TransformListener:
         """Feed a buffer, if any, and no other any more."""
         with self._switching:
             feed = self._feed
-            self._feed = None if buffer is None or self._listening.has_ended else Feed(
+            self._feed = None if buffer is None or self._listening.has_ended else self.feed_class(
                 buffer, self.tf_sub, self.tf_static_sub, self._listening, self._on_fault)
             if feed is not None:
                 feed.end()

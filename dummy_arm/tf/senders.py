@@ -1,0 +1,120 @@
+"""Who sent a transform: rclpy does not tell of a message, but rcl does, by its publisher's gid."""
+
+import ctypes
+from ctypes import c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
+from functools import cache
+from itertools import groupby
+from typing import Any
+
+from rclpy.subscription import Subscription
+
+from dummy_arm.tf.feed import Feed
+from dummy_arm.tf.frames import Frame
+from dummy_arm.tf.subscribing import most_at_once, take_all
+from dummy_arm.tf.transform_listener import TransformListener
+
+UNKNOWN = 'unknown: the middleware does not tell'
+_GID_SIZE = 16
+_UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node is not discovered yet
+
+
+class Sent(bytes):
+    """The bytes of a message; `gid` is that of its publisher, in hex, or ''."""
+
+    gid = ''
+
+
+class _Allocator(ctypes.Structure):
+    """The struct rcutils_allocator_t."""
+
+    _fields_ = [(name, c_void_p) for name in (
+        'allocate', 'deallocate', 'reallocate', 'zero_allocate', 'state')]
+
+
+class _Bytes(ctypes.Structure):
+    """The struct rcutils_uint8_array_t, which is rcl_serialized_message_t."""
+
+    _fields_ = [('buffer', POINTER(c_uint8)), ('length', c_size_t), ('capacity', c_size_t),
+                ('allocator', _Allocator)]
+
+
+class _MessageInfo(ctypes.Structure):
+    """The struct rmw_message_info_t; with some room, should it be longer elsewhere."""
+
+    _fields_ = [('source_timestamp', c_int64), ('received_timestamp', c_int64),
+                ('publication_sequence_number', c_uint64), ('reception_sequence_number', c_uint64),
+                ('implementation_identifier', c_void_p), ('gid', c_uint8 * _GID_SIZE),
+                ('room', c_uint8 * 64)]
+
+
+class SentFeed(Feed):
+    """A Feed that inserts each message with the gid of its publisher as authority."""
+
+    def _take_from(self, subscription: Subscription, arrived: list[bytes]) -> None:
+        before = len(arrived)
+        take_all_sent(subscription, arrived)
+        self._count += len(arrived) - before
+
+    def _insert_messages(self, messages: list[bytes], is_static: bool) -> None:
+        for gid, sent in groupby(messages, lambda message: getattr(message, 'gid', '')):
+            self._buffer.insert_messages(sent, self._reader, gid, is_static)
+
+
+class SenderListener(TransformListener):
+    """A TransformListener that knows which node sent the newest transform of a frame."""
+
+    feed_class = SentFeed
+
+    def __init__(self, *arguments: Any, **how: Any) -> None:
+        """Begin to listen; as TransformListener."""
+        self._names: dict[str, str] = {}
+        super().__init__(*arguments, **how)
+
+    def frames(self) -> list[Frame]:
+        """List the frames of the buffer, with the full names of nodes as their authorities."""
+        frames: list[Frame] = self.buffer.frames()
+        if any(frame.authority not in self._names for frame in frames):
+            self._look()
+        return [frame._replace(authority=self._names.get(frame.authority, UNKNOWN))
+                for frame in frames]
+
+    def _look(self) -> None:
+        """Learn the names of the publishers that there are; those of others stay known."""
+        for topic in {self.tf_sub.topic_name, self.tf_static_sub.topic_name}:
+            for info in self.node.get_publishers_info_by_topic(topic):
+                if info.node_name != _UNKNOWN_NODE:
+                    gid = bytes(info.endpoint_gid[:_GID_SIZE]).hex()
+                    self._names[gid] = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+
+
+def take_all_sent(subscription: Subscription, messages: list[bytes]) -> None:
+    """
+    Append what has arrived as Sent messages; else as `take_all`.
+
+    Where rcl cannot be called, they are plain bytes.
+    """
+    rcl = _rcl()
+    if rcl is None:
+        take_all(subscription, messages)
+        return
+    take, serialized, info = rcl
+    with subscription.handle:
+        for _ in range(most_at_once(subscription)):
+            if take(subscription.handle.pointer, serialized, info, None) != 0:
+                break
+            message = Sent(ctypes.string_at(serialized.buffer, serialized.length))
+            message.gid = bytes(info.gid).hex()
+            messages.append(message)
+
+
+@cache
+def _rcl() -> Any:
+    """Find rcl_take_serialized_message, and make what it writes into; None where it is not."""
+    try:
+        rcl, rcutils = ctypes.PyDLL('librcl.so'), ctypes.PyDLL('librcutils.so')
+        take, allocator = rcl.rcl_take_serialized_message, rcutils.rcutils_get_default_allocator
+    except (OSError, AttributeError):
+        return None
+    allocator.restype = _Allocator
+    take.argtypes = c_void_p, POINTER(_Bytes), POINTER(_MessageInfo), c_void_p
+    return take, _Bytes(allocator=allocator()), _MessageInfo()

@@ -1,0 +1,70 @@
+"""The trees that the frames of a buffer form, and the loops."""
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple, Optional
+
+from dummy_arm.tf.frames import Frame
+
+
+class Twig(NamedTuple):
+    """A line of a drawn tree."""
+
+    branches: str  #: the lines that lead to the frame
+    name: str
+    frame: Optional[Frame]  #: what is known of it; None of a root
+
+
+class Forest:
+    """Frames, by their parents."""
+
+    def __init__(self, frames: Iterable[Frame]) -> None:
+        """Find the trees and the loops."""
+        self.frames = {frame.name: frame for frame in frames}
+        self._children: dict[str, list[str]] = {}
+        for frame in self.frames.values():
+            self._children.setdefault(frame.parent, []).append(frame.name)
+        #: The frames without a parent.
+        self.roots = [name for name in self._children if name not in self.frames]
+        #: Frames each of which is the parent of the next, and the last that of the first.
+        self.loops = list(self._find_loops())
+
+    def _find_loops(self) -> Iterator[list[str]]:
+        seen = set(self.roots)
+        for start in self.frames:
+            way: dict[str, None] = {}
+            name = start
+            while name not in seen:
+                seen.add(name)
+                way[name] = None
+                name = self.frames[name].parent
+            if name in way:
+                loop = list(way)[list(way).index(name):]
+                yield loop[::-1]
+
+    def drawn(self) -> Iterator[Twig]:
+        """Draw the trees; a loop as one that begins and ends with the same frame."""
+        for root, ends in [*((root, None) for root in self.roots),
+                           *((loop[0], loop[0]) for loop in self.loops)]:
+            yield Twig('', root, None)
+            waiting = self._twigs(root, '')
+            while waiting:
+                twig, indent = waiting.pop()
+                yield twig
+                if twig.name != ends:
+                    waiting += self._twigs(twig.name, indent)
+
+    def _twigs(self, parent: str, indent: str) -> list[tuple[Twig, str]]:
+        """List the children of a frame, the first last, and how theirs are indented."""
+        twigs = []
+        for child in self._children.get(parent, []):
+            twigs.append((Twig(f'{indent}├── ', child, self.frames[child]), f'{indent}│   '))
+        if twigs:
+            twig, _ = twigs[-1]
+            twigs[-1] = twig._replace(branches=f'{indent}└── '), f'{indent}    '
+        return twigs[::-1]
+
+
+def frequency(frame: Frame) -> Optional[float]:
+    """Compute the rate at which a frame moves (Hz); None where its transforms do not tell."""
+    span = frame.latest - frame.oldest
+    return (frame.length - 1) * 1e9 / span if span > 0 else None

@@ -1,0 +1,43 @@
+"""The command `dynamic_tf_publisher`; what it publishes is tested by the lab."""
+
+import re
+
+from conftest import tool
+import pytest
+
+NAME = 'dynamic_tf_publisher'
+
+
+@pytest.mark.parametrize(('arguments', 'said'), [
+    (['-p', 'rotation:=x'], "rotation must be one of identity, quaternion, euler, got 'x'"),
+    (['-p', 'rotation:=1'], 'rotation must be one of identity, quaternion, euler, got 1'),
+    (['-p', 'roll:=.nan'], r'roll must be a finite number \(rad\), got nan'),
+    (['-p', 'yaw:=left'], r"yaw must be a finite number \(rad\), got 'left'"),
+    (['-p', 'yaw:=true'], r'yaw must be a finite number \(rad\), got True'),
+])
+def test_a_bad_start_is_one_line_and_exit_code_2(start, arguments, said):
+    """It names the parameter, and what it may be."""
+    process = start(*tool(NAME, '--ros-args', *arguments))
+    assert process.exit_code() == 2
+    assert re.fullmatch(f'{NAME}: {said}\n', process.output)
+
+
+@pytest.mark.parametrize(('name', 'value'), [
+    ('rotation', 'euler angles'), ('pitch', 'up'), ('roll', '.inf')])
+def test_bad_values_are_refused_while_it_runs(start, name, value):
+    """And what was set before stays."""
+    start(*tool(NAME, '--ros-args', '-p', 'rotation:=euler', '-p', 'roll:=1')).line_with('euler')
+    setting = start(*tool('param', NAME, name, value))
+    assert setting.exit_code() == 1
+    assert re.fullmatch(f'param: /{NAME} refuses it: {name} must be .*\n', setting.output)
+    reading = start(*tool('param', NAME, 'rotation'))
+    assert reading.exit_code() == 0
+    assert reading.output == 'euler\n'
+
+
+def test_help(start):
+    """It tells the parameters, with an example."""
+    process = start(*tool(NAME, '--help'))
+    assert process.exit_code() == 0
+    for text in ('rotation ', 'identity', 'quaternion', 'euler', 'roll, pitch, yaw', 'example: '):
+        assert text in process.output

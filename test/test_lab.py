@@ -1,0 +1,115 @@
+"""The lab of the course, step by step, by its own commands over DDS."""
+
+from itertools import pairwise
+from math import cos, pi, sin
+import signal
+
+from conftest import ARM, tool
+import numpy as np
+import pytest
+from rclpy.qos import DurabilityPolicy
+
+from dummy_arm.arm import Arm
+from dummy_arm.tf import TFMessage
+from dummy_arm.tf.qos import profile
+
+LATCHED = profile(None, 10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def heard(ros, number):
+    """Hear messages of /tf: stamps (s), translations and rotations of their only transform."""
+    messages = []
+    subscription = ros.node.create_subscription(TFMessage, '/tf', messages.append, 100)
+    ros.until(lambda: len(messages) >= number)
+    ros.node.destroy_subscription(subscription)
+    transforms = [message.transforms[0] for message in messages]
+    assert {(t.header.frame_id, t.child_frame_id) for t in transforms} == {('map', 'moving_frame')}
+    return (np.array([t.header.stamp.sec + t.header.stamp.nanosec / 1e9 for t in transforms]),
+            np.array([[t.transform.translation.x, t.transform.translation.y,
+                       t.transform.translation.z] for t in transforms]),
+            np.array([[t.transform.rotation.x, t.transform.rotation.y, t.transform.rotation.z,
+                       t.transform.rotation.w] for t in transforms]))
+
+
+def test_step_1_static_transform(ros, start):
+    """As the course writes it: slashes, the old style; a later subscriber has it too."""
+    process = start(*tool(
+        'static_transform_publisher', '1', '0', '0', '0', '0', '0', '/map', '/base_link'))
+    process.line_with("from '/map' to '/base_link'")
+    messages = []
+    ros.node.create_subscription(TFMessage, '/tf_static', messages.append, LATCHED)
+    ros.until(lambda: messages)
+    (transform,) = messages[0].transforms
+    assert (transform.header.frame_id, transform.child_frame_id) == ('/map', '/base_link')
+    assert transform.transform.translation.x == 1.0
+    assert transform.transform.rotation.w == 1.0
+    process.end(signal.SIGINT)
+    assert process.exit_code() == 0
+    assert 'Traceback' not in process.output
+
+
+def test_steps_2_to_4_dynamic_transform(ros, start):
+    """A circle; not turned, turned by hand, and by Euler angles that are set while it runs."""
+    process = start(*tool('dynamic_tf_publisher'))
+    stamps, points, rotations = heard(ros, 15)
+    assert np.diff(stamps).mean() == pytest.approx(0.1, rel=0.1)
+    angles = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
+    np.testing.assert_allclose(np.diff(angles), 0.1, atol=1e-9)
+    np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 1]), 1.0, atol=1e-9)
+    assert (points[:, 2] == 0.0).all()
+    assert (rotations == [0.0, 0.0, 0.0, 1.0]).all()
+
+    def set_to(name, value):
+        setting = start(*tool('param', 'dynamic_tf_publisher', name, value))
+        assert setting.exit_code() == 0, setting.output
+
+    set_to('rotation', 'quaternion')
+    _, points, by_hand = heard(ros, 5)
+    for (x, y, _), (*axis, w) in zip(points, by_hand):
+        assert axis[:2] == [0.0, 0.0]
+        assert (1 - 2 * axis[2] ** 2, 2 * axis[2] * w) == pytest.approx((x, y), abs=1e-9)
+
+    set_to('rotation', 'euler')
+    _, points, by_euler = heard(ros, 5)
+    for (x, y, _), (*axis, w) in zip(points, by_euler):
+        assert (1 - 2 * axis[2] ** 2, 2 * axis[2] * w) == pytest.approx((x, y), abs=1e-9)
+    set_to('roll', str(pi / 2))
+    _, points, by_euler = heard(ros, 5)
+    for (x, y, _), quaternion in zip(points, by_euler):
+        half = np.arctan2(y, x) / 2
+        expected = np.array([cos(half), sin(half), sin(half), cos(half)]) * np.sqrt(0.5)
+        np.testing.assert_allclose(
+            quaternion * np.sign(quaternion @ expected), expected, atol=1e-9)
+    process.end(signal.SIGTERM)
+    assert process.exit_code() == 0
+
+
+def test_steps_5_and_6_the_frames_of_the_arm(start, tmp_path):
+    """What is handed in: frames.pdf of the running arm, in the current directory."""
+    start(*ARM).line_with('t = 0')
+    process = start(*tool('view_frames'), cwd=tmp_path)
+    assert process.exit_code() == 0, process.output
+    assert process.output == (
+        'wrote frames.pdf and frames.gv: 6 frames, 5 transforms, root: map\n')
+    assert {path.name for path in tmp_path.iterdir()} == {'frames.pdf', 'frames.gv'}
+    pypdf = pytest.importorskip('pypdf')
+    (page,) = pypdf.PdfReader(tmp_path / 'frames.pdf').pages
+    heights = {}
+    text = page.extract_text(visitor_text=lambda text, _, matrix, *rest: heights.setdefault(
+        text.strip(), matrix[5]))
+    lines = [line.strip() for line in text.splitlines()]
+    frames = ['map', *Arm().frames]
+    assert sorted(line for line in lines if line in frames) == sorted(frames)
+    down = [heights[frame] for frame in frames]  # from the top of the page
+    assert down == sorted(set(down))
+    assert lines.count('Broadcaster: /dummy_arm') == 5
+    assert lines.count('static') == 1
+    rates = [float(line.split()[2]) for line in lines if line.startswith('Average rate: ')]
+    assert rates == pytest.approx([50.0] * 4, rel=0.1)
+    lengths = [float(line.split()[2]) for line in lines if line.startswith('Buffer length: ')]
+    assert len(lengths) == 4
+    assert 2.0 < min(lengths) <= max(lengths) < 5.5
+    dot = (tmp_path / 'frames.gv').read_text()
+    for parent, child in pairwise(frames):
+        assert f'"{parent}" -> "{child}" [' in dot
+    assert dot.count('->') == 5

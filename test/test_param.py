@@ -1,0 +1,119 @@
+"""The command `param`, on the arm and on nodes that are made for it."""
+
+import re
+import signal
+import threading
+import time
+
+from conftest import ARM, tool
+import pytest
+
+
+@pytest.fixture
+def arm(start):
+    """Start the arm."""
+    process = start(*ARM)
+    process.line_with('t = 0')
+    return process
+
+
+@pytest.fixture
+def param(start):
+    """Run the command; give its exit code and output."""
+    def run(*arguments):
+        process = start(*tool('param', *arguments))
+        return process.exit_code(), process.output
+
+    return run
+
+
+def test_list_read_and_set(arm, param):
+    """What the lab's step 4 and the arm's live parameters need."""
+    code, listed = param('dummy_arm')
+    assert code == 0
+    assert 'rate: 50.0\n' in listed
+    assert 'joint_1.speed: 0.3\n' in listed
+    assert 'frame_prefix: \n' in listed
+    assert 'use_sim_time: false\n' in listed
+    assert listed.splitlines() == sorted(listed.splitlines())
+    assert param('/dummy_arm', 'rate') == (0, '50.0\n')
+    assert param('dummy_arm', 'rate', '100') == (0, '100.0\n')
+    assert param('dummy_arm', 'rate') == (0, '100.0\n')
+    assert param('dummy_arm', 'joint_1.speed', '-1e-3') == (0, '-0.001\n')
+    assert param('dummy_arm', 'use_sim_time', 'true') == (0, 'true\n')
+    assert param('dummy_arm', 'use_sim_time') == (0, 'true\n')
+
+
+@pytest.mark.parametrize(('arguments', 'said'), [
+    (['rate', '0'], '/dummy_arm refuses it: .*[Rr]ate.*0.1.*10000'),
+    (['rate', 'fast'], '/dummy_arm refuses it: rate must be a number .*fast'),
+    (['frame_prefix', 'left/'], '/dummy_arm refuses it: .*read-only'),
+    (['joint_1.sped'], "/dummy_arm has no parameter 'joint_1.sped'. Nearest known: "
+                       "'joint_1.speed'"),
+    (['colour', 'red'], "/dummy_arm has no parameter 'colour'. Known parameters: .*and 8 more"),
+])
+def test_what_cannot_be_done_is_exit_code_1_with_the_reason(arm, param, arguments, said):
+    """The node's reason, or what there is instead."""
+    code, output = param('dummy_arm', *arguments)
+    assert code == 1
+    assert re.fullmatch(f'param: {said}.*\n', output)
+
+
+def test_no_such_node(arm, param):
+    """It names the nearest; and what to check where there is none."""
+    code, output = param('dumy_arm')
+    assert (code, output) == (
+        1, "param: there is no node /dumy_arm. Nearest known: '/dummy_arm'.\n")
+    arm.end(signal.SIGINT)
+    code, output = param('dummy_arm')
+    assert code == 1
+    assert re.fullmatch('param: there is no node /dummy_arm.*ROS_DOMAIN_ID.*\n', output)
+
+
+def test_values_of_all_types(ros, param, monkeypatch):
+    """Each stays of its type; text may look like a number."""
+    values = {'whole': 1, 'double': 1.5, 'text': 'a', 'truth': False, 'list': [1, 2],
+              'texts': ['a', 'b'], 'doubles': [0.5, 1.0], 'deep.name': 'x'}
+    for name, value in values.items():
+        ros.node.declare_parameter(name, value)
+    stop = threading.Event()
+
+    def spin():
+        while not stop.is_set():
+            ros.executor.spin_once(timeout_sec=0.05)
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    try:
+        for name, given, shown in (
+                ('whole', '-7', '-7'), ('double', '3', '3.0'), ('double', '1e-3', '0.001'),
+                ('text', '54', '54'), ('text', 'on', 'on'), ('text', '', ''),
+                ('truth', 'true', 'true'), ('list', '[3, -4]', '[3, -4]'),
+                ('texts', '[x, y z]', "['x', 'y z']"), ('doubles', '[1.5, 2.5]', '[1.5, 2.5]'),
+                ('deep.name', 'a: b', 'a: b')):
+            assert param('test', name, given) == (0, f'{shown}\n'), name
+            assert ros.node.get_parameter(name).value is not None
+        code, output = param('test', 'whole', '1.5')
+        assert (code, 'refuses it' in output) == (1, True)
+    finally:
+        stop.set()
+        thread.join()
+    assert ros.node.get_parameter('text').value == ''
+    assert ros.node.get_parameter('double').value == 0.001
+
+
+@pytest.mark.parametrize('arguments', [[], ['a', 'b', 'c', 'd'], ['dummy_arm', '--rate']])
+def test_wrong_use_is_one_line_and_exit_code_2(param, arguments):
+    """With the usage."""
+    code, output = param(*arguments)
+    assert code == 2
+    assert re.fullmatch(r'param: .*usage: param \[-h\] node \[name\] \[value\]\n', output)
+
+
+def test_ctrl_c_while_it_looks_for_a_node(start):
+    """A normal end."""
+    process = start(*tool('param', 'nobody', '--ros-args', '--log-level', 'info'))
+    time.sleep(1.5)
+    process.end(signal.SIGINT)
+    assert process.exit_code() == 0
+    assert process.output == ''

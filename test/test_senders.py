@@ -1,0 +1,116 @@
+"""Who sent a transform, over DDS."""
+
+import time
+
+from conftest import TIMEOUT, tool
+import pytest
+
+from dummy_arm.tf import Buffer, senders, StaticTransformBroadcaster, TransformBroadcaster
+from dummy_arm.tf.senders import SenderListener, UNKNOWN
+from dummy_arm.tf.transform_stamped import message_of
+
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@pytest.fixture
+def listener(ros):
+    """Listen."""
+    made = SenderListener(Buffer(node=ros.node), ros.node)
+    yield made
+    made.unregister()
+
+
+def sender_of(listener, name, known=True):
+    """Wait for a frame and, if it is to be known, for its sender; give it."""
+    deadline = time.monotonic() + TIMEOUT
+    while time.monotonic() < deadline:
+        for frame in listener.frames():
+            if frame.name == name and (frame.authority != UNKNOWN or not known):
+                return frame.authority
+        time.sleep(0.01)
+    pytest.fail(f'not heard in time: {listener.frames()}')
+
+
+def test_each_transform_is_of_the_node_that_sent_it(ros, start, listener):
+    """Also where several send at the same time, and after the sender has ended."""
+    ours = TransformBroadcaster(ros.node)
+    StaticTransformBroadcaster(ros.node).sendTransform(message_of((0, 0, 'map', 'a', *STILL)))
+    process = start(*tool(
+        'static_transform_publisher', '--frame-id', 'map', '--child-frame-id', 'b',
+        '--ros-args', '-r', '__ns:=/robot', '-r', '__node:=other'))
+    arm = start(*tool('dummy_arm'))
+    for i in range(100):
+        ours.sendTransform(message_of((i, 0, 'map', 'c', *STILL)))
+        time.sleep(0.002)
+    assert sender_of(listener, 'a') == '/test'
+    assert sender_of(listener, 'b') == '/robot/other'
+    assert sender_of(listener, 'c') == '/test'
+    assert sender_of(listener, 'joint_1') == '/dummy_arm'
+    process.close()
+    arm.close()
+    assert sender_of(listener, 'b') == '/robot/other'
+    assert listener.buffer.frames()[0].authority not in ('', '/test')  # a gid
+
+
+def test_the_newest_sender_counts(ros, start, listener):
+    """Where two nodes send the same frame."""
+    ours = TransformBroadcaster(ros.node)
+    arm = start(*tool('dummy_arm'))
+    assert sender_of(listener, 'joint_1') == '/dummy_arm'
+    arm.close()
+    deadline = time.monotonic() + TIMEOUT
+    while sender_of(listener, 'joint_1') != '/test':
+        stamp = divmod(time.time_ns(), 10**9)
+        ours.sendTransform(message_of((*stamp, 'base_link', 'joint_1', *STILL)))
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize('lacks', ['the library', 'the function'])
+def test_where_rcl_cannot_be_called_the_sender_is_unknown(ros, monkeypatch, lacks):
+    """It says so, and the transforms come in all the same."""
+    def load(name):
+        if lacks == 'the library':
+            raise OSError(name)
+        return object()
+
+    monkeypatch.setattr(senders.ctypes, 'PyDLL', load)
+    senders._rcl.cache_clear()
+    listener = SenderListener(Buffer(node=ros.node), ros.node)
+    try:
+        StaticTransformBroadcaster(ros.node).sendTransform(message_of((0, 0, 'map', 'a', *STILL)))
+        assert sender_of(listener, 'a', known=False) == UNKNOWN
+    finally:
+        listener.unregister()
+        senders._rcl.cache_clear()
+
+
+def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
+    """Of all sizes, empty ones too."""
+    from rclpy.qos import QoSProfile
+
+    from dummy_arm.tf import TFMessage
+    from dummy_arm.tf.senders import take_all_sent
+    from dummy_arm.tf.subscribing import subscribe
+
+    listener.unregister()
+    subscription = subscribe(ros.node, '/bytes', print, QoSProfile(depth=100), None)
+    raw = []
+    ros.node.create_subscription(TFMessage, '/bytes', raw.append, 100, raw=True)
+    publisher = ros.node.create_publisher(TFMessage, '/bytes', 100)
+    ros.until(lambda: publisher.get_subscription_count() == 2)
+    messages = [bytes.fromhex(case['cdr_hex']) for case in golden_messages]
+    for message in messages:
+        publisher.publish(message)
+    taken = []
+
+    def all_taken():
+        take_all_sent(subscription, taken)
+        return len(taken) == len(raw) == len(messages)
+
+    ros.until(all_taken)
+    assert taken == raw
+    (gid,) = {message.gid for message in taken}
+    (info,) = ros.node.get_publishers_info_by_topic('/bytes')
+    assert bytes.fromhex(gid) == bytes(info.endpoint_gid)[:16]
+    subscription.destroy()

@@ -1,0 +1,306 @@
+"""The command `view_frames`: trees of any form, odd names, files that cannot be written."""
+
+import fcntl
+import os
+from pathlib import Path
+import pty
+import re
+import signal
+import struct
+import subprocess
+import sys
+import termios
+import time
+
+from conftest import TIMEOUT, tool
+import pytest
+
+from dummy_arm.command import CommandError, UsageError
+from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
+from dummy_arm.tf.frames import Frame
+from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tools import view_frames
+from dummy_arm.tools.forest import Forest
+from dummy_arm.tools.frame_graph import as_dot, draw
+
+S = 10**9
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+HEARD = 6.0  # s; for discovery on a machine that is busy
+ODD = ['54', 'on', 'a: b', 'say "hi"', 'two\nlines', 'ünï', 'back\\slash', 'end\\', '<b>b</b>',
+       '&amp;', '{x|y}', '\\N', '--', 'digraph', "it's", 'n' * 80]
+
+
+def static(name, parent, sender='/node'):
+    """Make a static frame."""
+    return Frame(name, parent, sender, True, 1, 0, 0)
+
+
+def moving(name, parent, hertz=10, seconds=5, sender='/node'):
+    """Make a frame that moves."""
+    return Frame(name, parent, sender, False, hertz * seconds + 1, 100 * S, (100 - seconds) * S)
+
+
+def text_of(frames, tmp_path):
+    """Draw frames into a PDF, and read its text."""
+    pypdf = pytest.importorskip('pypdf')
+    path = tmp_path / 'drawn.pdf'
+    path.write_bytes(draw(as_dot(frames, 100 * S), 'pdf'))
+    (page,) = pypdf.PdfReader(path).pages
+    return [line.strip() for line in page.extract_text().splitlines()]
+
+
+@pytest.fixture
+def ours(monkeypatch, ros, tmp_path):
+    """Be in the domain of the test, in an empty directory; give what sends static transforms."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(ros.context.get_domain_id()))
+    monkeypatch.chdir(tmp_path)
+    broadcaster = StaticTransformBroadcaster(ros.node)
+
+    def send(*edges):
+        broadcaster.sendTransform([message_of((0, 0, *edge, *STILL)) for edge in edges])
+
+    return send
+
+
+def test_labels(tmp_path):
+    """As in tf2, but for a static frame, and one whose rate cannot be told."""
+    lines = text_of([moving('a', 'map'), static('b', 'a', '/other'),
+                     Frame('c', 'a', '/node', False, 1, 5 * S, 5 * S)], tmp_path)
+    for line, number in (
+            ('Broadcaster: /node', 2), ('Broadcaster: /other', 1), ('static', 1),
+            ('Average rate: 10.000 Hz', 1), ('Average rate: unknown', 1),
+            ('Buffer length: 5.000 s', 1), ('Most recent transform: 100.000000', 1),
+            ('Oldest transform: 95.000000', 1), ('Recorded at time: 100.000000', 1)):
+        assert lines.count(line) == number, line
+
+
+def test_odd_names_are_drawn_as_they_are(tmp_path):
+    """tf2 breaks at some of them: it reads 54 as a number, on as a truth, a: b not at all."""
+    lines = text_of([static(name, 'odd "root"') for name in ODD], tmp_path)
+    for name in ['odd "root"', *ODD]:
+        assert set(name.split('\n')) <= set(lines), name
+    assert lines.count('static') == len(ODD)
+
+
+def test_several_roots_and_a_loop_are_drawn(tmp_path):
+    """tf2 draws the last root only, and nothing where there is a loop."""
+    frames = [static('a', 'root 1'), static('b', 'root 2'), static('x', 'y'), static('y', 'z'),
+              static('z', 'x'), static('twig', 'x')]
+    lines = text_of(frames, tmp_path)
+    names = {'a', 'root 1', 'b', 'root 2', 'x', 'y', 'z', 'twig'}
+    assert names <= set(lines)
+    assert as_dot(frames, 0).count('->') == 6
+    forest = Forest(frames)
+    assert forest.roots == ['root 1', 'root 2']
+    (loop,) = forest.loops
+    assert {*zip(loop, loop[1:] + loop[:1])} == {('y', 'x'), ('z', 'y'), ('x', 'z')}
+
+
+def test_the_trees_in_the_terminal():
+    """With rates, ages and senders, in columns."""
+    frames = [static('base', 'map'), moving('arm', 'base', 50), moving('日本', 'arm', 1),
+              moving('wheel', 'base'), static('a', 'b'), static('b', 'a'), static('tab\t', 'b')]
+    assert view_frames.lines_of(frames, 100 * S + S // 4) == [
+        'map',
+        '└── base             static                 /node',
+        '    ├── arm         50.0 Hz    0.250 s old  /node',
+        '    │   └── 日本     1.0 Hz    0.250 s old  /node',
+        '    └── wheel       10.0 Hz    0.250 s old  /node',
+        'b',
+        '├── a                static                 /node',
+        '│   └── b            static                 /node',
+        '└── tab\\t            static                 /node',
+    ]
+
+
+def test_a_long_chain_is_drawn():
+    """Longer than Python's recursion is deep."""
+    lines = view_frames.lines_of([moving(f'{i + 1}', f'{i}') for i in range(3000)], 0)
+    assert len(lines) == 3001
+
+
+@pytest.mark.parametrize(('output', 'files', 'begin'), [
+    ('tree', {'tree.pdf', 'tree.gv'}, b'%PDF'), ('tree.svg', {'tree.svg', 'tree.gv'}, b'<?xml'),
+    ('my.robot.png', {'my.robot.png', 'my.robot.gv'}, b'\x89PNG'),
+    ('v1.2', {'v1.2.pdf', 'v1.2.gv'}, b'%PDF')])
+def test_the_ending_says_how_to_draw(tmp_path, monkeypatch, output, files, begin):
+    """The .gv file is beside it."""
+    monkeypatch.chdir(tmp_path)
+    path = view_frames.path_of(output)
+    view_frames.save([static('base', 'map')], 0, path)
+    assert {path.name for path in Path().iterdir()} == files
+    (drawn,) = (name for name in files if not name.endswith('.gv'))
+    assert str(path) == drawn
+    assert path.read_bytes().startswith(begin)
+
+
+def test_the_sender_is_told_by_its_node(ros, ours, start, capsys):
+    """Each its own, with its namespace."""
+    ours(('map', 'ours'))
+    process = start(*tool(
+        'static_transform_publisher', '--frame-id', 'map', '--child-frame-id', 'theirs',
+        '--ros-args', '-r', '__node:=theirs', '-r', '__ns:=/robot'))
+    process.line_with('Spinning')
+    broadcaster = TransformBroadcaster(ros.node)
+    for i in range(10):
+        broadcaster.sendTransform(message_of((i, 0, 'map', 'early', *STILL)))
+    assert view_frames.command(wait_time=HEARD, text=True) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == 'map'
+    assert {tuple(line.split()[-3:]) for line in lines[1:]} == {
+        ('ours', 'static', '/test'), ('theirs', 'static', '/robot/theirs')}
+    assert not [*Path().iterdir()]
+
+
+def test_loops_are_reported(ours, capsys):
+    """And drawn; tf2 ends with exit code 0 and no PDF."""
+    ours(('a', 'b'), ('b', 'a'), ('map', 'base'))
+    assert view_frames.command(wait_time=HEARD) == 0
+    out, err = capsys.readouterr()
+    assert re.fullmatch('view_frames: warning: these frames form a loop: '
+                        '(a -> b -> a|b -> a -> b)\n', err)
+    assert '4 frames, 3 transforms, root: map' in out
+    assert Path('frames.pdf').exists()
+
+
+def test_no_data_is_exit_code_1_and_what_to_check(start, tmp_path):
+    """tf2 writes a PDF that says so."""
+    process = start(*tool('view_frames', '-t', '0.5'), cwd=tmp_path)
+    assert process.exit_code() == 1
+    assert re.fullmatch(r'view_frames: nothing was heard within 0\.5 s\. .*0 publishers.*'
+                        r'ROS_DOMAIN_ID \(here: \d+\).*DISCOVERY_RANGE \(here: LOCALHOST\)\n',
+                        process.output)
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize(('arguments', 'said'), [
+    (['-t', '0'], 'more than 0 s, got 0'), (['-t', '-1e-1'], 'more than 0 s, got -0.1'),
+    (['-t', 'x'], "'x' is no number"), (['-t', 'nan'], "'nan' is not finite"),
+    (['--wait_time'], r'unrecognized arguments: --wait_time \(did you mean --wait-time\?\)'),
+    (['-o', ''], 'no name of a file'), (['-o', '..'], 'no name of a file'),
+    (['--ros-args', '-p'], 'ROS arguments')])
+def test_wrong_use_is_one_line_and_exit_code_2(start, tmp_path, arguments, said):
+    """It names what is wrong."""
+    process = start(*tool('view_frames', *arguments), cwd=tmp_path)
+    assert process.exit_code() == 2
+    assert re.fullmatch(f'view_frames: .*{said}.*\n', process.output)
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path):
+    """As on a full disk: no half file, and an old one stays."""
+    code = """if True:
+        import resource, sys
+        from pathlib import Path
+        from dummy_arm.command import CommandError
+        from dummy_arm.tools.view_frames import write
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+        write(Path('old'), b'new and short')
+        try:
+            write(Path('old'), bytes(2000))
+        except CommandError as error:
+            print(error)
+    """
+    done = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, check=True, text=True,
+                          capture_output=True)
+    assert done.stdout == 'cannot write old: File too large\n'
+    assert [path.name for path in tmp_path.iterdir()] == ['old']
+    assert (tmp_path / 'old').read_bytes() == b'new and short'
+
+
+@pytest.mark.parametrize('output', ['/proc/frames', 'missing/frames', 'directory.pdf'])
+def test_where_nothing_can_be_written(monkeypatch, tmp_path, output):
+    """It says why."""
+    monkeypatch.chdir(tmp_path)
+    Path('directory.pdf').mkdir()
+    path = view_frames.path_of(output)
+    with pytest.raises(CommandError, match=rf'^cannot write {path.with_suffix("")}\.(gv|pdf): .+'):
+        view_frames.save([static('base', 'map')], 0, path)
+    assert {path.name for path in Path().iterdir()} <= {'directory.pdf', 'directory.gv'}
+
+
+def test_what_cannot_be_written_is_exit_code_1(ours, start):
+    """As all that the command could not do."""
+    ours(('map', 'base'))
+    process = start(*tool('view_frames', '-t', str(HEARD), '-o', '/proc/frames'))
+    assert process.exit_code() == 1
+    assert re.fullmatch('view_frames: cannot write /proc/frames.gv: .+\n', process.output)
+
+
+def test_without_pygraphviz(tmp_path, monkeypatch):
+    """The .gv file is written, and the error says how to get it; tf2 ends well."""
+    monkeypatch.setitem(sys.modules, 'pygraphviz', None)
+    with pytest.raises(CommandError, match='pip install pygraphviz'):
+        view_frames.save([static('base', 'map')], 0, tmp_path / 'frames.pdf')
+    assert '"map" -> "base"' in (tmp_path / 'frames.gv').read_text()
+    assert not (tmp_path / 'frames.pdf').exists()
+
+
+def test_what_the_command_refuses():
+    """Without ROS."""
+    with pytest.raises(UsageError, match='more than 0 s'):
+        view_frames.command(wait_time=0.0)
+    with pytest.raises(UsageError, match='no name'):
+        view_frames.command('')
+
+
+@pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
+def test_watch_goes_on_until_it_is_told_to_end(ours, start, signal_number):
+    """In a pipe, line by line, the tree again and again."""
+    ours(('map', 'base'))
+    process = start(*tool('view_frames', '--watch'))
+    for _ in range(2):
+        process.line_with('map')
+        assert process.line_with('base').split()[-2:] == ['static', '/test']
+    process.end(signal_number)
+    assert process.exit_code() == 0
+    assert 'Traceback' not in process.output
+
+
+def test_ctrl_c_at_any_time_is_a_normal_end(start, tmp_path):
+    """While it imports, starts, listens or draws; it leaves no file half written."""
+    for delay in (0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.2):
+        option, code, *arguments = tool('view_frames', '-t', '0.5')
+        process = start(option, f'print("begun"); {code}', *arguments, cwd=tmp_path)
+        process.line_with('begun')
+        time.sleep(delay)
+        process.end(signal.SIGINT)
+        assert process.exit_code() in (0, 1)
+        assert 'Traceback' not in process.output
+        assert 'ignored' not in process.output
+        assert not [*tmp_path.iterdir()]
+
+
+def in_a_terminal(domain, *arguments, seconds):
+    """Run a command in a terminal of 80 columns for a time; give what it wrote."""
+    reading, writing = pty.openpty()
+    fcntl.ioctl(writing, termios.TIOCSWINSZ, struct.pack('4H', 24, 80, 0, 0))
+    process = subprocess.Popen(
+        [sys.executable, *tool(*arguments)], stdout=writing, stderr=writing, stdin=writing,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
+    os.close(writing)
+    deadline = time.monotonic() + seconds
+    written = b''
+    try:
+        while time.monotonic() < deadline + TIMEOUT:
+            if process.poll() is None and time.monotonic() > deadline:
+                process.send_signal(signal.SIGINT)
+                deadline += TIMEOUT
+            written += os.read(reading, 10_000)
+    except OSError:  # the terminal is gone: the process has ended
+        pass
+    assert process.wait(TIMEOUT) == 0
+    os.close(reading)
+    return written.decode()
+
+
+def test_a_bar_and_a_live_tree_on_a_terminal(ours, ros):
+    """None of them in a pipe."""
+    ours(('map', 'base'))
+    domain = ros.context.get_domain_id()
+    bar = in_a_terminal(domain, 'view_frames', '--text', '-t', str(HEARD), seconds=TIMEOUT)
+    assert 'listening to /tf and /tf_static' in bar
+    assert '\r' in bar.split('└──')[0]
+    assert '└── base' in bar.split('listening')[-1]
+    live = in_a_terminal(domain, 'view_frames', '--watch', seconds=5.0)
+    assert live.count('└── base') >= 2
+    assert live.count('\x1b[H') >= 2
