@@ -7,7 +7,10 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
+from conftest import tool
 import pytest
+
+from dummy_arm import entry_points
 
 ROOT = Path(__file__).parent.parent
 
@@ -33,9 +36,12 @@ def test_the_changelog_tells_of_this_version():
     assert re.search(heading, changelog, re.MULTILINE)
 
 
-CORE = ('dummy_arm.arm', 'dummy_arm.tf', 'dummy_arm.tf.buffer_core', 'dummy_arm.tf.exceptions',
-        'dummy_arm.tf.message_reader',
-        'dummy_arm.tf.transform', 'dummy_arm.tf.wire')
+CORE = ('dummy_arm.arm', 'dummy_arm.command', 'dummy_arm.tf', 'dummy_arm.tf.buffer_core',
+        'dummy_arm.tf.exceptions', 'dummy_arm.tf.message_reader', 'dummy_arm.tf.rotations',
+        'dummy_arm.tf.transform', 'dummy_arm.tf.wire', 'dummy_arm.tools.forest',
+        'dummy_arm.tools.frame_graph', 'dummy_arm.tools.waiting')
+COMMANDS = [name for name, thing in vars(entry_points).items()
+            if callable(thing) and not name.startswith('_') and name != 'import_module']
 
 
 @pytest.mark.parametrize('module', CORE)
@@ -51,6 +57,23 @@ def test_the_core_needs_no_ros(module):
         'sys.meta_path.insert(0, Blocked())\n'
         f'import {module}\n')
     subprocess.run([sys.executable, '-c', code], check=True, env=os.environ, timeout=60)
+
+
+def test_every_command_is_installed():
+    """As a script beside the interpreter, or where `ros2 run` finds it."""
+    setup = (ROOT / 'setup.py').read_text()
+    assert COMMANDS
+    for command in COMMANDS:
+        assert f"'{command}'" in setup
+
+
+@pytest.mark.parametrize('command', COMMANDS)
+def test_every_command_has_help_with_an_example(start, command):
+    """With exit code 0."""
+    process = start(*tool(command, '--help'))
+    assert process.exit_code() == 0
+    assert f'usage: {command} ' in process.output
+    assert re.search(rf'examples?: {command}\b', process.output)
 
 
 def test_names_of_tf_are_listed_and_unknown_ones_are_not_there():
