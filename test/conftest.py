@@ -126,6 +126,21 @@ def start(domain_id: int) -> Iterator[Callable[..., Process]]:
         print(process.output)  # shown where the test failed
 
 
+@pytest.fixture
+def failed(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
+    """Call a `main` that fails: `failed(main, 'argument', …)`; give its exit code and stderr."""
+    def call(main: Callable[[list[str]], int], *arguments: str) -> tuple[int, str]:
+        try:
+            code = main([*arguments])
+        except SystemExit as end:
+            code = end.code
+        output, error = capsys.readouterr()
+        assert not output
+        return code, error
+
+    return call
+
+
 class Ros:
     """A node of the test's own, and the executor that spins it."""
 

@@ -75,14 +75,14 @@ def test_where_rcl_cannot_be_called_the_sender_is_unknown(ros, monkeypatch, lack
         return object()
 
     monkeypatch.setattr(senders.ctypes, 'PyDLL', load)
-    senders._rcl.cache_clear()
+    senders._rcl_take.cache_clear()
     listener = SenderListener(Buffer(node=ros.node), ros.node)
     try:
         StaticTransformBroadcaster(ros.node).sendTransform(message_of((0, 0, 'map', 'a', *STILL)))
         assert sender_of(listener, 'a', known=False) == UNKNOWN
     finally:
         listener.unregister()
-        senders._rcl.cache_clear()
+        senders._rcl_take.cache_clear()
 
 
 def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
@@ -90,7 +90,7 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
     from rclpy.qos import QoSProfile
 
     from dummy_arm.tf import TFMessage
-    from dummy_arm.tf.senders import take_all_sent
+    from dummy_arm.tf.senders import Taker
     from dummy_arm.tf.subscribing import subscribe
 
     listener.unregister()
@@ -102,10 +102,10 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
     messages = [bytes.fromhex(case['cdr_hex']) for case in golden_messages]
     for message in messages:
         publisher.publish(message)
-    taken = []
+    taken, taker = [], Taker()
 
     def all_taken():
-        take_all_sent(subscription, taken)
+        taker.take_all(subscription, taken)
         return len(taken) == len(raw) == len(messages)
 
     ros.until(all_taken)

@@ -125,11 +125,18 @@ def test_what_it_says_and_its_parameters(ros, start):
     ([*'0123456789', 'map', 'base'], 'are 8, .*, or 9, .*; got 12'),
     (['--frame_id', 'map', '--child-frame-id', 'base'], r'--frame_id.*did you mean --frame-id\?'),
 ])
-def test_wrong_use_is_one_line_and_exit_code_2(start, arguments, said):
+def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments, said):
     """It names what is wrong, and what is right."""
-    process = start(*tool(NAME, *arguments))
+    code, line = failed(static_transform_publisher.main, *arguments)
+    assert code == 2
+    assert re.fullmatch(f'{NAME}: .*{said}.*\n', line)
+
+
+def test_equal_frames_are_no_crash(start):
+    """tf2 ends with a core dump."""
+    process = start(*tool(NAME, '--frame-id', 'map', '--child-frame-id', 'map'))
     assert process.exit_code() == 2
-    assert re.fullmatch(f'{NAME}: .*{said}.*\n', process.output)
+    assert process.output.count('\n') == 1
 
 
 def test_help(start):

@@ -179,11 +179,11 @@ def test_no_data_is_exit_code_1_and_what_to_check(start, tmp_path):
     (['--wait_time'], r'unrecognized arguments: --wait_time \(did you mean --wait-time\?\)'),
     (['-o', ''], 'no name of a file'), (['-o', '..'], 'no name of a file'),
     (['--ros-args', '-p'], 'ROS arguments')])
-def test_wrong_use_is_one_line_and_exit_code_2(start, tmp_path, arguments, said):
+def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments, said):
     """It names what is wrong."""
-    process = start(*tool('view_frames', *arguments), cwd=tmp_path)
-    assert process.exit_code() == 2
-    assert re.fullmatch(f'view_frames: .*{said}.*\n', process.output)
+    code, line = failed(view_frames.main, *arguments)
+    assert code == 2
+    assert re.fullmatch(f'view_frames: .*{said}.*\n', line)
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path):

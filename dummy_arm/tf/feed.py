@@ -125,8 +125,11 @@ class Feed:
 
     def _take_from(self, subscription: Subscription, arrived: list[bytes]) -> None:
         before = len(arrived)
-        take_all(subscription, arrived)
+        self._take_all(subscription, arrived)
         self._count += len(arrived) - before
+
+    def _take_all(self, subscription: Subscription, arrived: list[bytes]) -> None:
+        take_all(subscription, arrived)
 
     def _insert_all(self) -> None:
         self._insert(self._arrived, False)

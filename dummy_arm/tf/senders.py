@@ -1,10 +1,12 @@
 """Who sent a transform: rclpy does not tell of a message, but rcl does, by its publisher's gid."""
 
 import ctypes
-from ctypes import c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
+from ctypes import byref, c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
 from functools import cache
 from itertools import groupby
+from time import monotonic
 from typing import Any
+from weakref import finalize
 
 from rclpy.subscription import Subscription
 
@@ -15,6 +17,7 @@ from dummy_arm.tf.transform_listener import TransformListener
 
 UNKNOWN = 'unknown: the middleware does not tell'
 _GID_SIZE = 16
+_BETWEEN_LOOKS = 0.5  # s
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node is not discovered yet
 
 
@@ -47,13 +50,55 @@ class _MessageInfo(ctypes.Structure):
                 ('room', c_uint8 * 64)]
 
 
+class Taker:
+    """Takes messages with the gids of their publishers, by rcl; where it cannot be, without."""
+
+    def __init__(self) -> None:
+        """Find rcl, and make what it writes into."""
+        self._take = _rcl_take()
+        if self._take is not None:
+            rcutils = ctypes.PyDLL('librcutils.so')
+            rcutils.rcutils_get_default_allocator.restype = _Allocator
+            self._bytes = _Bytes(allocator=rcutils.rcutils_get_default_allocator())
+            self._info = _MessageInfo()
+            finalize(self, rcutils.rcutils_uint8_array_fini, byref(self._bytes))
+
+    def take_all(self, subscription: Subscription, messages: list[bytes]) -> None:
+        """Append what has arrived, as Sent messages, or as bytes; by one thread at a time."""
+        if self._take is None:
+            take_all(subscription, messages)
+            return
+        written, info = self._bytes, self._info
+        with subscription.handle:
+            for _ in range(most_at_once(subscription)):
+                if self._take(subscription.handle.pointer, written, info, None) != 0:
+                    break
+                message = Sent(ctypes.string_at(written.buffer, written.length))
+                message.gid = bytes(info.gid).hex()
+                messages.append(message)
+
+
+@cache
+def _rcl_take() -> Any:
+    """Find rcl_take_serialized_message; None where it is not."""
+    try:
+        take = ctypes.PyDLL('librcl.so').rcl_take_serialized_message
+    except (OSError, AttributeError):
+        return None
+    take.argtypes = c_void_p, POINTER(_Bytes), POINTER(_MessageInfo), c_void_p
+    return take
+
+
 class SentFeed(Feed):
     """A Feed that inserts each message with the gid of its publisher as authority."""
 
-    def _take_from(self, subscription: Subscription, arrived: list[bytes]) -> None:
-        before = len(arrived)
-        take_all_sent(subscription, arrived)
-        self._count += len(arrived) - before
+    def __init__(self, *arguments: Any) -> None:
+        """Begin to feed; as Feed."""
+        self._taker = Taker()
+        super().__init__(*arguments)
+
+    def _take_all(self, subscription: Subscription, arrived: list[bytes]) -> None:
+        self._taker.take_all(subscription, arrived)
 
     def _insert_messages(self, messages: list[bytes], is_static: bool) -> None:
         for gid, sent in groupby(messages, lambda message: getattr(message, 'gid', '')):
@@ -68,6 +113,7 @@ class SenderListener(TransformListener):
     def __init__(self, *arguments: Any, **how: Any) -> None:
         """Begin to listen; as TransformListener."""
         self._names: dict[str, str] = {}
+        self._next_look = 0.0
         super().__init__(*arguments, **how)
 
     def frames(self) -> list[Frame]:
@@ -78,6 +124,13 @@ class SenderListener(TransformListener):
         return [frame._replace(authority=self._names.get(frame.authority, UNKNOWN))
                 for frame in frames]
 
+    def _take(self) -> tuple[bool, float]:
+        # Now and then, since a node may end before it is asked who it was.
+        if (now := monotonic()) >= self._next_look:
+            self._next_look = now + _BETWEEN_LOOKS
+            self._look()
+        return super()._take()
+
     def _look(self) -> None:
         """Learn the names of the publishers that there are; those of others stay known."""
         for topic in {self.tf_sub.topic_name, self.tf_static_sub.topic_name}:
@@ -85,36 +138,3 @@ class SenderListener(TransformListener):
                 if info.node_name != _UNKNOWN_NODE:
                     gid = bytes(info.endpoint_gid[:_GID_SIZE]).hex()
                     self._names[gid] = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
-
-
-def take_all_sent(subscription: Subscription, messages: list[bytes]) -> None:
-    """
-    Append what has arrived as Sent messages; else as `take_all`.
-
-    Where rcl cannot be called, they are plain bytes.
-    """
-    rcl = _rcl()
-    if rcl is None:
-        take_all(subscription, messages)
-        return
-    take, serialized, info = rcl
-    with subscription.handle:
-        for _ in range(most_at_once(subscription)):
-            if take(subscription.handle.pointer, serialized, info, None) != 0:
-                break
-            message = Sent(ctypes.string_at(serialized.buffer, serialized.length))
-            message.gid = bytes(info.gid).hex()
-            messages.append(message)
-
-
-@cache
-def _rcl() -> Any:
-    """Find rcl_take_serialized_message, and make what it writes into; None where it is not."""
-    try:
-        rcl, rcutils = ctypes.PyDLL('librcl.so'), ctypes.PyDLL('librcutils.so')
-        take, allocator = rcl.rcl_take_serialized_message, rcutils.rcutils_get_default_allocator
-    except (OSError, AttributeError):
-        return None
-    allocator.restype = _Allocator
-    take.argtypes = c_void_p, POINTER(_Bytes), POINTER(_MessageInfo), c_void_p
-    return take, _Bytes(allocator=allocator()), _MessageInfo()

@@ -33,7 +33,7 @@ class TransformListener:
     It listens until `unregister()`, `node.destroy_node()` or `rclpy.shutdown()`.
     """
 
-    feed_class = Feed
+    feed_class: type[Feed] = Feed
 
     def __init__(self, buffer: Buffer, node: Node, *, spin_thread: bool = False,
                  qos: Optional[Union[QoSProfile, int]] = None,

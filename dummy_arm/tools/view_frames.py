@@ -117,8 +117,7 @@ def command(output: str = 'frames', wait_time: float = WAIT, text: bool = False,
     with viewer(wait_time, ros_args) as listening:
         if watch:
             return _watch(listening)
-        # Names are asked for now and then, since a node may end before its time is up.
-        wait(wait_time, 'listening to /tf and /tf_static', lambda: not listening.frames() and None)
+        wait(wait_time, 'listening to /tf and /tf_static')
         frames, now = listening.frames(), listening.now()
         if not frames:
             raise CommandError(f'nothing was heard within {wait_time:g} s. {listening.why_none()}')
