@@ -10,6 +10,8 @@ import signal
 import sys
 from typing import Any, NoReturn, Optional
 
+from dummy_arm.interruption import note_signals
+
 
 class UsageError(ValueError):
     """A command or node was asked for what cannot be; the text says what and why."""
@@ -36,8 +38,10 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """End the program with exit code 2, the message and the usage."""
         for given in message.removeprefix('unrecognized arguments: ').split():
-            near = get_close_matches(given.split('=')[0], self._option_string_actions)
-            if near and message.startswith('unrecognized'):
+            name = given.split('=')[0]
+            near = [*(option for option in self._option_string_actions if option.startswith(name)),
+                    *get_close_matches(name, self._option_string_actions, cutoff=0.75)]
+            if near and name.startswith('--') and message.startswith('unrecognized'):
                 message = f'{message} (did you mean {near[0]}?)'
         usage = ' '.join(self.format_usage().split())
         self.exit(2, f'{self.prog}: {message}; {usage}\n')
@@ -70,22 +74,32 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         where it was used wrongly.
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
-    handler = signal.getsignal(signal.SIGTERM)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    handlers = note_signals()
     try:
         options = parser.parse_args(_without_ros_args(arguments)[1:])
-        sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
+        if sys.stdout is not None:
+            sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
         return command(ros_args=arguments, **vars(options))
     except KeyboardInterrupt:
         return 0
     except BrokenPipeError:  # who reads the output has had enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _close_stdout()
         return 0
     except (UsageError, CommandError) as error:
         print(f'{parser.prog}: {error}', file=sys.stderr)
         return 2 if isinstance(error, UsageError) else 1
+    except OSError as error:
+        _close_stdout()
+        print(f'{parser.prog}: {error}', file=sys.stderr)
+        return 1
     finally:
-        signal.signal(signal.SIGTERM, handler)
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def _close_stdout() -> None:
+    """Have what could not be written forgotten, so that it is not tried again at the end."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _without_ros_args(arguments: list[str]) -> list[str]:
@@ -95,7 +109,14 @@ def _without_ros_args(arguments: list[str]) -> list[str]:
         return arguments
     try:
         return list(_rclpy.rclpy_remove_ros_args(arguments))
+    except UnicodeEncodeError as error:
+        raise UsageError(f'the argument {error.object!r} must be valid Unicode') from None
     except _rclpy.UnknownROSArgsError as error:
         raise UsageError(f'unknown ROS arguments: {error}') from None
     except _rclpy.RCLInvalidROSArgsError as error:
-        raise UsageError(str(error).splitlines()[0]) from None
+        raise UsageError(ros_words(error)) from None
+
+
+def ros_words(error: Exception) -> str:
+    """Give the first line of an error of rcl, without the places in its source."""
+    return re.sub(r', at \S+:\d+.*', '', str(error).splitlines()[0])

@@ -1,7 +1,8 @@
 """The commands' entry points; light, so that Ctrl-C is a normal end while they still import."""
 
 from importlib import import_module
-import signal
+
+from dummy_arm.interruption import has_come, ignore_signals, note_signals
 
 
 def dummy_arm() -> int:
@@ -30,11 +31,11 @@ def view_frames() -> int:
 
 
 def _run(module: str) -> int:
-    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    note_signals()  # raised while modules import, KeyboardInterrupt becomes other errors
     try:
-        return int(import_module(module).main())
+        main = import_module(module).main
+        return 0 if has_come() else int(main())
     except KeyboardInterrupt:
         return 0
-    finally:  # it ends as it is; a signal would only make it look bad
-        signal.signal(signal.SIGINT, signal.SIG_IGN)
-        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    finally:
+        ignore_signals()

@@ -1,8 +1,8 @@
 """Commands that are a node: from its start to its end."""
 
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-import signal
+from contextlib import contextmanager, suppress
+from threading import Event, Thread
 
 import rclpy
 from rclpy.exceptions import ParameterException
@@ -11,7 +11,8 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from dummy_arm.command import UsageError
+from dummy_arm.command import CommandError, ros_words, UsageError
+from dummy_arm.interruption import has_come
 
 _LONGEST_WAIT = 0.2  # s; a signal does not end a wait in the middleware
 
@@ -25,15 +26,8 @@ def run_node(make_node: Callable[[], Node], ros_args: Sequence[str]) -> int:
     :returns: the exit code: 0.
     :raises UsageError: on ROS arguments that the node does not take.
     """
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        with ros(ros_args):
-            _spin_until_signal(make_node())
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+    with ros(ros_args), suppress(ExternalShutdownException):
+        _spin_until_signal(make_node())
     return 0
 
 
@@ -44,24 +38,49 @@ def ros(ros_args: Sequence[str]) -> Iterator[None]:
 
     :param ros_args: the command line with the command.
     :raises UsageError: on ROS arguments that a node in the block does not take.
+    :raises CommandError: when ROS does not start.
     """
     try:
         # Not rclpy's handlers: they shut the context down while a node may be at work in it.
         rclpy.init(args=list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
+    except _rclpy.RCLError as error:  # as of the environment
+        raise CommandError(ros_words(error)) from None
+    try:
         yield
     except (ParameterException, _rclpy.RCLInvalidROSArgsError) as error:
-        raise UsageError(str(error).splitlines()[0]) from None
+        raise UsageError(ros_words(error)) from None
     finally:
         rclpy.try_shutdown()
 
 
+@contextmanager
+def spun_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
+    """Have ROS and a node, which is spun in a thread, from here to the end of the block."""
+    with ros(ros_args):
+        node, ends = rclpy.create_node(name), Event()
+        executor = SingleThreadedExecutor()
+        executor.add_node(node)
+
+        def spin() -> None:
+            while not ends.is_set():
+                executor.spin_once(timeout_sec=_LONGEST_WAIT)
+
+        thread = Thread(target=spin, name=f'spin of {name}')
+        thread.start()
+        try:
+            yield node
+        finally:
+            ends.set()
+            executor.wake()
+            thread.join()
+            executor.shutdown()
+            node.destroy_node()
+
+
 def _spin_until_signal(node: Node) -> None:
-    signals: list[int] = []
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda number, _: signals.append(number))
     executor = SingleThreadedExecutor()
     executor.add_node(node)
-    while not signals:
+    while not has_come():
         executor.spin_once(timeout_sec=_LONGEST_WAIT)
     executor.shutdown()  # before the context: it would complain, when it is collected
     node.destroy_node()

@@ -1,8 +1,11 @@
 """What the commands share: arguments, errors, exit codes."""
 
 import argparse
+import shlex
+import signal
 import subprocess
 import sys
+import time
 
 import pytest
 
@@ -60,3 +63,34 @@ def test_who_has_read_enough_is_no_error():
     assert process.stderr.read() == b''
     assert process.wait() == 0
     process.stderr.close()
+
+
+@pytest.mark.parametrize(('redirection', 'code', 'said'), [
+    ('> /dev/full', 1, 'tool: [Errno 28] No space left on device\n'), ('>&-', 0, '')])
+def test_output_that_goes_nowhere(redirection, code, said):
+    """One line, no traceback."""
+    program = ('import sys; from dummy_arm.command import Parser, run; sys.exit(run('
+               'Parser("tool", ""), lambda ros_args: print("line") or 0))')
+    done = subprocess.run(
+        f'{shlex.quote(sys.executable)} -c {shlex.quote(program)} {redirection}', shell=True,
+        text=True, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (code, said)
+
+
+def test_a_second_signal_ends_what_does_not_heed_the_first():
+    """The first is noted, so that nothing is left half done."""
+    program = (
+        'import sys, time; from dummy_arm.command import Parser, run\n'
+        'def command(ros_args):\n'
+        '    print("begun", flush=True)\n'
+        '    while True:\n'
+        '        time.sleep(0.01)\n'
+        'sys.exit(run(Parser("tool", ""), command))')
+    process = subprocess.Popen([sys.executable, '-c', program], stdout=subprocess.PIPE)
+    assert process.stdout.readline() == b'begun\n'
+    process.send_signal(signal.SIGTERM)
+    time.sleep(0.3)
+    assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    assert process.wait(20) == 0
+    process.stdout.close()

@@ -90,7 +90,7 @@ def test_steps_5_and_6_the_frames_of_the_arm(start, tmp_path):
     process = start(*tool('view_frames'), cwd=tmp_path)
     assert process.exit_code() == 0, process.output
     assert process.output == (
-        'wrote frames.pdf and frames.gv: 6 frames, 5 transforms, root: map\n')
+        'wrote frames.pdf and frames.gv: frames: 6, transforms: 5, root: map\n')
     assert {path.name for path in tmp_path.iterdir()} == {'frames.pdf', 'frames.gv'}
     pypdf = pytest.importorskip('pypdf')
     (page,) = pypdf.PdfReader(tmp_path / 'frames.pdf').pages

@@ -1,14 +1,18 @@
 """The command `param`, on the arm and on nodes that are made for it."""
 
+import math
 import re
 import signal
 import time
 
 from conftest import ARM, tool
 import pytest
+from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter
 
-from dummy_arm.tools.param import _read, main
+from dummy_arm.command import UsageError
+from dummy_arm.tools import param as tools_param
+from dummy_arm.tools.param import main, parameter, read
 
 
 @pytest.fixture
@@ -38,12 +42,9 @@ def test_list_read_and_set(arm, param):
     assert 'frame_prefix: \n' in listed
     assert 'use_sim_time: false\n' in listed
     assert listed.splitlines() == sorted(listed.splitlines())
-    assert param('/dummy_arm', 'rate') == (0, '50.0\n')
     assert param('dummy_arm', 'rate', '100') == (0, '100.0\n')
-    assert param('dummy_arm', 'rate') == (0, '100.0\n')
+    assert param('/dummy_arm', 'rate') == (0, '100.0\n')
     assert param('dummy_arm', 'joint_1.speed', '-1e-3') == (0, '-0.001\n')
-    assert param('dummy_arm', 'use_sim_time', 'true') == (0, 'true\n')
-    assert param('dummy_arm', 'use_sim_time') == (0, 'true\n')
 
 
 @pytest.mark.parametrize(('arguments', 'said'), [
@@ -62,14 +63,19 @@ def test_what_cannot_be_done_is_exit_code_1_with_the_reason(arm, param, argument
 
 
 def test_no_such_node(arm, param):
-    """It names the nearest; and what to check where there is none."""
+    """It names the nearest."""
     code, output = param('dumy_arm')
     assert (code, output) == (
         1, "param: there is no node /dumy_arm. Nearest known: '/dummy_arm'.\n")
-    arm.end(signal.SIGINT)
-    code, output = param('dummy_arm')
+
+
+def test_no_node_at_all(failed, monkeypatch, domain_id):
+    """It says what to check."""
+    monkeypatch.setenv('ROS_DOMAIN_ID', str(domain_id))
+    monkeypatch.setattr(tools_param, 'PATIENCE', 0.5)
+    code, line = failed(main, 'dummy_arm')
     assert code == 1
-    assert re.fullmatch('param: there is no node /dummy_arm.*ROS_DOMAIN_ID.*\n', output)
+    assert re.fullmatch('param: there is no node /dummy_arm.*ROS_DOMAIN_ID.*\n', line)
 
 
 @pytest.mark.parametrize(('text', 'before', 'value'), [
@@ -77,11 +83,26 @@ def test_no_such_node(arm, param):
     ('on', 'a', 'on'), ('', 'a', ''), ('a: b', 'a', 'a: b'), ('true', False, True),
     ('[3, -4]', [1], [3, -4]), ('[x, y z]', ['a'], ['x', 'y z']),
     ('[1.5, 2.0]', [0.5], [1.5, 2.0]),
-    ('fast', 1.5, 'fast'), ('7', True, 7), ('2.5', 1, 2.5)])
+    ('fast', 1.5, 'fast'), ('7', True, 7), ('2.5', 1, 2.5), ('.inf', 1.5, math.inf),
+    ('[1e-3, 2]', [0.5], [0.001, 2.0])])
 def test_values_are_read_as_yaml_and_for_the_type_that_was_there(text, before, value):
     """Text may look like a number; numbers may have an exponent, which YAML wants with a point."""
-    read = _read(text, Parameter('name', value=before).get_parameter_value().type)
-    assert (type(read), list(read) if isinstance(value, list) else read) == (type(value), value)
+    found = read(text, Parameter('name', value=before).get_parameter_value().type)
+    assert (type(found), found) == (type(value), value)
+
+
+@pytest.mark.parametrize(('text', 'said'), [
+    ('0x10', "'0x10' is no number"), ('1:30', "'1:30' is no number"),
+    ('1_0', "'1_0' is no number"), ("'abc", 'while scanning'), ('@x', 'while scanning'),
+    ('*a', 'found undefined alias'), ('{a: 1}', 'not one of the allowed types'),
+    ('2024-01-01', 'not one of the allowed types'),
+    ('!!python/object:os.system x', 'could not determine a constructor'),
+    ('[99999999999999999999]', 'must be an int64')])
+def test_what_is_no_value_is_a_wrong_use(text, said):
+    """With the reason, in one line."""
+    with pytest.raises(UsageError, match=f'is no value of a parameter: .*{said}') as error:
+        parameter('rate', text, ParameterType.PARAMETER_DOUBLE)
+    assert '\n' not in str(error.value)
 
 
 @pytest.mark.parametrize('arguments', [[], ['a', 'b', 'c', 'd'], ['dummy_arm', '--rate']])

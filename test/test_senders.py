@@ -1,12 +1,22 @@
 """Who sent a transform, over DDS."""
 
+import sys
+import threading
 import time
 
 from conftest import TIMEOUT, tool
 import pytest
+from rclpy.qos import QoSProfile
 
-from dummy_arm.tf import Buffer, senders, StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tf.senders import SenderListener, UNKNOWN
+from dummy_arm.tf import (
+    Buffer,
+    senders,
+    StaticTransformBroadcaster,
+    TFMessage,
+    TransformBroadcaster,
+)
+from dummy_arm.tf.senders import SenderListener, Taker, UNKNOWN
+from dummy_arm.tf.subscribing import subscribe
 from dummy_arm.tf.transform_stamped import message_of
 
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -87,12 +97,6 @@ def test_where_rcl_cannot_be_called_the_sender_is_unknown(ros, monkeypatch, lack
 
 def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
     """Of all sizes, empty ones too."""
-    from rclpy.qos import QoSProfile
-
-    from dummy_arm.tf import TFMessage
-    from dummy_arm.tf.senders import Taker
-    from dummy_arm.tf.subscribing import subscribe
-
     listener.unregister()
     subscription = subscribe(ros.node, '/bytes', print, QoSProfile(depth=100), None)
     raw = []
@@ -114,3 +118,42 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
     (info,) = ros.node.get_publishers_info_by_topic('/bytes')
     assert bytes.fromhex(gid) == bytes(info.endpoint_gid)[:16]
     subscription.destroy()
+
+
+def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_messages):
+    """Each takes into its own memory."""
+    ends, mixed = threading.Event(), []
+    publishers, subscriptions = zip(*(
+        (ros.node.create_publisher(TFMessage, topic, 1000),
+         subscribe(ros.node, topic, print, QoSProfile(depth=1000), None))
+        for topic in ('/one', '/two')))
+    ros.until(lambda: all(publisher.get_subscription_count() for publisher in publishers))
+    messages = [bytes.fromhex(case['cdr_hex']) for case in golden_messages[1:3]]
+
+    def take(subscription, expected):
+        taker, taken = Taker(), []
+        while not ends.is_set():
+            taker.take_all(subscription, taken)
+        mixed.extend(message for message in taken if message != expected)
+        counts.append(len(taken))
+
+    counts = []
+    threads = [threading.Thread(target=take, args=both) for both in zip(subscriptions, messages)]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    try:
+        for thread in threads:
+            thread.start()
+        for _ in range(2000):
+            for publisher, message in zip(publishers, messages):
+                publisher.publish(message)
+    finally:
+        time.sleep(0.2)
+        ends.set()
+        for thread in threads:
+            thread.join()
+        sys.setswitchinterval(interval)
+    assert min(counts) > 1000
+    assert not mixed
+    for subscription in subscriptions:
+        subscription.destroy()

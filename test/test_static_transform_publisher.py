@@ -120,6 +120,7 @@ def test_what_it_says_and_its_parameters(ros, start):
     (['--child-frame-id', 'map'], 'both --frame-id and --child-frame-id must be given'),
     (['--frame-id', '', '--child-frame-id', 'base'], 'Frame id must not be empty'),
     (['--frame-id', 'map', '--child-frame-id', '/'], 'Child frame id must not be empty'),
+    (['--frame-id', 'a\udcff', '--child-frame-id', 'b'], 'must be valid Unicode'),
     (['1', '2', '3'], 'are 8, x y z yaw pitch roll .*, or 9, .*; got 3'),
     (['1'], 'are 8, x y z yaw pitch roll .*, or 9, .*; got 1'),
     ([*'0123456789', 'map', 'base'], 'are 8, .*, or 9, .*; got 12'),

@@ -602,6 +602,18 @@ def test_messages_come_in_though_nobody_looks_up(ros, listen):
     assert max(seen) > 2300
 
 
+def test_what_is_refused_late_is_told_all_the_same(ros, listen, said):
+    """Though nothing follows it, and nobody looks up."""
+    _, listener = listen()
+    publish = flood(ros, listener)
+    publish(2000 * 10**9, 60)
+    publisher = ros.node.create_publisher(TFMessage, '/tf', 100)
+    ros.until(lambda: publisher.get_subscription_count() > 0)
+    publish(3000 * 10**9, 60)
+    publisher.publish(TFMessage(transforms=[made(child='map')]))
+    eventually(lambda: any('TF_SELF_TRANSFORM' in text for _, text in said))
+
+
 def test_the_node_name_is_free_at_once_after_destroy_node(start):
     """No subscription outlives its node, so that the next of this name is the only one."""
     process = start('-c', """

@@ -10,10 +10,14 @@ import struct
 import subprocess
 import sys
 import termios
+import threading
 import time
+from xml.etree import ElementTree
 
+from builtin_interfaces.msg import Time
 from conftest import TIMEOUT, tool
 import pytest
+from rosgraph_msgs.msg import Clock
 
 from dummy_arm.command import CommandError, UsageError
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
@@ -121,7 +125,7 @@ def test_a_long_chain_is_drawn():
 
 @pytest.mark.parametrize(('output', 'files', 'begin'), [
     ('tree', {'tree.pdf', 'tree.gv'}, b'%PDF'), ('tree.svg', {'tree.svg', 'tree.gv'}, b'<?xml'),
-    ('my.robot.png', {'my.robot.png', 'my.robot.gv'}, b'\x89PNG'),
+    ('my.robot.PNG', {'my.robot.PNG', 'my.robot.gv'}, b'\x89PNG'),
     ('v1.2', {'v1.2.pdf', 'v1.2.gv'}, b'%PDF')])
 def test_the_ending_says_how_to_draw(tmp_path, monkeypatch, output, files, begin):
     """The .gv file is beside it."""
@@ -159,7 +163,7 @@ def test_loops_are_reported(ours, capsys):
     out, err = capsys.readouterr()
     assert re.fullmatch('view_frames: warning: these frames form a loop: '
                         '(a -> b -> a|b -> a -> b)\n', err)
-    assert '4 frames, 3 transforms, root: map' in out
+    assert 'frames: 4, transforms: 3, root: map' in out
     assert Path('frames.pdf').exists()
 
 
@@ -167,17 +171,19 @@ def test_no_data_is_exit_code_1_and_what_to_check(start, tmp_path):
     """tf2 writes a PDF that says so."""
     process = start(*tool('view_frames', '-t', '0.5'), cwd=tmp_path)
     assert process.exit_code() == 1
-    assert re.fullmatch(r'view_frames: nothing was heard within 0\.5 s\. .*0 publishers.*'
-                        r'ROS_DOMAIN_ID \(here: \d+\).*DISCOVERY_RANGE \(here: LOCALHOST\)\n',
+    assert re.fullmatch(r'view_frames: nothing was heard within 0\.5 s\. .*here: 0.*'
+                        r'ROS_DOMAIN_ID \(here: \d+\).*DISCOVERY_RANGE \(here: LOCALHOST\); .*\n',
                         process.output)
     assert not [*tmp_path.iterdir()]
 
 
 @pytest.mark.parametrize(('arguments', 'said'), [
-    (['-t', '0'], 'more than 0 s, got 0'), (['-t', '-1e-1'], 'more than 0 s, got -0.1'),
+    (['-t', '0'], 'more than 0 s, .*got 0'), (['-t', '-1e-1'], 'more than 0 s, .*got -0.1'),
     (['-t', 'x'], "'x' is no number"), (['-t', 'nan'], "'nan' is not finite"),
     (['--wait_time'], r'unrecognized arguments: --wait_time \(did you mean --wait-time\?\)'),
+    (['-t', '1e300'], 'at most 1e[+]09 s, got 1e[+]300'),
     (['-o', ''], 'no name of a file'), (['-o', '..'], 'no name of a file'),
+    (['-o', 'directory/'], 'no name of a file'), (['-o', 'a.jpg'], 'must end in .pdf, .svg, .png'),
     (['--ros-args', '-p'], 'ROS arguments')])
 def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments, said):
     """It names what is wrong."""
@@ -212,18 +218,61 @@ def test_where_nothing_can_be_written(monkeypatch, tmp_path, output):
     """It says why."""
     monkeypatch.chdir(tmp_path)
     Path('directory.pdf').mkdir()
-    path = view_frames.path_of(output)
-    with pytest.raises(CommandError, match=rf'^cannot write {path.with_suffix("")}\.(gv|pdf): .+'):
-        view_frames.save([static('base', 'map')], 0, path)
-    assert {path.name for path in Path().iterdir()} <= {'directory.pdf', 'directory.gv'}
+    name = output.removesuffix('.pdf')
+    with pytest.raises(CommandError, match=f'^cannot write {name}.pdf: .+'):
+        view_frames.save([static('base', 'map')], 0, view_frames.path_of(output))
+    assert [path.name for path in Path().iterdir()] == ['directory.pdf']
 
 
-def test_what_cannot_be_written_is_exit_code_1(ours, start):
-    """As all that the command could not do."""
+def test_a_place_that_cannot_be_written_to_is_told_at_once(failed):
+    """Not after listening."""
+    begin = time.monotonic()
+    code, line = failed(view_frames.main, '-t', '100', '-o', 'missing/frames')
+    assert (code, line) == (1, 'view_frames: cannot write missing/frames.pdf: missing is no '
+                               'directory, or read-only\n')
+    assert time.monotonic() < begin + 5.0
+
+
+def test_sim_time_is_heard(ros, ours, capsys):
+    """Ages count from /clock."""
     ours(('map', 'base'))
-    process = start(*tool('view_frames', '-t', str(HEARD), '-o', '/proc/frames'))
+    broadcaster = TransformBroadcaster(ros.node)
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+
+    def publish():
+        for i in range(200):
+            clock.publish(Clock(clock=Time(sec=1000 + i)))
+            broadcaster.sendTransform(message_of((1000 + i, 0, 'base', 'arm', *STILL)))
+            if ended.wait(0.05):
+                return
+
+    ended = threading.Event()
+    thread = threading.Thread(target=publish)
+    thread.start()
+    try:
+        assert view_frames.command(wait_time=HEARD, text=True, ros_args=[
+            'view_frames', '--ros-args', '-p', 'use_sim_time:=true']) == 0
+    finally:
+        ended.set()
+        thread.join()
+    (line,) = (line for line in capsys.readouterr().out.splitlines() if 'arm' in line)
+    assert abs(float(line.split()[-4])) <= 2.0
+
+
+def test_ros_that_does_not_start_is_exit_code_1(start):
+    """As by an environment that is wrong."""
+    process = start('-c', 'import os; os.environ["ROS_DOMAIN_ID"] = "abc"; ' + tool(
+        'view_frames')[1], '-t', '0.3')
     assert process.exit_code() == 1
-    assert re.fullmatch('view_frames: cannot write /proc/frames.gv: .+\n', process.output)
+    assert re.fullmatch('view_frames: .*ROS_DOMAIN_ID.*\n', process.output)
+
+
+def test_an_svg_is_well_formed(tmp_path):
+    """Also where names have what XML does not take."""
+    path = tmp_path / 'odd.svg'
+    view_frames.save([static('\x1b[31mred', '\x00'), *(static(name, 'root') for name in ODD)], 0,
+                     path)
+    assert ElementTree.parse(path).getroot().tag.endswith('svg')
 
 
 def test_without_pygraphviz(tmp_path, monkeypatch):
@@ -294,12 +343,12 @@ def in_a_terminal(domain, *arguments, seconds):
 
 
 def test_a_bar_and_a_live_tree_on_a_terminal(ours, ros):
-    """None of them in a pipe."""
+    """The bar is gone in the end."""
     ours(('map', 'base'))
     domain = ros.context.get_domain_id()
     bar = in_a_terminal(domain, 'view_frames', '--text', '-t', str(HEARD), seconds=TIMEOUT)
     assert 'listening to /tf and /tf_static' in bar
-    assert '\r' in bar.split('└──')[0]
+    assert bar.split('map\r\n')[0].count('\r') > 10
     assert '└── base' in bar.split('listening')[-1]
     live = in_a_terminal(domain, 'view_frames', '--watch', seconds=5.0)
     assert live.count('└── base') >= 2

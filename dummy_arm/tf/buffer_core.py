@@ -87,6 +87,9 @@ class BufferCore:
         :raises ValueError: when the pose is of another length.
         :raises OverflowError: when a stamp is no int64.
         """
+        if self._lookups.sources:
+            with self._lookups.fetched():  # what was sent before comes in before
+                pass
         taken = self._intake.insert(stamp, frame_id, child_frame_id, pose, authority, is_static)
         self._intake.refusals.log_all()
         if taken:

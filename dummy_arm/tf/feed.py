@@ -56,6 +56,7 @@ class Feed:
         qos = tf.qos_profile
         self._places = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
         self._is_pausing = self._has_ended = False
+        self._has_news = False  # of which nobody was told yet
         self._count = 0  # of messages since the last `take`, which was then:
         self._last = self._last_insertion = monotonic()
         buffer.add_source(self)
@@ -67,6 +68,9 @@ class Feed:
                 self.fetch()
             self._has_ended = True
             self._buffer.remove_source(self)
+            has_news, self._has_news = self._has_news, False
+        if has_news:
+            self._wake_waiting()
 
     def fetch(self) -> None:
         """Insert what has arrived on /tf; on /tf_static too, if its thread itself looks up."""
@@ -75,7 +79,7 @@ class Feed:
                 self._take_static()
             self._take_from(self._tf, self._arrived)
         self._insert_all()
-        if self._count and not self._is_pausing:
+        if self._has_news and not self._is_pausing:
             self._listening.wake()
 
     def hurry(self) -> None:
@@ -103,7 +107,8 @@ class Feed:
                     or sum(map(len, self._arrived)) > _MOST_DELAYED):
                 self._insert_all()
                 self._last_insertion = now
-        if count and self._wake_waiting():
+            has_news, self._has_news = self._has_news, False
+        if has_news and self._wake_waiting():
             self._listening.wake_executor()
         if not self._is_pausing:
             return count > 0, 0.0
@@ -142,6 +147,7 @@ class Feed:
             self._insert_messages(arrived, is_static)
         except Exception as error:  # a fault of this package; the next messages may be good
             self._on_fault(error)
+        self._has_news = True
         arrived.clear()
 
     def _insert_messages(self, messages: list[bytes], is_static: bool) -> None:

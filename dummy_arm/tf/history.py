@@ -27,11 +27,10 @@ class History:
 
     `place` is where they lie: Samples, of this frame or in common with others, and the offset of
     its pose in a row (bytes). `all_parents` has each parent once; only while there are several,
-    `parents` has that of each sample. `keeps_apart` is set when the frame has left others for a
-    sample that they have not.
+    `parents` has that of each sample.
     """
 
-    __slots__ = ('all_parents', 'cache_time', 'keeps_apart', 'parents', 'place')
+    __slots__ = ('__weakref__', 'all_parents', 'cache_time', 'parents', 'place')
 
     is_static = False
 
@@ -45,7 +44,6 @@ class History:
         self.parents: Optional[list[str]] = None
         self.all_parents: tuple[str, ...] = ()
         self.place = Samples(), 0
-        self.keeps_apart = False
 
     def __len__(self) -> int:
         samples = self.place[0]
@@ -73,7 +71,7 @@ class History:
         if samples.row == POSE_BYTES:
             return samples
         own = samples.column(offset, samples.start, len(samples.stamps))
-        samples.abandoned = self.keeps_apart = True
+        samples.abandoned = True
         self.place = own, 0
         return own
 

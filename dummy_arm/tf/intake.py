@@ -1,11 +1,11 @@
 """What goes into a buffer: checked and normalised, or refused in tf2's words."""
 
 from array import array
-from collections.abc import Mapping
 from math import isfinite, nan
 from operator import index
 import struct
-from typing import Any
+from typing import Optional
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from dummy_arm.tf.common_samples import in_common
 from dummy_arm.tf.history import History, Pose
 from dummy_arm.tf.lookup import Lookups
-from dummy_arm.tf.message_reader import Edges, Run
+from dummy_arm.tf.message_reader import Edges, nothing, Run
 from dummy_arm.tf.normalization import normalize_poses, normalized
 from dummy_arm.tf.refusals import problems, Refusals, too_many_frames, too_old
+from dummy_arm.tf.samples import Samples
 
 _INT64 = 1 << 63
 _unpack_pose = struct.Struct('7d').unpack
@@ -91,30 +92,49 @@ class Intake:
         edges, (count, number, _) = run.edges, poses.shape
         stamps = run.stamps[begin:begin + count]
         cache_time = self._lookups.tree.cache_time
-        if edges.found_in is not self._lookups.version:
-            self._find(edges)
-        if (common := edges.common) is not None and not common.abandoned:
+        common = edges.common()
+        if (edges.found_in is not self._lookups.version or common is None or common.abandoned):
+            common = self._find(edges, stamps[0])
+        if common is not None:
             if common.append(stamps, poses.tobytes(), authority, cache_time):
                 return
             if count > 1:
                 for i in range(count):
                     self._append(run, begin + i, poses[i:i + 1], authority)
                 return
-        for i, history in enumerate(edges.found):
-            if history is None or not history.own_samples().append(
+        for i, found in enumerate(edges.found):
+            if (history := found()) is None or not history.own_samples().append(
                     stamps, poses[:, i].tobytes(), authority, cache_time):
                 self._insert_each(run, range(
                     begin * number + i, (begin + count) * number, number), authority)
 
-    def _find(self, edges: Edges) -> None:
-        """Find the histories of frames that move, have the right parent, and no other."""
-        histories: Mapping[str, Any] = self._lookups.tree.histories
-        edges.found = [
+    def _find(self, edges: Edges, stamp: int) -> Optional[Samples]:
+        """
+        Find the histories of frames that move, have the right parent, and no other.
+
+        :param stamp: of what is inserted now (ns): frames that were parted may have their samples
+            in common again after a cache time, or when time has gone back.
+        :returns: the samples that they have in common, if so.
+        """
+        is_found = edges.found_in is self._lookups.version
+        if is_found and edges.common is not nothing:  # they were parted just now
+            edges.common, edges.parted = nothing, stamp
+        may_begin = edges.parted is None or not (
+            edges.parted <= stamp < edges.parted + self._lookups.tree.cache_time)
+        if is_found and not may_begin:
+            return None
+        histories = self._lookups.tree.histories
+        found = [
             history if isinstance(history := histories.get(child), History)
             and history.all_parents == (parent,) else None
             for parent, child in zip(edges.parents, edges.children)]
-        edges.common = in_common(edges.found)
+        common = in_common(found, may_begin)
+        if common is None and is_found:
+            edges.parted = stamp
+        edges.found = [nothing if history is None else ref(history) for history in found]
+        edges.common = nothing if common is None else ref(common)
         edges.found_in = self._lookups.version
+        return common
 
     def _insert_each(self, run: Run, indices: range, authority: str) -> None:
         edges = run.edges

@@ -21,9 +21,13 @@ _Key = tuple[int, bytes, bytes]
 
 
 class Edges:
-    """The frames of a stream, without a leading slash; and where an Intake has found them."""
+    """
+    The frames of a stream, without a leading slash; and where an Intake has found them.
 
-    __slots__ = ('children', 'common', 'found', 'found_in', 'layout', 'names', 'parents')
+    That is by weak references: a stream may never come again.
+    """
+
+    __slots__ = ('children', 'common', 'found', 'found_in', 'layout', 'names', 'parents', 'parted')
 
     def __init__(self, layout: Layout, edges: Sequence[tuple[str, str]]) -> None:
         """
@@ -35,9 +39,11 @@ class Edges:
         self.parents = [parent.removeprefix('/') for parent, _ in edges]
         self.children = [child.removeprefix('/') for _, child in edges]
         self.names = frozenset(self.children)
-        self.found: list[Any] = []
-        self.common: Any = None
+        self.found: list[Callable[[], Any]] = []
+        self.common: Callable[[], Any] = nothing
         self.found_in: object = None
+        #: The stamp (ns) at which they were seen not to have their samples in common.
+        self.parted: Optional[int] = None
 
 
 class Run:
@@ -150,3 +156,7 @@ def _key(data: bytes) -> _Key:
     begin = end + (-end & 3)
     length = int.from_bytes(data[begin:begin + 4], 'little')
     return len(data), data[_FIRST_NAME:end], data[begin:begin + 4 + length]
+
+
+def nothing() -> None:
+    """Refer to nothing, in place of a weak reference."""

@@ -25,8 +25,8 @@ class Samples:
     their frames has its own: nothing more comes into them.
     """
 
-    __slots__ = ('abandoned', 'authority', 'latest', 'poses', 'read_two', 'recent', 'regular',
-                 'row', 'stamps', 'start')
+    __slots__ = ('__weakref__', 'abandoned', 'authority', 'latest', 'poses', 'read_two',
+                 'recent', 'regular', 'row', 'stamps', 'start')
 
     def __init__(self, frames: int = 1) -> None:
         """

@@ -8,6 +8,7 @@ from time import monotonic
 from typing import Any
 from weakref import finalize
 
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.subscription import Subscription
 
 from dummy_arm.tf.feed import Feed
@@ -15,7 +16,8 @@ from dummy_arm.tf.frames import Frame
 from dummy_arm.tf.subscribing import most_at_once, take_all
 from dummy_arm.tf.transform_listener import TransformListener
 
-UNKNOWN = 'unknown: the middleware does not tell'
+UNKNOWN = 'unknown sender'
+_TAKE_FAILED = 401  # RCL_RET_SUBSCRIPTION_TAKE_FAILED: there is no message
 _GID_SIZE = 16
 _BETWEEN_LOOKS = 0.5  # s
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node is not discovered yet
@@ -71,8 +73,11 @@ class Taker:
         written, info = self._bytes, self._info
         with subscription.handle:
             for _ in range(most_at_once(subscription)):
-                if self._take(subscription.handle.pointer, written, info, None) != 0:
+                code = self._take(subscription.handle.pointer, written, info, None)
+                if code == _TAKE_FAILED:
                     break
+                if code:
+                    raise _rclpy.RCLError(f'rcl_take_serialized_message returns {code}')
                 message = Sent(ctypes.string_at(written.buffer, written.length))
                 message.gid = bytes(info.gid).hex()
                 messages.append(message)

@@ -24,11 +24,16 @@ def as_dot(frames: Iterable[Frame], now: int) -> str:
              'fontname=monospace;',
              'node [fontname=monospace];',
              'edge [fontname=monospace, fontsize=10];']
-    lines += [f'{quoted(name)} [label="{_label(name)}"];' for name in dict.fromkeys(
+    lines += [f'{_id(name)} [label="{_label(name)}"];' for name in dict.fromkeys(
         name for frame in frames for name in (frame.parent, frame.name))]
-    lines += [f'{quoted(frame.parent)} -> {quoted(frame.name)} [label="{_known(frame)}"];'
+    lines += [f'{_id(frame.parent)} -> {_id(frame.name)} [label="{_known(frame)}"];'
               for frame in frames]
     return '\n'.join([*lines, '}\n'])
+
+
+def _id(name: str) -> str:
+    """Name a node; in a way that XML takes, too."""
+    return quoted(name if name.isprintable() else repr(name))
 
 
 def _known(frame: Frame) -> str:

@@ -1,27 +1,29 @@
 """The command `param`: the parameters of a node that runs, listed, read and set."""
 
+from argparse import ArgumentTypeError
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 import time
 from typing import Any, Optional
 
 from rcl_interfaces.msg import ParameterType, ParameterValue
-import rclpy
-from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.parameter import get_parameter_value, Parameter, parameter_value_to_python
+from rclpy.parameter import Parameter, parameter_value_to_python
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
+from yaml import safe_load, YAMLError
 
-from dummy_arm.command import CommandError, Parser, run
-from dummy_arm.node_command import ros
+from dummy_arm.command import CommandError, number, Parser, run, UsageError
+from dummy_arm.interruption import sleep
+from dummy_arm.node_command import spun_node
 from dummy_arm.tf.hints import nearest
 from dummy_arm.tools.waiting import wait
 
 #: How long a node is waited for, and its answer (s).
 PATIENCE = 5.0
 #: A node that was just found may not answer the first call: it is asked again after so long (s).
-_ASK_AGAIN = 1.0
-_LONGEST_WAIT = 0.1  # s; a signal does not end a wait in the middleware
+_ASK_AGAIN = 2.0
+_STEP = 0.01  # s
 
 
 class Parameters:
@@ -36,8 +38,6 @@ class Parameters:
         :raises CommandError: when there is none, or it does not tell its parameters.
         """
         self._of = of
-        self._executor = SingleThreadedExecutor()
-        self._executor.add_node(node)
         own = node.get_fully_qualified_name()
 
         def names() -> tuple[str, ...]:
@@ -53,10 +53,6 @@ class Parameters:
         if not wait(PATIENCE, f'looking for the services of {of}',
                     self._client.services_are_ready):
             raise CommandError(f'{of} has no services for its parameters')
-
-    def end(self) -> None:
-        """Ask no more."""
-        self._executor.shutdown()
 
     def names(self) -> list[str]:
         """List their names."""
@@ -85,7 +81,7 @@ class Parameters:
         :raises CommandError: when the node refuses it, with its reason.
         """
         (old,) = self.get([name])
-        message = Parameter(name, value=_read(text, old.type)).to_parameter_msg()
+        message = parameter(name, text, old.type)
         (result,) = self._answer(lambda: self._client.set_parameters([message])).results
         if not result.successful:
             raise CommandError(f'{self._of} refuses it: {result.reason}')
@@ -95,35 +91,59 @@ class Parameters:
         while time.monotonic() < deadline:
             future, ask_again = ask(), time.monotonic() + _ASK_AGAIN
             while time.monotonic() < ask_again:
-                self._executor.spin_once_until_future_complete(future, _LONGEST_WAIT)
                 if future.done():
                     return future.result()
+                sleep(_STEP)
         raise CommandError(f'{self._of} did not answer within {PATIENCE:g} s')
 
 
-def _read(text: str, type_before: int) -> Any:
+def parameter(name: str, text: str, type_before: int) -> Any:
+    """
+    Make the message that sets a parameter to what is written in a text; as `read`.
+
+    :raises UsageError: when that is no value of a parameter.
+    """
+    try:
+        return Parameter(name, value=read(text, type_before)).to_parameter_msg()
+    except (ArgumentTypeError, OverflowError, TypeError, YAMLError) as error:
+        reason = str(error).splitlines()[0]
+        raise UsageError(f'{text!r} is no value of a parameter: {reason}') from None
+
+
+def read(text: str, type_before: int) -> Any:
     """
     Read a value as YAML; numbers with an exponent, too.
 
     :param type_before: a whole number for what is a DOUBLE becomes one, and a STRING stays text.
+    :raises OverflowError: when a whole number is no int64.
+    :raises argparse.ArgumentTypeError: when it is a number for YAML only, and meant as a DOUBLE.
+    :raises yaml.YAMLError: when it is no YAML.
     """
     if type_before == ParameterType.PARAMETER_STRING:
         return text
-    value = parameter_value_to_python(get_parameter_value(text))
-    is_number = isinstance(value, (int, str)) and not isinstance(value, bool)
-    if is_number and (isinstance(value, str) or type_before == ParameterType.PARAMETER_DOUBLE):
-        try:
-            return float(text)
-        except ValueError:
-            pass
+    value = safe_load(text)
+    if isinstance(value, str):
+        with suppress(ArgumentTypeError):  # YAML wants a point in what has an exponent
+            return number(text)
+    if isinstance(value, bool) or value is None:
+        return text if value is None else value
+    if isinstance(value, int) and type_before == ParameterType.PARAMETER_DOUBLE:
+        return number(text)
+    if isinstance(value, list) and type_before == ParameterType.PARAMETER_DOUBLE_ARRAY:
+        return [part if isinstance(part, float) else number(str(part)) for part in value]
+    numbers = value if isinstance(value, list) else [value]
+    if any(isinstance(part, int) and not -2**63 <= part < 2**63 for part in numbers):
+        raise OverflowError('a whole number must be an int64')
     return value
 
 
 def _shown(value: ParameterValue) -> str:
     value = parameter_value_to_python(value)
+    if value is None:
+        return 'not set'
     if isinstance(value, bool):
         return str(value).lower()
-    return str(value) if isinstance(value, (int, float, str)) else str(list(value or []))
+    return str(value) if isinstance(value, (int, float, str)) else str(list(value))
 
 
 def command(node: str, name: Optional[str] = None, value: Optional[str] = None, *,
@@ -135,19 +155,16 @@ def command(node: str, name: Optional[str] = None, value: Optional[str] = None, 
     :returns: the exit code.
     :raises CommandError: when there is no such node or parameter, or the node refuses the value.
     """
-    with ros(ros_args):
-        parameters = Parameters(rclpy.create_node('param'), f'/{node.removeprefix("/")}')
-        try:
-            if name is None:
-                names = parameters.names()
-                for known, known_value in zip(names, parameters.get(names)):
-                    print(f'{known}: {_shown(known_value)}')
-                return 0
-            if value is not None:
-                parameters.set(name, value)
-            print(_shown(*parameters.get([name])))
-        finally:
-            parameters.end()
+    with spun_node('param', ros_args) as ours:
+        parameters = Parameters(ours, f'/{node.removeprefix("/")}')
+        if name is None:
+            names = parameters.names()
+            for known, known_value in zip(names, parameters.get(names)):
+                print(f'{known}: {_shown(known_value)}')
+            return 0
+        if value is not None:
+            parameters.set(name, value)
+        print(_shown(*parameters.get([name])))
     return 0
 
 

@@ -81,10 +81,9 @@ def command(translation: Sequence[float], rotation: Sequence[float], frame_id: s
     :raises UsageError: when the frames are the same or one has no name, or the quaternion is none
         of a rotation.
     """
-    if not frame_id.removeprefix('/'):
-        raise UsageError('Frame id must not be empty')
-    if not child_frame_id.removeprefix('/'):
-        raise UsageError('Child frame id must not be empty')
+    for name, what in (frame_id, 'Frame id'), (child_frame_id, 'Child frame id'):
+        if not name.removeprefix('/'):
+            raise UsageError(f'{what} must not be empty')
     if frame_id.removeprefix('/') == child_frame_id.removeprefix('/'):
         raise UsageError(f"cannot publish static transform from '{frame_id}' to "
                          f"'{child_frame_id}': a frame cannot be its own parent")

@@ -1,20 +1,21 @@
 """The command `view_frames`: the tree of all frames, drawn into a file or in the terminal."""
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import suppress
 import os
 from pathlib import Path
 import shutil
 import sys
-import time
+from textwrap import wrap
 from typing import Optional
 from unicodedata import combining, east_asian_width
 
-import rclpy
 from rclpy.duration import Duration
+from rclpy.node import Node
 
 from dummy_arm.command import CommandError, number, Parser, run, UsageError
-from dummy_arm.node_command import ros
+from dummy_arm.interruption import sleep
+from dummy_arm.node_command import spun_node
 from dummy_arm.tf import Buffer
 from dummy_arm.tf.frames import Frame
 from dummy_arm.tf.senders import SenderListener
@@ -23,28 +24,26 @@ from dummy_arm.tools.forest import Forest, frequency
 from dummy_arm.tools.frame_graph import as_dot, draw, visible
 from dummy_arm.tools.waiting import wait
 
-FORMS = ('pdf', 'svg', 'png')
+FORMS = ('.pdf', '.svg', '.png')
+NO_FORMS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
 WAIT = 5.0  # s
+_LONGEST = 1e9  # s
 _REFRESH = 1.0  # s
 _HOME_AND_CLEAR = '\x1b[H\x1b[2J'
 
 
 class FrameViewer:
-    """A node that rebuilds the tree of frames from what it hears."""
+    """Rebuilds the tree of frames from what a node hears."""
 
-    def __init__(self, seconds: float) -> None:
+    def __init__(self, node: Node, seconds: float) -> None:
         """
         Begin to listen.
 
         :param seconds: how long transforms are kept at least.
         """
-        self._node = rclpy.create_node('view_frames')
-        buffer = Buffer(Duration(seconds=max(10.0, seconds)), self._node)
-        self._listener = SenderListener(buffer, self._node)
-
-    def end(self) -> None:
-        """Listen no more."""
-        self._node.destroy_node()
+        self._node = node
+        buffer = Buffer(Duration(seconds=max(10.0, seconds)), node)
+        self._listener = SenderListener(buffer, node)
 
     def now(self) -> int:
         """Tell the time (ns)."""
@@ -57,22 +56,12 @@ class FrameViewer:
     def why_none(self) -> str:
         """Tell what may be the reason that nothing was heard."""
         publishers = sum(map(self._node.count_publishers, ('/tf', '/tf_static')))
-        return (f'/tf and /tf_static have {publishers} publishers here. Check that something '
+        return (f'Publishers on /tf and /tf_static here: {publishers}. Check that something '
                 'publishes, and that it has the same '
                 f'ROS_DOMAIN_ID (here: {os.environ.get("ROS_DOMAIN_ID") or 0}) and '
                 'ROS_AUTOMATIC_DISCOVERY_RANGE (here: '
-                f'{os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET"})')
-
-
-@contextmanager
-def viewer(seconds: float, ros_args: Sequence[str]) -> Iterator[FrameViewer]:
-    """Listen from here to the end of the block."""
-    with ros(ros_args):
-        listening = FrameViewer(seconds)
-        try:
-            yield listening
-        finally:
-            listening.end()
+                f'{os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET"}); or listen '
+                'longer: to discover others may take seconds.')
 
 
 def lines_of(frames: list[Frame], now: int) -> list[str]:
@@ -97,6 +86,12 @@ def _width(text: str) -> int:
     return sum(0 if combining(c) else 1 + (east_asian_width(c) in 'WF') for c in text)
 
 
+def _cut(line: str, columns: int) -> str:
+    while _width(line) > columns:
+        line = line[:-1]
+    return line
+
+
 def command(output: str = 'frames', wait_time: float = WAIT, text: bool = False,
             watch: bool = False, *, ros_args: Sequence[str] = ()) -> int:
     """
@@ -111,10 +106,12 @@ def command(output: str = 'frames', wait_time: float = WAIT, text: bool = False,
     :raises UsageError: when the time is not positive, or there is no name of a file.
     :raises CommandError: when nothing was heard, or a file cannot be drawn or written.
     """
-    if not wait_time > 0.0:
-        raise UsageError(f'the time to listen must be more than 0 s, got {wait_time:g}')
+    if not 0.0 < wait_time <= _LONGEST:
+        raise UsageError(f'the time to listen must be more than 0 s, and at most {_LONGEST:g} s, '
+                         f'got {wait_time:g}')
     path = path_of(output)
-    with viewer(wait_time, ros_args) as listening:
+    with spun_node('view_frames', ros_args) as node:
+        listening = FrameViewer(node, wait_time)
         if watch:
             return _watch(listening)
         wait(wait_time, 'listening to /tf and /tf_static')
@@ -128,7 +125,8 @@ def command(output: str = 'frames', wait_time: float = WAIT, text: bool = False,
         print('\n'.join(lines_of(frames, now)))
         return 0
     save(frames, now, path)
-    print(f'wrote {path} and {path.with_suffix(".gv")}: {_summary(frames)}')
+    print(f'wrote {visible(str(path))} and {visible(str(path.with_suffix(".gv")))}: '
+          f'{_summary(frames)}')
     return 0
 
 
@@ -136,12 +134,20 @@ def path_of(output: str) -> Path:
     """
     Give the path of the file that is drawn, with .pdf added unless it tells another form.
 
-    :raises UsageError: when that is no name of a file.
+    :raises UsageError: when that is no name of a file that can be drawn.
+    :raises CommandError: when its directory cannot be written to.
     """
     path = Path(output)
-    if path.name in ('', '..'):
+    if path.name in ('', '..') or output.endswith('/'):
         raise UsageError(f'{output!r} is no name of a file')
-    return path if path.suffix[1:] in FORMS else path.with_name(f'{path.name}.pdf')
+    if path.suffix.lower() in NO_FORMS:
+        raise UsageError(f'{output!r} must end in {", ".join(FORMS)}, or in none of the endings '
+                         'of files: then .pdf is added')
+    if path.suffix.lower() not in FORMS:
+        path = path.with_name(f'{path.name}.pdf')
+    if not os.access(path.parent, os.W_OK):
+        raise CommandError(f'cannot write {path}: {path.parent} is no directory, or read-only')
+    return path
 
 
 def save(frames: list[Frame], now: int, path: Path) -> None:
@@ -152,29 +158,34 @@ def save(frames: list[Frame], now: int, path: Path) -> None:
     :raises CommandError: when one of them cannot be drawn or written.
     """
     dot = as_dot(frames, now)
+    try:
+        drawn = draw(dot, path.suffix[1:].lower())
+    except CommandError:
+        write(path.with_suffix('.gv'), dot.encode())
+        raise
+    write(path, drawn)
     write(path.with_suffix('.gv'), dot.encode())
-    write(path, draw(dot, path.suffix[1:]))
 
 
 def _summary(frames: list[Frame]) -> str:
     names = {name for frame in frames for name in (frame.name, frame.parent)}
     roots = ', '.join(map(visible, Forest(frames).roots))
-    return f'{len(names)} frames, {len(frames)} transforms, root: {roots or "none"}'
+    return f'frames: {len(names)}, transforms: {len(frames)}, root: {roots or "none"}'
 
 
 def _watch(listening: FrameViewer) -> int:
     while True:
+        columns, height = shutil.get_terminal_size()
         frames = listening.frames()
         lines = (lines_of(frames, listening.now()) if frames else
-                 [f'nothing yet. {listening.why_none()}'])
+                 wrap(f'nothing yet. {listening.why_none()}', columns))
         if sys.stdout.isatty():
-            columns, height = shutil.get_terminal_size()
-            lines = [line[:columns] for line in lines[:height - 1]]
+            lines = [_cut(line, columns) for line in lines[:max(1, height - 1)]]
             lines[0] = _HOME_AND_CLEAR + lines[0]
             print(*lines, sep='\n')
         else:
             print(*lines, '', sep='\n')
-        time.sleep(_REFRESH)
+        sleep(_REFRESH)
 
 
 def write(path: Path, data: bytes) -> None:
@@ -199,7 +210,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser = Parser(
         'view_frames', 'Listen to /tf and /tf_static, and draw the tree of the frames into '
         'frames.pdf (and frames.gv).',
-        'examples: view_frames\n          view_frames -t 2 -o robot.svg\n'
+        'examples: view_frames\n          view_frames -t 10 -o robot.svg\n'
         '          view_frames --watch')
     parser.add_argument('-t', '--wait-time', type=number, default=WAIT, metavar='SECONDS',
                         help='how long to listen (default: %(default)g)')

@@ -6,6 +6,8 @@ import time
 
 from tqdm import tqdm
 
+from dummy_arm.interruption import sleep
+
 _STEP = 0.05  # s
 _BAR = '{desc} {bar} {n:.1f} of {total:g} s'
 
@@ -17,11 +19,12 @@ def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False)
     :param seconds: the time, at most.
     :param what: what is shown beside the bar.
     :returns: whether the condition holds.
+    :raises KeyboardInterrupt: when a signal comes.
     """
     begin = time.monotonic()
     with tqdm(desc=what, total=seconds, bar_format=_BAR, leave=False,
               disable=not sys.stderr.isatty()) as bar:
         while not (holds := bool(until())) and (passed := time.monotonic() - begin) < seconds:
             bar.update(passed - bar.n)
-            time.sleep(min(_STEP, seconds - passed))
+            sleep(min(_STEP, seconds - passed))
     return holds

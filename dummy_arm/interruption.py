@@ -1,0 +1,48 @@
+"""Ctrl-C and SIGTERM as normal ends: noted when they come, heeded where nothing is half done."""
+
+import signal
+import time
+from typing import Any
+
+_SIGNALS = signal.SIGINT, signal.SIGTERM
+_STEP = 0.05  # s; a signal that is only noted does not end a sleep
+
+_came: list[int] = []
+
+
+def note_signals() -> dict[int, Any]:
+    """Note signals from now on; the second raises KeyboardInterrupt. Give the handlers before."""
+    _came.clear()
+    return {number: signal.signal(number, _note) for number in _SIGNALS}
+
+
+def ignore_signals() -> None:
+    """Let signals do nothing more: it ends as it is."""
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+
+
+def has_come() -> bool:
+    """Tell whether a signal has come."""
+    return bool(_came)
+
+
+def heed() -> None:
+    """Raise KeyboardInterrupt if a signal has come."""
+    if _came:
+        raise KeyboardInterrupt
+
+
+def sleep(seconds: float) -> None:
+    """Sleep; raise KeyboardInterrupt when a signal comes."""
+    end = time.monotonic() + seconds
+    while (left := end - time.monotonic()) > 0.0:
+        heed()
+        time.sleep(min(_STEP, left))
+    heed()
+
+
+def _note(number: int, _: object) -> None:
+    _came.append(number)
+    if len(_came) > 1:
+        raise KeyboardInterrupt
