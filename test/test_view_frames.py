@@ -148,7 +148,7 @@ def test_the_sender_is_told_by_its_node(ros, ours, start, capsys):
     broadcaster = TransformBroadcaster(ros.node)
     for i in range(10):
         broadcaster.sendTransform(message_of((i, 0, 'map', 'early', *STILL)))
-    assert view_frames.command(wait_time=HEARD, text=True) == 0
+    assert view_frames.command('no such directory/frames', HEARD, text=True) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == 'map'
     assert {tuple(line.split()[-3:]) for line in lines[1:]} == {

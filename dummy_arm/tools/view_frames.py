@@ -109,7 +109,7 @@ def command(output: str = 'frames', wait_time: float = WAIT, text: bool = False,
     if not 0.0 < wait_time <= _LONGEST:
         raise UsageError(f'the time to listen must be more than 0 s, and at most {_LONGEST:g} s, '
                          f'got {wait_time:g}')
-    path = path_of(output)
+    path = Path() if text or watch else path_of(output)
     with spun_node('view_frames', ros_args) as node:
         listening = FrameViewer(node, wait_time)
         if watch:
