@@ -185,7 +185,8 @@ def process(how):
         except KeyboardInterrupt:
             pass
         except Exception as problem:  # of a spin or a wait that is ended by SIGINT
-            if type(problem).__name__ not in ('ExternalShutdownException', 'LookupException'):
+            if type(problem).__name__ not in (
+                    'ExternalShutdownException', 'LookupException', 'RCLError'):
                 raise
         sys.exit()
     os.close(error)

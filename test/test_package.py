@@ -41,7 +41,7 @@ CORE = ('dummy_arm.arm', 'dummy_arm.command', 'dummy_arm.tf', 'dummy_arm.tf.buff
         'dummy_arm.tf.transform', 'dummy_arm.tf.wire', 'dummy_arm.tools.forest',
         'dummy_arm.tools.frame_graph', 'dummy_arm.tools.waiting')
 COMMANDS = [name for name, thing in vars(entry_points).items()
-            if callable(thing) and not name.startswith('_') and name != 'import_module']
+            if getattr(thing, '__module__', '') == entry_points.__name__ and name[0] != '_']
 
 
 @pytest.mark.parametrize('module', CORE)

@@ -98,7 +98,7 @@ def test_where_rcl_cannot_be_called_the_sender_is_unknown(ros, monkeypatch, lack
 def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
     """Of all sizes, empty ones too."""
     listener.unregister()
-    subscription = subscribe(ros.node, '/bytes', print, QoSProfile(depth=100), None)
+    subscription = subscribe(ros.node, '/bytes', lambda _: None, QoSProfile(depth=100), None)
     raw = []
     ros.node.create_subscription(TFMessage, '/bytes', raw.append, 100, raw=True)
     publisher = ros.node.create_publisher(TFMessage, '/bytes', 100)
@@ -125,7 +125,7 @@ def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_me
     ends, mixed = threading.Event(), []
     publishers, subscriptions = zip(*(
         (ros.node.create_publisher(TFMessage, topic, 1000),
-         subscribe(ros.node, topic, print, QoSProfile(depth=1000), None))
+         subscribe(ros.node, topic, lambda _: None, QoSProfile(depth=1000), None))
         for topic in ('/one', '/two')))
     ros.until(lambda: all(publisher.get_subscription_count() for publisher in publishers))
     messages = [bytes.fromhex(case['cdr_hex']) for case in golden_messages[1:3]]
