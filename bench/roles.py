@@ -36,6 +36,8 @@ from dummy_arm.tf import Buffer, TFMessage, TransformBroadcaster, TransformListe
 
 SECONDS = 4.0
 LATENCIES = 500
+#: So late a sender may be and still make up for it (s).
+LATE = 0.005
 
 
 def send(topic: str, rate: float, frames: int, seconds: float) -> None:
@@ -55,7 +57,7 @@ def send(topic: str, rate: float, frames: int, seconds: float) -> None:
     while not (broadcaster.pub_tf if topic == 'tf' else publisher).get_subscription_count():
         time.sleep(0.01)
     time.sleep(0.5)  # until the subscription knows of it too
-    start = time.monotonic()
+    due = time.monotonic()
     for number in range(int(rate * seconds)):
         half = 0.4 * np.sin(number / rate + np.arange(frames))
         poses[:, 5], poses[:, 6] = np.sin(half), np.cos(half)
@@ -68,7 +70,9 @@ def send(topic: str, rate: float, frames: int, seconds: float) -> None:
                 message.header.frame_id, message.header.stamp = edge[0], stamp
                 message.pose.orientation.z, message.pose.orientation.w = pose[5], pose[6]
             publisher.publish(update)
-        time.sleep(max(0.0, start + (number + 1) / rate - time.monotonic()))
+        # After a stall of the machine it goes on at the rate: what was missed comes late.
+        due = max(due + 1.0 / rate, time.monotonic() - LATE)
+        time.sleep(max(0.0, due - time.monotonic()))
     time.sleep(2.0)  # for what has to be sent again
 
 
