@@ -153,7 +153,7 @@ def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_me
         for thread in threads:
             thread.join()
         sys.setswitchinterval(interval)
-    assert min(counts) > 1000
+    assert min(counts) > 500
     assert not mixed
     for subscription in subscriptions:
         subscription.destroy()
