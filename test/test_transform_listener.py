@@ -11,7 +11,7 @@ from geometry_msgs.msg import TransformStamped
 import pytest
 from rclpy.context import Context
 from rclpy.duration import Duration
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
@@ -612,6 +612,35 @@ def test_what_is_refused_late_is_told_all_the_same(ros, listen, said):
     publish(3000 * 10**9, 60)
     publisher.publish(TFMessage(transforms=[made(child='map')]))
     eventually(lambda: any('TF_SELF_TRANSFORM' in text for _, text in said))
+
+
+def test_a_shutdown_without_a_word_ends_the_spin(domain_id):
+    """As Ctrl-C shuts down, and may find rclpy's executor between its looks at the context."""
+    context = Context()
+    context.init(domain_id=domain_id)
+    node = Node('spun', context=context)
+    listener = TransformListener(Buffer(node=node), node)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    ended = []
+
+    def spin():
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            ended.append(time.monotonic())
+
+    thread = threading.Thread(target=spin, daemon=True)
+    thread.start()
+    time.sleep(0.5)
+    begin = time.monotonic()
+    context.handle.shutdown()  # which calls none of those that want to know
+    thread.join(TIMEOUT)
+    assert ended
+    assert ended[0] < begin + 2.0
+    listener.unregister()
+    executor.shutdown()
+    node.destroy_node()
 
 
 def test_the_node_name_is_free_at_once_after_destroy_node(start):

@@ -99,6 +99,9 @@ class Listening:
                 raise
         finally:
             self.has_ended = True
+            # Ctrl-C shuts ROS down without always waking who waits for ever in a spin.
+            with suppress(InvalidHandle, _rclpy.RCLError):
+                self._guard.trigger()
             self._on_end()
             _running.discard(self)
 
