@@ -172,6 +172,12 @@ def by_lookup(ready):
                                    timeout=ending.rclpy.duration.Duration(seconds=60))
 
 
+def without_fast_dds(output):
+    """Leave out that processes which start at the same time wanted the same shared memory."""
+    return ''.join(line for line in output.splitlines(keepends=True)
+                   if 'RTPS_TRANSPORT_SHM' not in line)
+
+
 def process(how):
     """Run a process until it ends; give its exit code and all that it said."""
     ready, in_child = os.pipe()
@@ -199,7 +205,7 @@ def process(how):
         said += part
     os.close(output)
     os.close(ready)
-    return os.waitpid(pid, 0)[1], said.decode()
+    return os.waitpid(pid, 0)[1], without_fast_dds(said.decode())
 
 
 def main(count, kind, which, offset):
