@@ -20,7 +20,8 @@ listen: $(INSTALLED)
 test: $(INSTALLED)
 	@rm -rf build
 	$(VENV)/bin/colcon build
-	$(VENV)/bin/colcon test --event-handlers console_direct+
+	$(VENV)/bin/colcon test --event-handlers console_direct+ \
+	    $(if $(PYTEST_ARGS),--pytest-args $(PYTEST_ARGS))
 	$(VENV)/bin/colcon test-result --verbose
 	@$(VENV)/bin/colcon test-result | awk '/^Summary:/ { ran = $$2 - $$8 } \
 	    END { if (ran < 1) { print "no test ran"; exit 1 } }'
