@@ -11,7 +11,13 @@ _came: list[int] = []
 
 
 def note_signals() -> dict[int, Any]:
-    """Note signals from now on; the second raises KeyboardInterrupt. Give the handlers before."""
+    """
+    Note signals from now on; the second raises KeyboardInterrupt.
+
+    :returns: the handlers before; none where signals are noted already: what came stays noted.
+    """
+    if signal.getsignal(signal.SIGINT) is _note:
+        return {}
     _came.clear()
     return {number: signal.signal(number, _note) for number in _SIGNALS}
 
@@ -27,19 +33,13 @@ def has_come() -> bool:
     return bool(_came)
 
 
-def heed() -> None:
-    """Raise KeyboardInterrupt if a signal has come."""
+def sleep(seconds: float) -> None:
+    """Sleep; raise KeyboardInterrupt when a signal comes, or has come."""
+    end = time.monotonic() + seconds
+    while not _came and (left := end - time.monotonic()) > 0.0:
+        time.sleep(min(_STEP, left))
     if _came:
         raise KeyboardInterrupt
-
-
-def sleep(seconds: float) -> None:
-    """Sleep; raise KeyboardInterrupt when a signal comes."""
-    end = time.monotonic() + seconds
-    while (left := end - time.monotonic()) > 0.0:
-        heed()
-        time.sleep(min(_STEP, left))
-    heed()
 
 
 def _note(number: int, _: object) -> None:

@@ -1,4 +1,4 @@
-"""Commands that are a node: from its start to its end."""
+"""Commands that are a node, or have one: from its start to its end."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress

@@ -93,7 +93,7 @@ class Intake:
         stamps = run.stamps[begin:begin + count]
         cache_time = self._lookups.tree.cache_time
         common = edges.common()
-        if (edges.found_in is not self._lookups.version or common is None or common.abandoned):
+        if edges.found_in is not self._lookups.version or common is None or common.abandoned:
             common = self._find(edges, stamps[0])
         if common is not None:
             if common.append(stamps, poses.tobytes(), authority, cache_time):

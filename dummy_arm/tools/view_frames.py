@@ -118,7 +118,8 @@ def command(output: str = 'frames', wait_time: float = WAIT, text: bool = False,
         frames, now = listening.frames(), listening.now()
         if not frames:
             raise CommandError(f'nothing was heard within {wait_time:g} s. {listening.why_none()}')
-    for loop in Forest(frames).loops:
+    forest = Forest(frames)
+    for loop in forest.loops:
         print(f'view_frames: warning: these frames form a loop: '
               f'{" -> ".join(map(visible, [*loop, loop[0]]))}', file=sys.stderr)
     if text:
@@ -126,7 +127,7 @@ def command(output: str = 'frames', wait_time: float = WAIT, text: bool = False,
         return 0
     save(frames, now, path)
     print(f'wrote {visible(str(path))} and {visible(str(path.with_suffix(".gv")))}: '
-          f'{_summary(frames)}')
+          f'{_summary(forest)}')
     return 0
 
 
@@ -167,10 +168,10 @@ def save(frames: list[Frame], now: int, path: Path) -> None:
     write(path.with_suffix('.gv'), dot.encode())
 
 
-def _summary(frames: list[Frame]) -> str:
-    names = {name for frame in frames for name in (frame.name, frame.parent)}
-    roots = ', '.join(map(visible, Forest(frames).roots))
-    return f'frames: {len(names)}, transforms: {len(frames)}, root: {roots or "none"}'
+def _summary(forest: Forest) -> str:
+    roots = ', '.join(map(visible, forest.roots))
+    return (f'frames: {len(forest.frames) + len(forest.roots)}, transforms: {len(forest.frames)}, '
+            f'root: {roots or "none"}')
 
 
 def _watch(listening: FrameViewer) -> int:
