@@ -21,6 +21,7 @@ import signal
 import sys
 import threading
 import time
+import traceback
 import warnings
 
 import dummy_arm.tf.buffer_core  # noqa: F401  (all that may be imported before a fork)
@@ -159,8 +160,10 @@ def by_spin(ready):
         os.write(ready, b'.')
 
     timer = ending.node.create_timer(0.0, tell)
-    # SIGINT may interrupt rclpy's executor where it has made a coroutine and not begun it.
+    # SIGINT may interrupt rclpy's executor where it has made a coroutine and not begun it, or half
+    # of a task: their ends are said, and are not ours.
     warnings.filterwarnings('ignore', "coroutine 'Executor", RuntimeWarning)
+    sys.unraisablehook = without_rclpy
     ending.rclpy.spin(ending.node)
 
 
@@ -170,6 +173,13 @@ def by_lookup(ready):
     threading.Timer(0.01, lambda: os.write(ready, b'.')).start()
     ending.buffer.lookup_transform('frame_0', 'nobody', ending.latest,
                                    timeout=ending.rclpy.duration.Duration(seconds=60))
+
+
+def without_rclpy(unraisable):
+    """Say what could not be raised, unless only rclpy has a part in it."""
+    files = [summary.filename for summary in traceback.extract_tb(unraisable.exc_traceback)]
+    if not files or not all(f'{os.sep}rclpy{os.sep}' in file for file in files):
+        sys.__unraisablehook__(unraisable)
 
 
 def without_fast_dds(output):
