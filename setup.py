@@ -17,7 +17,7 @@ setup(
         'ros': ['ros-jazzy-common-interfaces', 'ros-jazzy-rclpy[fastrtps]', 'pygraphviz', 'pyyaml',
                 'tqdm'],
         'view': ['viser'],
-        'bag': ['rosbags'],
+        'bag': ['mcap', 'pygraphviz', 'rosbags', 'tqdm'],
         'bench': ['matplotlib'],
         'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'pypdf', 'pytest', 'ruff'],
     },
@@ -30,7 +30,7 @@ setup(
         'console_scripts': [
             f'{command} = dummy_arm.entry_points:{command}' for command in (
                 'dummy_arm', 'dynamic_tf_publisher', 'param', 'static_transform_publisher',
-                'view_frames')
+                'tf2_echo', 'tf2_monitor', 'view_frames')
         ],
     },
 )

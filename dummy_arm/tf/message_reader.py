@@ -2,22 +2,33 @@
 
 from array import array
 from collections.abc import Callable, Iterable, Sequence
-import struct
-from typing import Any, Optional, Union
+from typing import Any, Optional, Protocol, Union
 
+from dummy_arm.tf import wire
 from dummy_arm.tf.times import SECOND
-from dummy_arm.tf.wire import Layout, MalformedMessage, Row, unpack
+from dummy_arm.tf.wire import Layout, MalformedMessage, Row
 
 #: So many edges may lie in the layouts that are kept, all together.
 _MOST_EDGES = 100_000
 #: A run ends with so many transforms: longer arrays would not stay in the caches.
 _LONG = 1000
-_LITTLE_ENDIAN = b'\x00\x01'
-_FIRST_NAME = 16
-_unpack_stamp = struct.Struct('<iI').unpack
 
-#: The length of a message and its first two names.
-_Key = tuple[int, bytes, bytes]
+#: The length of a message, and what its form has for a key.
+_Key = tuple[int, bytes]
+
+
+class Form(Protocol):
+    """What bytes mean: the module `wire` or `wire_ros1`."""
+
+    @property
+    def Layout(self) -> type[wire.Layout]:  # noqa: N802
+        """Where the fields lie of messages whose frames are known."""
+
+    def unpack(self, data: bytes) -> list[Row]:
+        """Unpack the bytes of a message into transforms."""
+
+    def key(self, data: bytes) -> bytes:
+        """Tell what a message is found again by."""
 
 
 class Edges:
@@ -67,13 +78,15 @@ class Run:
 class MessageReader:
     """Reads messages, and remembers the layouts of those whose frames repeat."""
 
-    def __init__(self, on_malformed: Callable[[MalformedMessage], object]) -> None:
+    def __init__(self, on_malformed: Callable[[MalformedMessage], object], form: Form = wire
+                 ) -> None:
         """
         Begin with no layout.
 
         :param on_malformed: is called with the error of each message that is none.
+        :param form: how messages are written.
         """
-        self._on_malformed = on_malformed
+        self._on_malformed, self._form = on_malformed, form
         self._known: dict[_Key, Edges] = {}
         self._count = 0  # of the edges in them
 
@@ -91,7 +104,7 @@ class MessageReader:
         runs: dict[Edges, Run] = {}
         for data in messages:
             try:
-                rows = unpack(data) if only_rows else self._read(data, runs, pieces)
+                rows = self._form.unpack(data) if only_rows else self._read(data, runs, pieces)
                 if rows is not None:
                     pieces += runs.values()
                     runs.clear()
@@ -109,16 +122,16 @@ class MessageReader:
 
         :returns: the rows of another message.
         """
-        key = _key(data)
+        key = len(data), self._form.key(data)
         edges = self._known.get(key)
         if edges is None or (fields := edges.layout.read(data)) is None:
-            rows = unpack(data)
+            rows = self._form.unpack(data)
             self._learn(key, data, rows)
             return rows
         stamps, poses = fields
         if stamps.count(stamps[0]) < len(stamps):
-            return unpack(data)
-        sec, nanosec = _unpack_stamp(stamps[0])
+            return self._form.unpack(data)
+        sec, nanosec = edges.layout.unpack_stamp(stamps[0])
         stamp = sec * SECOND + nanosec
         run = runs.get(edges)
         if run is not None and (stamp <= run.stamps[-1] or len(run.poses) >= _LONG):
@@ -136,26 +149,19 @@ class MessageReader:
     def _learn(self, key: _Key, data: bytes, rows: list[Row]) -> None:
         """Keep the layout of a message."""
         pairs = [row[2:4] for row in rows]
-        if not pairs or data[:2] != _LITTLE_ENDIAN:
+        if not pairs:
             return
-        layout = Layout(pairs)
+        layout = self._form.Layout(pairs)
         edges = Edges(layout, pairs)
         # A frame twice in a message would not keep its order in a run.
-        if layout.size <= len(data) and len(edges.names) == len(pairs):
+        if (layout.size <= len(data) and layout.read(data) is not None
+                and len(edges.names) == len(pairs)):
             if self._count > _MOST_EDGES:
                 self._known.clear()
                 self._count = 0
             if key not in self._known:
                 self._count += len(pairs)
             self._known[key] = edges
-
-
-def _key(data: bytes) -> _Key:
-    """Tell what a message is found again by, if it is little-endian."""
-    end = _FIRST_NAME + 4 + int.from_bytes(data[_FIRST_NAME:_FIRST_NAME + 4], 'little')
-    begin = end + (-end & 3)
-    length = int.from_bytes(data[begin:begin + 4], 'little')
-    return len(data), data[_FIRST_NAME:end], data[begin:begin + 4 + length]
 
 
 def nothing() -> None:

@@ -31,6 +31,7 @@ _ENCAPSULATION = b'\x00\x01\x00\x00'
 _BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}
 #: The size of a pose.
 POSE_BYTES = 7 * 8
+_FIRST_NAME = 16
 _SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + POSE_BYTES
 _pack_stamp = struct.Struct('<iI').pack
 _pack_pose = struct.Struct('<7d').pack
@@ -182,12 +183,22 @@ class Packet:
         return _ENCAPSULATION + body.tobytes()
 
 
+def key(data: bytes) -> bytes:
+    """Tell what a little-endian message is found again by: its first two names."""
+    end = _FIRST_NAME + 4 + int.from_bytes(data[_FIRST_NAME:_FIRST_NAME + 4], 'little')
+    end += -end & 3
+    return data[_FIRST_NAME:end + 4 + int.from_bytes(data[end:end + 4], 'little')]
+
+
 class Layout:
     """
     Where the fields of a little-endian message lie whose frames are known.
 
     :param edges: (frame_id, child_frame_id) of each of the n transforms.
     """
+
+    #: Unpacks what `read` gives for a stamp: s, ns.
+    unpack_stamp = staticmethod(struct.Struct('<iI').unpack)
 
     def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
         fields = '<2s2xI'
@@ -202,18 +213,22 @@ class Layout:
                 fields += f'{len(names[-1])}s{padding}x'
                 position += len(names[-1]) + padding
             fields += f'{POSE_BYTES}s'
+        self._set(fields, _ENCAPSULATION[:2], names)
+
+    def _set(self, fields: str, encapsulation: bytes, names: list[bytes]) -> None:
+        """Keep the fields: encapsulation, count, and of each transform stamp, names and pose."""
         self._struct = struct.Struct(fields)
         #: The length of such a message (bytes).
         self.size = self._struct.size
-        self._head = _ENCAPSULATION[:2], len(edges)
+        self._head = encapsulation, len(names) // 2
         self._frame_ids, self._child_frame_ids = tuple(names[::2]), tuple(names[1::2])
 
     def read(self, data: bytes) -> Optional[tuple[tuple[bytes, ...], tuple[bytes, ...]]]:
         """
         Read a message of at least the size.
 
-        :returns: the stamp (int32 s, uint32 ns) and the pose (7 float64) of each transform, as
-            they are on the wire; None when it is another message.
+        :returns: the stamp and the pose (7 float64) of each transform, as they are on the wire;
+            None when it is another message.
         """
         fields = self._struct.unpack_from(data)
         if (fields[:2] == self._head and fields[3::4] == self._frame_ids
