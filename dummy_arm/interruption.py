@@ -38,6 +38,11 @@ def sleep(seconds: float) -> None:
     end = time.monotonic() + seconds
     while not _came and (left := end - time.monotonic()) > 0.0:
         time.sleep(min(_STEP, left))
+    heed()
+
+
+def heed() -> None:
+    """Raise KeyboardInterrupt when a signal has come."""
     if _came:
         raise KeyboardInterrupt
 

@@ -1,0 +1,343 @@
+"""TF out of bags: of every kind, with what real ones do, damaged, and without TF."""
+
+from contextlib import closing
+import fcntl
+import logging
+import os
+from pathlib import Path
+import pty
+import random
+import re
+import shutil
+import sqlite3
+import struct
+import subprocess
+import sys
+import termios
+
+import pytest
+
+from dummy_arm.tf.bag import BagError, read
+from dummy_arm.tf.frames import Frame
+
+bags = pytest.importorskip('bags')
+S = bags.S
+KINDS = bags.ROS2 + bags.ROS1
+PLAIN = 'db3', 'mcap', 'bag'
+
+
+@pytest.mark.parametrize('partial', [False, True])
+@pytest.mark.parametrize('kind', KINDS)
+def test_every_kind_gives_the_same(tmp_path, caplog, kind, partial):
+    """All that was written, looked up between the samples too; of ROS 1 with the sender."""
+    buffer = read(bags.make(tmp_path, kind, bags.walk()), partial=partial)
+    sender = '/sender' if kind.startswith('bag') else 'not recorded'
+    assert buffer.frames() == [
+        Frame('odom', 'map', sender, True, 1, 0, 0),
+        Frame('base_link', 'odom', sender, False, 101, 110 * S, 100 * S)]
+    assert buffer.lookup_transform('map', 'base_link', 105 * S + S // 20).translation == (
+        pytest.approx((6.05, 2.0, 3.0)))
+    assert not caplog.records
+
+
+@pytest.mark.parametrize('kind', ['db3', 'mcap', 'db3 message', 'mcap storage'])
+def test_a_file_of_a_bag(tmp_path, kind):
+    """Is enough, even where metadata.yaml says how its messages are compressed."""
+    (file,) = (path for path in bags.make(tmp_path, kind, bags.walk()).iterdir()
+               if path.suffix != '.yaml')
+    assert len(read(file).frames()) == 2
+    assert len(read(file.rename(tmp_path / 'no_suffix')).frames()) == 2
+
+
+@pytest.mark.parametrize('kind', PLAIN)
+def test_what_real_bags_do(tmp_path, kind):
+    """Static transforms late and in several messages, stamps out of order, one of them twice."""
+    def moving(*tenths):
+        return [('/tf', 100 * S + i, [bags.row(
+            tenth * S // 10, 'odom', 'base', (tenth, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))])
+            for i, tenth in enumerate(tenths)]
+
+    def static(time, child, x):
+        return '/tf_static', time, [bags.row(0, 'map', child, (x, *bags.STILL[1:]))]
+
+    buffer = read(bags.make(tmp_path, kind, [
+        static(100 * S, 'odom', 1.0), *moving(1000, 1020, 1010, 1010, 1001, 1030, 5000),
+        static(101 * S, 'lidar', 2.0), static(102 * S, 'odom', 3.0),
+        ('/other', 103 * S, [bags.row(0, 'map', 'not TF')])]))
+    assert [(frame.name, frame.is_static, frame.length) for frame in buffer.frames()] == [
+        ('odom', True, 1), ('base', False, 6), ('lidar', True, 1)]
+    assert buffer.lookup_transform('map', 'lidar', 7).translation[0] == 2.0
+    for tenth in 1000, 1001, 1015, 1030, 4000, 5000:
+        assert buffer.lookup_transform('map', 'base', tenth * S // 10).translation[0] == (
+            pytest.approx(3.0 + tenth))
+
+
+def test_senders_of_ros1(tmp_path):
+    """Several, by turns: each with its frames; the static ones in the order of the bag."""
+    def sent(number, sender, child, static=False, x=0.0):
+        return ('/tf_static' if static else 'tf', 100 * S + number, [
+            bags.row(100 * S + number, 'map', child, (x, *bags.STILL[1:]))], bags.TF, sender)
+
+    messages = [sent(i, f'/node_{i % 3}', f'frame_{i % 3}') for i in range(3000)]
+    messages += [sent(3000 + i, f'/node_{i % 2}', 'fixed', True, i) for i in range(5)]
+    messages += [('/tf', 100 * S + 4000, bags.ros1([bags.row(100 * S, 'map', 'old')]),
+                  'tf/msg/tfMessage', '/old_node')]
+    buffer = read(bags.make(tmp_path, 'bag', messages))
+    assert [(frame.name, frame.authority, frame.length) for frame in buffer.frames()] == [
+        *((f'frame_{i}', f'/node_{i}', 1000) for i in range(3)),
+        ('fixed', '/node_0', 1), ('old', '/old_node', 1)]
+    assert buffer.lookup_transform('map', 'fixed').translation[0] == 4.0
+
+
+def test_the_cache_is_as_long_as_the_bag_unless_told(tmp_path):
+    """However the stamps lie."""
+    path = bags.make(tmp_path, 'mcap', [
+        *bags.walk(5, begin=1000 * S), *bags.walk(5, begin=2_000_000_000 * S)])
+    assert read(path).frames()[1].length == 102
+    for kept in 2 * S, 5 * S:
+        frame = read(path, cache_time=kept).frames()[1]
+        assert kept <= frame.latest - frame.oldest <= kept + S // 10  # as tf2 counts
+
+
+@pytest.mark.parametrize('kind', PLAIN)
+def test_a_namespace(tmp_path, kind):
+    """Is given as one likes; without it, the error names it."""
+    path = bags.make(tmp_path, kind, [
+        (f'/robot/left{topic}', *rest) for topic, *rest in bags.walk()])
+    for namespace in 'robot/left', '/robot/left', '/robot/left/':
+        assert len(read(path, namespace=namespace).frames()) == 2
+    for partial in False, True:
+        with pytest.raises(BagError, match=re.escape(
+                f'{path} has no TF: no messages on /tf or /tf_static, but in the namespace '
+                '/robot/left: give it as namespace')):
+            read(path, partial=partial)
+        with pytest.raises(BagError, match='no messages on /left/tf or /left/tf_static, but in'):
+            read(path, namespace='left', partial=partial)
+
+
+@pytest.mark.parametrize('partial', [False, True])
+@pytest.mark.parametrize('kind', PLAIN)
+def test_a_bag_without_tf(tmp_path, kind, partial):
+    """What it has instead is named; ten topics of it."""
+    text = (5).to_bytes(4, 'little') + b'text\0'
+    path = bags.make(tmp_path, kind, [
+        (f'/topic_{i:02}', S, text if kind == 'bag' else b'\0\1\0\0' + text,
+         'std_msgs/msg/String') for i in range(12)])
+    with pytest.raises(BagError, match=(
+            r'has no TF: no messages on /tf or /tf_static; its topics: /topic_00 '
+            r'\(std_msgs/msg/String\), .*/topic_09 \(std_msgs/msg/String\) and 2 more$')):
+        read(path, partial=partial)
+    empty = bags.make(tmp_path / 'empty', kind, [])
+    with pytest.raises(BagError, match=r'empty has no TF: .* its topics: none$'):
+        read(empty, partial=partial)
+
+
+def test_another_type_on_tf(tmp_path):
+    """Is named."""
+    path = bags.make(tmp_path, 'mcap', [('/tf', S, b'\0\1\0\0\0', 'std_msgs/msg/Bool')])
+    with pytest.raises(BagError, match=r'its topics: /tf \(std_msgs/msg/Bool\)'):
+        read(path)
+
+
+@pytest.mark.parametrize('partial', [False, True])
+def test_what_is_no_bag(tmp_path, partial):
+    """One line each, that names it; or the error of the system."""
+    for name, content, why in (
+            ('notes.mcap', b'Dear diary', 'is no bag: a bag is the directory that ros2 bag'),
+            ('empty.db3', b'', 'is no bag: it is empty'),
+            ('packed.db3.zstd', b'\x28\xb5\x2f\xfd....', 'give the directory that it lies in')):
+        path = tmp_path / name
+        path.write_bytes(content)
+        with pytest.raises(BagError, match=re.escape(f'{path} ') + f'.*{why}') as caught:
+            read(path, partial=partial)
+        assert '\n' not in str(caught.value)
+    with pytest.raises(FileNotFoundError):
+        read(tmp_path / 'nowhere', partial=partial)
+    (tmp_path / 'directory').mkdir()
+    with pytest.raises(BagError, match='directory is no bag'):
+        read(tmp_path / 'directory', partial=partial)
+
+
+def test_a_database_of_something_else(tmp_path):
+    """Is SQLite, and no bag."""
+    with closing(sqlite3.connect(tmp_path / 'x.db3')) as database:
+        database.execute('CREATE TABLE friends (name TEXT)')
+    for partial in False, True:
+        with pytest.raises(BagError, match=r'x\.db3.*(missing tables|no such table)'):
+            read(tmp_path / 'x.db3', partial=partial)
+
+
+def is_a_part(buffer):
+    """Tell whether a buffer has a part of a walk, from its begin on, and nothing else."""
+    moving = {frame.name: frame for frame in buffer.frames()}.get('base_link')
+    if moving is None:
+        return True
+    number = moving.length - 1
+    return (moving.oldest == 100 * S and moving.latest == 100 * S + number * S // 100
+            and buffer.lookup_transform('odom', 'base_link').translation == (
+                number / 100, 0.0, 0.0))
+
+
+def read_or_not(path, partial=True):
+    """Read a bag; give the buffer, or None and the error."""
+    try:
+        return read(path, partial=partial), ''
+    except BagError as error:
+        return None, str(error)
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_truncated_file(tmp_path, caplog, kind):
+    """Wherever it ends: an error; or what comes before, with a warning, if that is asked for."""
+    path = bags.make(tmp_path, kind, bags.walk(40, 100))
+    (file,) = [path] if path.is_file() else (
+        each for each in path.iterdir() if each.suffix != '.yaml')
+    whole = file.read_bytes()
+    lengths = []
+    for tenth in range(1, 10):
+        file.write_bytes(whole[:len(whole) * tenth // 10])
+        with pytest.raises(BagError, match=re.escape(f'{path} cannot be read: ') + (
+                r'.*\. If it is damaged or cut off, partial \(--partial\) reads what is there$')):
+            read(path)
+        caplog.clear()
+        buffer, error = read_or_not(path)
+        if buffer is None:
+            assert f'nothing of TF can be read of {file}: ' in error
+            assert not lengths
+        else:
+            (record,) = caplog.records
+            assert re.search(re.escape(str(file)) + r': .*\. The \d+ messages of TF before that '
+                             'were read', record.message)
+            assert is_a_part(buffer)
+            lengths.append(sum(frame.length for frame in buffer.frames()))
+    assert lengths == sorted(lengths)
+    assert lengths[-1] > 2000
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_damaged_file(tmp_path, kind):
+    """Whatever byte is another: no other error, and no pose that is not there."""
+    path = bags.make(tmp_path, kind, bags.walk(5))
+    (file,) = [path] if path.is_file() else (
+        each for each in path.iterdir() if each.suffix != '.yaml')
+    whole = file.read_bytes()
+    choice = random.Random(kind)
+    for _ in range(30):
+        damaged = bytearray(whole)
+        at = choice.randrange(len(damaged))
+        damaged[at:at + 8] = choice.randbytes(min(8, len(damaged) - at))
+        file.write_bytes(damaged)
+        for partial in False, True:
+            _, error = read_or_not(path, partial)
+            assert '\n' not in error
+
+
+def test_a_recording_that_was_killed(tmp_path, caplog):
+    """Has no metadata.yaml; its files are read in the order of their numbers, on request."""
+    whole = bags.make(tmp_path, 'mcap', bags.walk(3))
+    directory = tmp_path / 'killed'
+    directory.mkdir()
+    for number in 2, 10:
+        part = bags.make(tmp_path / f'part_{number}', 'mcap', [
+            ('/tf_static', S, [bags.row(S, 'map', 'newest', (number, *bags.STILL[1:]))])])
+        (part / f'part_{number}.mcap').rename(directory / f'robot_{number}.mcap')
+    (whole / 'walk.mcap.mcap').rename(directory / 'robot_0.mcap')
+    with pytest.raises(BagError, match=(
+            r'killed has no metadata.yaml, .* ros2 bag reindex, or read it as partial')):
+        read(directory)
+    buffer = read(directory, partial=True)
+    assert buffer.lookup_transform('map', 'newest').translation[0] == 10.0
+    assert len(buffer.frames()) == 3
+    assert not caplog.records
+
+
+def test_a_database_that_was_not_closed(tmp_path):
+    """Has its newest messages in a second file, beside it."""
+    path = bags.make(tmp_path / 'robot', 'db3', bags.walk(3))
+    with closing(sqlite3.connect(path / 'robot.db3')) as database:
+        database.execute('PRAGMA journal_mode = wal')
+        database.execute('INSERT INTO messages (topic_id, timestamp, data) VALUES (2, 0, ?)',
+                         [bags.ros2([bags.row(200 * S, 'odom', 'base_link')])])
+        database.commit()
+        (tmp_path / 'killed').mkdir()
+        for file in path.glob('robot.db3*'):
+            shutil.copy(file, tmp_path / 'killed')
+    assert read(tmp_path / 'killed', partial=True).frames()[1].latest == 200 * S
+
+
+def test_a_bag_of_several_files(tmp_path):
+    """As ros2 bag record splits them."""
+    path = bags.make(tmp_path / 'robot', 'db3', bags.walk(3))
+    other = bags.make(tmp_path / 'second', 'db3', bags.walk(3, begin=104 * S))
+    (other / 'second.db3').rename(path / 'second.db3')
+    metadata = path / 'metadata.yaml'
+    text = metadata.read_text()
+    assert '  - robot.db3\n' in text
+    metadata.write_text(text.replace('  - robot.db3\n', '  - robot.db3\n  - second.db3\n'))
+    assert read(path).frames()[1].length == 62
+    (path / 'second.db3').unlink()
+    with pytest.raises(BagError, match='files are missing'):
+        read(path)
+
+
+@pytest.mark.parametrize('kind', PLAIN)
+def test_messages_that_cannot_be_decoded(tmp_path, caplog, kind):
+    """Are left out, with a warning; a bag that has no others has no TF."""
+    bad = [('/tf', 105 * S, b'\0\1\0\0\7\0\0\0' if kind != 'bag' else b'\7\0\0\0')]
+    buffer = read(bags.make(tmp_path / 'some', kind, [*bags.walk(), *bad * 3]))
+    assert buffer.frames()[1].length == 101
+    (record,) = caplog.records
+    assert 'left out 3 of 105 messages of TF, which cannot be decoded: impossible count' in (
+        record.message)
+    with pytest.raises(BagError, match='all has no TF that can be used, in 1 messages'):
+        read(bags.make(tmp_path / 'all', kind, bad))
+
+
+def test_what_tf2_refuses_is_refused(tmp_path, caplog):
+    """In the words of its log, and names the sender."""
+    caplog.set_level(logging.WARNING)
+    read(bags.make(tmp_path, 'bag', [*bags.walk(1), (
+        '/tf', 102 * S, [bags.row(102 * S, 'odom', 'odom')], bags.TF, '/culprit')]))
+    assert 'TF_SELF_TRANSFORM: Ignoring transform from authority "/culprit"' in caplog.text
+
+
+READ = 'import sys; from dummy_arm.tf.bag import read; read(sys.argv[1])'
+
+
+def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path):
+    """On stderr; nothing of it stays."""
+    *_, (topic, time, rows) = bags.walk()
+    data = bags.ros2(rows)
+    path = str(bags.make(tmp_path, 'mcap', ((topic, time, data) for _ in range(100_000))))
+    done = subprocess.run([sys.executable, '-c', READ, path], capture_output=True, check=True,
+                          timeout=60)
+    assert not done.stdout + done.stderr
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 100, 0, 0))
+    subprocess.run([sys.executable, '-c', READ, path], stderr=theirs, check=True, timeout=60)
+    os.close(theirs)
+    shown = os.read(ours, 100_000).decode()
+    os.close(ours)
+    assert 'reading walk.mcap: ' in shown
+    assert '/100000 ' in shown
+
+
+def test_ctrl_c_ends_a_command_that_reads(tmp_path):
+    """At once, whatever there is to be read still."""
+    path = bags.make(tmp_path, 'mcap', bags.walk(400, 100))
+    code = ('import os, signal, sys\n'
+            'from dummy_arm.interruption import note_signals\n'
+            'from dummy_arm.tf.bag import read\n'
+            'note_signals()\n'
+            'os.kill(os.getpid(), signal.SIGINT)\n'
+            'try: read(sys.argv[1])\n'
+            'except KeyboardInterrupt: print("ended")\n')
+    done = subprocess.run([sys.executable, '-c', code, str(path)], capture_output=True, text=True,
+                          timeout=60)
+    assert done.stdout == 'ended\n'
+
+
+def test_paths_may_be_text(tmp_path):
+    """Or pathlib's."""
+    path = bags.make(tmp_path, 'bag', bags.walk())
+    assert read(str(path)).frames() == read(Path(path)).frames()
