@@ -1,10 +1,12 @@
 """Who sent a transform: rclpy does not tell of a message, but rcl does, by its publisher's gid."""
 
+from collections.abc import Callable, Iterable
 import ctypes
 from ctypes import byref, c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
-from functools import cache
+from functools import cache, partial
 from itertools import groupby
-from time import monotonic
+from operator import attrgetter
+from time import monotonic, time_ns
 from typing import Any
 from weakref import finalize
 
@@ -24,9 +26,14 @@ _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node is not discov
 
 
 class Sent(bytes):
-    """The bytes of a message; `gid` is that of its publisher, in hex, or ''."""
+    """The bytes of a message, with what the middleware knows of it."""
 
-    gid = ''
+    gid = ''  #: of its publisher, in hex; '' where that cannot be told
+    sent = received = 0  #: when, on the system's clock (ns)
+
+
+#: What is called with messages, and whether they are static.
+Observe = Callable[[list[Sent], bool], object]
 
 
 class _Allocator(ctypes.Structure):
@@ -65,10 +72,12 @@ class Taker:
             self._info = _MessageInfo()
             finalize(self, rcutils.rcutils_uint8_array_fini, byref(self._bytes))
 
-    def take_all(self, subscription: Subscription, messages: list[bytes]) -> None:
-        """Append what has arrived, as Sent messages, or as bytes; by one thread at a time."""
+    def take_all(self, subscription: Subscription, messages: list[Sent]) -> None:
+        """Append what has arrived; by one thread at a time."""
         if self._take is None:
-            take_all(subscription, messages)
+            plain: list[bytes] = []
+            take_all(subscription, plain)
+            messages += map(_sent, plain)
             return
         written, info = self._bytes, self._info
         with subscription.handle:
@@ -78,9 +87,17 @@ class Taker:
                     break
                 if code:
                     raise _rclpy.RCLError(f'rcl_take_serialized_message returns {code}')
-                message = Sent(ctypes.string_at(written.buffer, written.length))
-                message.gid = bytes(info.gid).hex()
-                messages.append(message)
+                messages.append(_sent(
+                    ctypes.string_at(written.buffer, written.length), bytes(info.gid).hex(),
+                    info.source_timestamp, info.received_timestamp))
+
+
+def _sent(data: bytes, gid: str = '', sent: int = 0, received: int = 0) -> Sent:
+    message = Sent(data)
+    message.gid = gid
+    message.received = received or time_ns()
+    message.sent = sent or message.received
+    return message
 
 
 @cache
@@ -97,26 +114,35 @@ def _rcl_take() -> Any:
 class SentFeed(Feed):
     """A Feed that inserts each message with the gid of its publisher as authority."""
 
-    def __init__(self, *arguments: Any) -> None:
-        """Begin to feed; as Feed."""
-        self._taker = Taker()
+    def __init__(self, *arguments: Any, observe: Observe) -> None:
+        """
+        Begin to feed; as Feed.
+
+        :param observe: as SenderListener has it.
+        """
+        self._taker, self._observe = Taker(), observe
         super().__init__(*arguments)
 
-    def _take_all(self, subscription: Subscription, arrived: list[bytes]) -> None:
+    def _take_all(self, subscription: Subscription, arrived: list[Any]) -> None:
         self._taker.take_all(subscription, arrived)
 
-    def _insert_messages(self, messages: list[bytes], is_static: bool) -> None:
-        for gid, sent in groupby(messages, lambda message: getattr(message, 'gid', '')):
+    def _insert_messages(self, messages: list[Any], is_static: bool) -> None:
+        self._observe(messages, is_static)
+        for gid, sent in groupby(messages, attrgetter('gid')):
             self._buffer.insert_messages(sent, self._reader, gid, is_static)
 
 
 class SenderListener(TransformListener):
     """A TransformListener that knows which node sent the newest transform of a frame."""
 
-    feed_class = SentFeed
+    def __init__(self, *arguments: Any, observe: Observe = lambda *_: None, **how: Any) -> None:
+        """
+        Begin to listen; as TransformListener.
 
-    def __init__(self, *arguments: Any, **how: Any) -> None:
-        """Begin to listen; as TransformListener."""
+        :param observe: is called with messages before they are inserted, and whether they are
+            static; by any thread that looks something up, but one at a time.
+        """
+        self.feed_class = partial(SentFeed, observe=observe)
         self._names: dict[str, str] = {}
         self._next_look = 0.0
         super().__init__(*arguments, **how)
@@ -124,10 +150,15 @@ class SenderListener(TransformListener):
     def frames(self) -> list[Frame]:
         """List the frames of the buffer, with the full names of nodes as their authorities."""
         frames: list[Frame] = self.buffer.frames()
-        if any(frame.authority not in self._names for frame in frames):
+        names = self.names_of(frame.authority for frame in frames)
+        return [frame._replace(authority=names[frame.authority]) for frame in frames]
+
+    def names_of(self, gids: Iterable[str]) -> dict[str, str]:
+        """Tell the full names of the nodes of publishers."""
+        asked = set(gids)
+        if not asked <= self._names.keys():
             self._look()
-        return [frame._replace(authority=self._names.get(frame.authority, UNKNOWN))
-                for frame in frames]
+        return {gid: self._names.get(gid, UNKNOWN) for gid in asked}
 
     def _take(self) -> tuple[bool, float]:
         # Now and then, since a node may end before it is asked who it was.

@@ -1,5 +1,6 @@
 """Listening to /tf and /tf_static: what comes in goes into a buffer."""
 
+from collections.abc import Callable
 from threading import RLock
 from traceback import format_exception
 from typing import Any, Optional, Union
@@ -33,7 +34,7 @@ class TransformListener:
     It listens until `unregister()`, `node.destroy_node()` or `rclpy.shutdown()`.
     """
 
-    feed_class: type[Feed] = Feed
+    feed_class: Callable[..., Feed] = Feed
 
     def __init__(self, buffer: Buffer, node: Node, *, spin_thread: bool = False,
                  qos: Optional[Union[QoSProfile, int]] = None,
