@@ -1,8 +1,11 @@
 """The commands' entry points; light, so that Ctrl-C is a normal end while they still import."""
 
 from importlib import import_module
+import sys
 
 from dummy_arm.interruption import has_come, ignore_signals, note_signals
+
+_ROS = 'rclpy', 'builtin_interfaces', 'geometry_msgs', 'rcl_interfaces', 'std_msgs'
 
 
 def dummy_arm() -> int:
@@ -25,6 +28,16 @@ def static_transform_publisher() -> int:
     return _run('dummy_arm.tools.static_transform_publisher')
 
 
+def tf2_echo() -> int:
+    """Run `dummy_arm.tools.tf2_echo`."""
+    return _run('dummy_arm.tools.tf2_echo')
+
+
+def tf2_monitor() -> int:
+    """Run `dummy_arm.tools.tf2_monitor`."""
+    return _run('dummy_arm.tools.tf2_monitor')
+
+
 def view_frames() -> int:
     """Run `dummy_arm.tools.view_frames`."""
     return _run('dummy_arm.tools.view_frames')
@@ -37,5 +50,12 @@ def _run(module: str) -> int:
         return 0 if has_come() else int(main())
     except KeyboardInterrupt:
         return 0
+    except ModuleNotFoundError as error:
+        if error.name not in _ROS:
+            raise
+        print(f'{module.rpartition(".")[2]}: ROS is needed for this, and {error.name} cannot be '
+              "imported: pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces, or "
+              'source the setup file of a ROS installation', file=sys.stderr)
+        return 1
     finally:
         ignore_signals()

@@ -5,13 +5,18 @@ import os
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # before rclpy starts
 
 from collections.abc import Callable, Iterator
+import fcntl
 from importlib.util import find_spec
 import json
 from pathlib import Path
+import pty
 import queue
+import signal
 import socket
+import struct
 import subprocess
 import sys
+import termios
 import threading
 import time
 from typing import Any
@@ -27,6 +32,22 @@ def tool(name: str, *arguments: str) -> tuple[str, ...]:
 
 
 ARM = tool('dummy_arm')
+
+#: Code by which a program finds neither rclpy nor a message package.
+WITHOUT_ROS = (
+    'import sys\n'
+    'class Blocked:\n'
+    '    def find_spec(self, name, *_):\n'
+    '        if name.split(".")[0] in ("rclpy", "geometry_msgs", "std_msgs", "tf2_msgs",\n'
+    '                                  "builtin_interfaces", "sensor_msgs"):\n'
+    '            raise ModuleNotFoundError(f"No module named {name!r}", name=name)\n'
+    'sys.meta_path.insert(0, Blocked())\n')
+
+
+def tool_without_ros(name: str, *arguments: str) -> tuple[str, ...]:
+    """Give the arguments of python that run a command where there is no ROS."""
+    _, code, *rest = tool(name, *arguments)
+    return '-c', WITHOUT_ROS + code, *rest
 
 made_at_run_time = pytest.mark.skipif(
     find_spec('tf2_msgs') is not None,
@@ -96,6 +117,10 @@ class Process:
         self._popen.wait(TIMEOUT)
         return time.monotonic() - start
 
+    def ended(self) -> bool:
+        """Tell whether it has ended."""
+        return self._popen.poll() is not None
+
     def exit_code(self, timeout: float = TIMEOUT) -> int:
         """Wait for the end."""
         code = self._popen.wait(timeout)
@@ -109,6 +134,30 @@ class Process:
         self._popen.wait()
         self._reader.join()
         self._popen.stdout.close()
+
+
+def in_a_terminal(domain, *arguments, until):
+    """Run a command in a terminal of 80 columns until what it wrote has something; give that."""
+    reading, writing = pty.openpty()
+    fcntl.ioctl(writing, termios.TIOCSWINSZ, struct.pack('4H', 24, 80, 0, 0))
+    process = subprocess.Popen(
+        [sys.executable, *tool(*arguments)], stdout=writing, stderr=writing, stdin=writing,
+        env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
+    os.close(writing)
+    deadline = time.monotonic() + 2 * TIMEOUT
+    written = ''
+    has_ended = False
+    try:
+        while True:
+            written += os.read(reading, 10_000).decode(errors='replace')
+            if not has_ended and (until(written) or time.monotonic() > deadline):
+                process.send_signal(signal.SIGINT)
+                has_ended = True
+    except OSError:  # the terminal is gone: the process has ended
+        pass
+    assert process.wait(TIMEOUT) == 0
+    os.close(reading)
+    return written
 
 
 @pytest.fixture

@@ -43,6 +43,9 @@ def test_step_1_static_transform(ros, start):
     assert (transform.header.frame_id, transform.child_frame_id) == ('/map', '/base_link')
     assert transform.transform.translation.x == 1.0
     assert transform.transform.rotation.w == 1.0
+    echo = start(*tool('tf2_echo', 'map', 'base_link', '--once'))
+    assert echo.exit_code() == 0
+    assert '- Translation: [1.000, 0.000, 0.000]\n' in echo.output
     process.end(signal.SIGINT)
     assert process.exit_code() == 0
     assert 'Traceback' not in process.output

@@ -7,7 +7,7 @@ import subprocess
 import sys
 from xml.etree import ElementTree
 
-from conftest import tool
+from conftest import tool, tool_without_ros, WITHOUT_ROS
 import pytest
 
 from dummy_arm import entry_points
@@ -36,10 +36,12 @@ def test_the_changelog_tells_of_this_version():
     assert re.search(heading, changelog, re.MULTILINE)
 
 
-CORE = ('dummy_arm.arm', 'dummy_arm.command', 'dummy_arm.tf', 'dummy_arm.tf.buffer_core',
+CORE = ('dummy_arm.arm', 'dummy_arm.command', 'dummy_arm.tf', 'dummy_arm.tf.bag',
+        'dummy_arm.tf.buffer_core',
         'dummy_arm.tf.exceptions', 'dummy_arm.tf.message_reader', 'dummy_arm.tf.rotations',
-        'dummy_arm.tf.transform', 'dummy_arm.tf.wire', 'dummy_arm.tools.forest',
-        'dummy_arm.tools.frame_graph', 'dummy_arm.tools.waiting')
+        'dummy_arm.tf.transform', 'dummy_arm.tf.wire', 'dummy_arm.tf.wire_ros1',
+        'dummy_arm.tools.forest', 'dummy_arm.tools.frame_graph', 'dummy_arm.tools.tf2_echo',
+        'dummy_arm.tools.view_frames', 'dummy_arm.tools.waiting')
 COMMANDS = [name for name, thing in vars(entry_points).items()
             if getattr(thing, '__module__', '') == entry_points.__name__ and name[0] != '_']
 
@@ -47,16 +49,8 @@ COMMANDS = [name for name, thing in vars(entry_points).items()
 @pytest.mark.parametrize('module', CORE)
 def test_the_core_needs_no_ros(module):
     """It imports where there is neither rclpy nor a message package."""
-    code = (
-        'import sys\n'
-        'class Blocked:\n'
-        '    def find_spec(self, name, *_):\n'
-        '        if name.split(".")[0] in ("rclpy", "geometry_msgs", "std_msgs", "tf2_msgs",\n'
-        '                                  "builtin_interfaces", "sensor_msgs"):\n'
-        '            raise ImportError(name)\n'
-        'sys.meta_path.insert(0, Blocked())\n'
-        f'import {module}\n')
-    subprocess.run([sys.executable, '-c', code], check=True, env=os.environ, timeout=60)
+    subprocess.run([sys.executable, '-c', f'{WITHOUT_ROS}import {module}'], check=True,
+                   env=os.environ, timeout=60)
 
 
 def test_every_command_is_installed():
@@ -74,6 +68,17 @@ def test_every_command_has_help_with_an_example(start, command):
     assert process.exit_code() == 0
     assert f'usage: {command} ' in process.output
     assert re.search(rf'examples?: {command}\b', process.output)
+
+
+@pytest.mark.parametrize('command', COMMANDS)
+def test_a_command_that_needs_ros_says_so(start, command):
+    """In one line, with the remedy."""
+    arguments = {'param': ['node'], 'tf2_echo': ['map', 'odom']}.get(command, [])
+    process = start(*tool_without_ros(command, *arguments))
+    assert process.exit_code() == 1
+    assert re.fullmatch(
+        rf'{command}: ROS is needed for this, and \w+ cannot be imported: pip install .*\n',
+        process.output)
 
 
 def test_names_of_tf_are_listed_and_unknown_ones_are_not_there():

@@ -7,18 +7,25 @@ import signal
 from conftest import ARM
 import pytest
 
+from dummy_arm.tf import TFMessage
+from dummy_arm.tf.wire import unpack
+
 ROOT = Path(__file__).parent.parent
 BLOCKS = re.findall(r'^```python\n(.*?)^```$', (ROOT / 'README.md').read_text(), re.M | re.S)
 
 
 @pytest.mark.parametrize('code', BLOCKS)
-def test_python_of_the_readme_runs(start, code):
+def test_python_of_the_readme_runs(start, tmp_path, code):
     """Each block is a whole program; one needs the arm, and prints where its hand is."""
+    if 'robot.mcap' in code:
+        bags = pytest.importorskip('bags')
+        (file,) = bags.make(tmp_path / 'robot', 'mcap', bags.walk()).glob('*.mcap')
+        file.rename(tmp_path / 'robot.mcap')
     hand = ''
     if 'end_effector' in code:
         start(*ARM).line_with('t = 0')
         hand = 'geometry_msgs.msg.Vector3('
-    process = start('-c', code)
+    process = start('-c', code, cwd=tmp_path)
     assert process.exit_code() == 0, process.output
     assert process.output.startswith(hand)
     assert process.output.count('\n') == bool(hand)
@@ -34,6 +41,40 @@ def test_listen_hears_the_arm(start, signal_number):
     listener.end(signal_number)
     assert listener.exit_code() == 0
     assert 'Traceback' not in listener.output
+
+
+@pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
+def test_record_makes_a_bag_of_the_arm(start, ros, tmp_path, signal_number):
+    """Which has all that came in, in the order of its times, latched where that is latched."""
+    rosbag2 = pytest.importorskip('rosbags.rosbag2')
+    from rosbags.interfaces import QosDurability
+
+    from dummy_arm.tf.bag import read
+
+    heard = []
+    ros.node.create_subscription(TFMessage, '/tf', heard.append, 100)
+    recorder = start(str(ROOT / 'docs' / 'examples' / 'record.py'), str(tmp_path / 'bag'))
+    ros.until(lambda: ros.node.count_subscribers('/tf') == 2)
+    start(*ARM)
+    ros.until(lambda: len(heard) > 50)
+    recorder.end(signal_number)
+    assert recorder.exit_code() == 0
+    assert 'Traceback' not in recorder.output
+    joint_1 = {frame.name: frame for frame in read(tmp_path / 'bag').frames()}['joint_1']
+    with rosbag2.Reader(tmp_path / 'bag') as bag:
+        assert {connection.topic: connection.ext.offered_qos_profiles[0].durability
+                for connection in bag.connections} == {
+            '/tf': QosDurability.VOLATILE, '/tf_static': QosDurability.TRANSIENT_LOCAL}
+        times, messages = zip(*((time, data) for connection, time, data in bag.messages()
+                                if connection.topic == '/tf'))
+    assert list(times) == sorted(set(times))
+    recorded = [unpack(data)[0][:2] for data in messages]
+    stamps = [message.transforms[0].header.stamp for message in heard]
+    both = [(stamp.sec, stamp.nanosec) for stamp in stamps
+            if recorded[0] <= (stamp.sec, stamp.nanosec) <= recorded[-1]]
+    assert len(both) > 20
+    assert [stamp for stamp in recorded if both[0] <= stamp <= both[-1]] == both
+    assert joint_1.length == len(recorded)
 
 
 @pytest.mark.parametrize('page', ['README.md', 'CONTRIBUTING.md'])

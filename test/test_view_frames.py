@@ -1,21 +1,16 @@
 """The command `view_frames`: trees of any form, odd names, files that cannot be written."""
 
-import fcntl
-import os
 from pathlib import Path
-import pty
 import re
 import signal
-import struct
 import subprocess
 import sys
-import termios
 import threading
 import time
 from xml.etree import ElementTree
 
 from builtin_interfaces.msg import Time
-from conftest import TIMEOUT, tool
+from conftest import in_a_terminal, tool, tool_without_ros
 import pytest
 from rosgraph_msgs.msg import Clock
 
@@ -320,30 +315,6 @@ def test_ctrl_c_at_any_time_is_a_normal_end(start, tmp_path):
         assert not [*tmp_path.iterdir()]
 
 
-def in_a_terminal(domain, *arguments, until):
-    """Run a command in a terminal of 80 columns until what it wrote has something; give that."""
-    reading, writing = pty.openpty()
-    fcntl.ioctl(writing, termios.TIOCSWINSZ, struct.pack('4H', 24, 80, 0, 0))
-    process = subprocess.Popen(
-        [sys.executable, *tool(*arguments)], stdout=writing, stderr=writing, stdin=writing,
-        env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
-    os.close(writing)
-    deadline = time.monotonic() + 2 * TIMEOUT
-    written = ''
-    has_ended = False
-    try:
-        while True:
-            written += os.read(reading, 10_000).decode(errors='replace')
-            if not has_ended and (until(written) or time.monotonic() > deadline):
-                process.send_signal(signal.SIGINT)
-                has_ended = True
-    except OSError:  # the terminal is gone: the process has ended
-        pass
-    assert process.wait(TIMEOUT) == 0
-    os.close(reading)
-    return written
-
-
 def test_a_bar_and_a_live_tree_on_a_terminal(ours, ros):
     """The bar is gone in the end."""
     ours(('map', 'base'))
@@ -357,3 +328,67 @@ def test_a_bar_and_a_live_tree_on_a_terminal(ours, ros):
                          until=lambda written: written.count('└── base') > 1)
     assert live.count('└── base') > 1
     assert live.count('\x1b[H') > 1
+
+
+@pytest.mark.parametrize('kind', ['db3', 'mcap', 'bag'])
+def test_a_bag_is_drawn_without_ros(start, tmp_path, kind):
+    """Into a PDF that tells of its frames, as they were at its end."""
+    bags, pypdf = pytest.importorskip('bags'), pytest.importorskip('pypdf')
+    bag = str(bags.make(tmp_path / 'robot', kind, bags.walk()))
+    process = start(*tool_without_ros('view_frames', '--bag', bag), cwd=tmp_path)
+    assert process.exit_code() == 0
+    assert process.output == (
+        'wrote frames.pdf and frames.gv: frames: 3, transforms: 2, root: map\n')
+    text = pypdf.PdfReader(tmp_path / 'frames.pdf').pages[0].extract_text()
+    sender = '/sender' if kind == 'bag' else 'not recorded'
+    for words in ('map', 'odom', 'base_link', 'static', 'Average rate: 10.000 Hz',
+                  f'Broadcaster: {sender}', 'Recorded at time: 110.000000',
+                  'Most recent transform: 110.000000', 'Buffer length: 10.000 s'):
+        assert words in text
+
+
+def test_the_tree_of_a_bag(start, tmp_path):
+    """In the terminal; ages count to the newest transform. Of a damaged one, with a warning."""
+    bags = pytest.importorskip('bags')
+    bag = bags.make(tmp_path / 'robot.bag', 'bag', [
+        *bags.walk(), ('/tf', 99 * bags.S, [bags.row(99 * bags.S, 'odom', 'cup')])])
+    process = start(*tool_without_ros('view_frames', '--text', '--bag', str(bag)))
+    assert process.exit_code() == 0
+    assert process.output == (
+        'map\n'
+        '└── odom              static                 /sender\n'
+        '    ├── cup             ? Hz   11.000 s old  /sender\n'  # it came first
+        '    └── base_link    10.0 Hz    0.000 s old  /sender\n')
+    bag.write_bytes(bag.read_bytes()[:-1000])
+    process = start(*tool_without_ros('view_frames', '--text', '--bag', str(bag)))
+    assert process.exit_code() == 1
+    assert process.output.startswith(f'view_frames: {bag} cannot be read: ')
+    process = start(*tool_without_ros('view_frames', '--text', '--partial', '--bag', str(bag)))
+    assert process.exit_code() == 0
+    assert process.output.startswith(f'{bag}: ')
+    assert process.output.count('\n') == 5
+
+
+def test_a_bag_of_a_namespace(capsys, tmp_path):
+    """As `--namespace` says."""
+    bags = pytest.importorskip('bags')
+    bag = str(bags.make(tmp_path / 'robot', 'mcap', [
+        (f'/robot{topic}', *rest) for topic, *rest in bags.walk()]))
+    assert view_frames.main(['--text', '--bag', bag, '--namespace', 'robot']) == 0
+    assert 'base_link' in capsys.readouterr().out
+    assert view_frames.main(['--text', '--bag', bag]) == 1
+    assert 'in the namespace /robot: give it as namespace' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(('arguments', 'code', 'why'), [
+    (('--bag', 'x', '--watch'), 2, 'a bag is read, not listened to'),
+    (('--bag', 'x', '-t', '5'), 2, 'a bag is read, not listened to'),
+    (('--namespace', 'x'), 2, '--ros-args -r /tf:=/NAME/tf'),
+    (('--bag', 'nowhere'), 1, 'cannot read nowhere: No such file or directory')])
+def test_bags_used_wrongly(failed, monkeypatch, tmp_path, arguments, code, why):
+    """One line, that tells what to do."""
+    monkeypatch.chdir(tmp_path)
+    got, error = failed(view_frames.main, *arguments)
+    assert got == code
+    assert why in error
+    assert error.count('\n') == 1

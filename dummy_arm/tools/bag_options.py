@@ -1,0 +1,39 @@
+"""The options of commands that can take their transforms from a bag."""
+
+from argparse import ArgumentParser
+from typing import Optional
+
+from dummy_arm.command import CommandError, UsageError
+from dummy_arm.tf import BufferCore
+from dummy_arm.tf.bag import BagError, read
+
+
+def add_bag_options(parser: ArgumentParser) -> None:
+    """Let a command take a bag."""
+    parser.add_argument('--bag', metavar='FILE', help='take the transforms from a bag: the '
+                        'directory of rosbag2, a .mcap, a .db3, or a .bag of ROS 1; needs no ROS')
+    parser.add_argument('--namespace', default='', metavar='NAME',
+                        help='of a bag: take /NAME/tf and /NAME/tf_static')
+    parser.add_argument('--partial', action='store_true',
+                        help='of a bag that is cut off or damaged: take what can be read')
+
+
+def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[BufferCore]:
+    """
+    Read a bag, if one is given.
+
+    :raises UsageError: when none is, but one of its options.
+    :raises CommandError: when it cannot be read.
+    """
+    if bag is None:
+        if namespace or partial:
+            raise UsageError(
+                '--namespace and --partial are about a bag; to listen in a namespace: '
+                '--ros-args -r /tf:=/NAME/tf -r /tf_static:=/NAME/tf_static')
+        return None
+    try:
+        return read(bag, namespace=namespace, partial=partial)
+    except BagError as error:
+        raise CommandError(str(error)) from None
+    except OSError as error:
+        raise CommandError(f'cannot read {bag}: {error.strerror}') from None

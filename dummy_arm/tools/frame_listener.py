@@ -1,0 +1,73 @@
+"""What the commands hear of TF: the frames and their senders, or why there is none."""
+
+from difflib import SequenceMatcher
+import os
+from time import monotonic
+
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.time import Time
+
+from dummy_arm.tf import Buffer
+from dummy_arm.tf.frames import Frame
+from dummy_arm.tf.hints import nearest
+from dummy_arm.tf.senders import Observe, SenderListener
+
+_SHOWN = 20
+_DISCOVERY = 1.0  # s
+
+
+class FrameListener:
+    """A buffer that is filled by what a node hears; it knows who sent what."""
+
+    def __init__(self, node: Node, seconds: float = 10.0, observe: Observe = lambda *_: None
+                 ) -> None:
+        """
+        Begin to listen.
+
+        :param seconds: how long transforms are kept.
+        :param observe: is called with the messages; as SenderListener has it.
+        """
+        self.node, self._begin = node, monotonic()
+        self.buffer = Buffer(Duration(seconds=seconds), node)
+        self.listener = SenderListener(self.buffer, node, observe=observe)
+
+    def now(self) -> int:
+        """Tell the time (ns)."""
+        return int(self.node.get_clock().now().nanoseconds)
+
+    def frames(self) -> list[Frame]:
+        """List the frames that were heard of, with their senders."""
+        return self.listener.frames()
+
+    def why_none(self) -> str:
+        """Tell what may be the reason that nothing was heard."""
+        publishers = sum(map(self.node.count_publishers, ('/tf', '/tf_static')))
+        return (f'Publishers on /tf and /tf_static here: {publishers}. Check that something '
+                'publishes, and that it has the same '
+                f'ROS_DOMAIN_ID (here: {os.environ.get("ROS_DOMAIN_ID") or 0}) and '
+                'ROS_AUTOMATIC_DISCOVERY_RANGE (here: '
+                f'{os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET"}); or listen '
+                'longer: to discover others may take seconds.')
+
+    def why_not(self, target: str, source: str, time: int = 0) -> str:
+        """
+        Tell why there is no transform, and what frames there are instead, the nearest first.
+
+        :param time: ns; 0: the latest.
+        :returns: '' when there is one.
+        """
+        is_there, why = self.buffer.can_transform_core(target, source, Time(nanoseconds=time))
+        if is_there:
+            return ''
+        known = self.buffer._getFrameStrings()
+        if not known:
+            is_late = monotonic() > self._begin + _DISCOVERY
+            return f'{why} {self.why_none()}' if is_late else why
+        for name in (target, source):  # since all are listed
+            why = why.replace(f' {nearest(name, tuple(known))}', '')
+        asked = [name for name in (target, source) if name not in known] or [target, source]
+        known.sort(key=lambda name: -max(
+            SequenceMatcher(None, name, other).ratio() for other in asked))
+        more = f' and {len(known) - _SHOWN} more' if len(known) > _SHOWN else ''
+        return f'{why} Frames here: {", ".join(map(repr, known[:_SHOWN]))}{more}.'

@@ -1,0 +1,41 @@
+"""Lines shown again and again: in place on a terminal, one after the other in a pipe."""
+
+from collections.abc import Sequence
+import shutil
+import sys
+from textwrap import wrap
+from unicodedata import combining, east_asian_width
+
+_HOME_AND_CLEAR = '\x1b[H\x1b[2J'
+
+
+def show(lines: Sequence[str]) -> None:
+    """Show lines in place of those before, cut where the terminal ends; or print them."""
+    if sys.stdout.isatty():
+        columns, height = shutil.get_terminal_size()
+        cut_off = [cut(line, columns) for line in lines[:max(1, height - 1)]]
+        print(_HOME_AND_CLEAR + '\n'.join(cut_off))
+    else:
+        print(*lines, '', sep='\n')
+
+
+def wrapped(text: str) -> list[str]:
+    """Break a long line where a terminal ends; leave it whole in a pipe."""
+    return wrap(text, shutil.get_terminal_size().columns) if sys.stdout.isatty() else [text]
+
+
+def width(text: str) -> int:
+    """Count the columns of a terminal that a text takes."""
+    return sum(0 if combining(c) else 1 + (east_asian_width(c) in 'WF') for c in text)
+
+
+def padded(text: str, columns: int) -> str:
+    """Fill a text up with blanks."""
+    return text + ' ' * (columns - width(text))
+
+
+def cut(line: str, columns: int) -> str:
+    """Cut a line off after some columns."""
+    while width(line) > columns:
+        line = line[:-1]
+    return line

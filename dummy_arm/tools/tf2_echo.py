@@ -1,0 +1,158 @@
+"""The command `tf2_echo`: the transform between two frames, printed again and again."""
+
+from argparse import ArgumentTypeError
+from collections.abc import Sequence
+from decimal import Decimal, InvalidOperation
+from math import degrees
+import time as clock
+from typing import Optional
+
+from dummy_arm.command import CommandError, number, Parser, run, UsageError
+from dummy_arm.interruption import sleep
+from dummy_arm.tf import Transform, TransformException
+from dummy_arm.tf.rotations import euler_from_quaternion
+from dummy_arm.tf.times import SECOND
+from dummy_arm.tools.bag_options import add_bag_options, read_bag
+
+RATE = 1.0  # Hz
+PRECISION = 3
+_MOST_DIGITS = 17
+_BETWEEN_WORDS = 1.0  # s
+_BETWEEN_LOOKS = 0.05  # s
+
+
+def text_of(transform: Transform, precision: int = PRECISION) -> str:
+    """
+    Write a transform as tf2 does, but for its nanoseconds, gimbal lock and negative zeros.
+
+    :param precision: digits after the point.
+    """
+    roll_pitch_yaw = euler_from_quaternion(transform.rotation)
+    lines = [
+        f'At time {transform.stamp // SECOND}.{transform.stamp % SECOND:09d}',
+        f'- Translation: {_listed(transform.translation, precision)}',
+        f'- Rotation: in Quaternion {_listed(transform.rotation, precision)}',
+        f'- Rotation: in RPY (radian) {_listed(roll_pitch_yaw, precision)}',
+        f'- Rotation: in RPY (degree) {_listed([*map(degrees, roll_pitch_yaw)], precision)}',
+        '- Matrix:']
+    lines += [''.join(f' {_fixed(value, precision):>{precision + 3}}' for value in row)
+              for row in transform.matrix().tolist()]
+    return '\n'.join(lines)
+
+
+def _listed(values: Sequence[float], precision: int) -> str:
+    return f'[{", ".join(_fixed(value, precision) for value in values)}]'
+
+
+def _fixed(value: float, precision: int) -> str:
+    """Write a number; what is rounded to zero is not negative."""
+    text = f'{value:.{precision}f}'
+    return text if float(text) else text.removeprefix('-')
+
+
+def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = None,
+            rate: Optional[float] = None, time: int = 0, precision: int = PRECISION,
+            once: bool = False, bag: Optional[str] = None, namespace: str = '',
+            partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
+    """
+    Print the transform that takes data from the target frame to the source frame.
+
+    :param echo_rate: how often (Hz); None: once a second. That, or:
+    :param rate: the same.
+    :param time: of the transform (ns); 0: the latest.
+    :param precision: digits after the point.
+    :param once: end when it was printed.
+    :param bag: what to read instead of listening; it is printed once. With namespace and partial
+        as `dummy_arm.tf.bag.read` has them.
+    :returns: the exit code.
+    :raises UsageError: when there is no frame, or a number is impossible.
+    :raises CommandError: when a bag cannot be read, or does not have it.
+    """
+    source_frame, target_frame = (name.removeprefix('/') for name in (source_frame, target_frame))
+    if not source_frame or not target_frame:
+        raise UsageError('a frame must have a name')
+    rates = [given for given in (echo_rate, rate) if given is not None]
+    if len(rates) == 2:
+        raise UsageError('the rate is given twice')
+    if bag is not None and rates:
+        raise UsageError('of a bag, a transform is printed once: leave out the rate')
+    hertz = rates[0] if rates else RATE
+    if hertz <= 0.0:
+        raise UsageError(f'the rate must be more than 0 Hz, got {hertz:g}')
+    if not 0 <= precision <= _MOST_DIGITS:
+        raise UsageError(f'the precision must be from 0 to {_MOST_DIGITS} digits, got {precision}')
+    if buffer := read_bag(bag, namespace, partial):
+        try:
+            print(text_of(buffer.lookup_transform(source_frame, target_frame, time), precision))
+        except TransformException as error:
+            raise CommandError(str(error)) from None
+        return 0
+    return _echo(source_frame, target_frame, hertz, time, precision, once, ros_args)
+
+
+def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precision: int,
+          once: bool, ros_args: Sequence[str]) -> int:
+    from rclpy.time import Time
+
+    from dummy_arm.node_command import spun_node
+    from dummy_arm.tf.transform_stamped import row_of
+    from dummy_arm.tools.frame_listener import FrameListener
+    with spun_node('tf2_echo', ros_args) as node:
+        listening = FrameListener(node)
+        next_word = 0.0
+        while why := listening.why_not(source_frame, target_frame, time):
+            if clock.monotonic() >= next_word:
+                next_word = clock.monotonic() + _BETWEEN_WORDS
+                node.get_logger().info(
+                    f'Waiting for transform {source_frame} ->  {target_frame}: {why}')
+            sleep(_BETWEEN_LOOKS)
+        while True:
+            try:
+                row = row_of(listening.buffer.lookup_transform(
+                    source_frame, target_frame, Time(nanoseconds=time)))
+                print(text_of(Transform(row[0] * SECOND + row[1], row[2], row[3], row[4:7],
+                                        row[7:]), precision))
+                if once:
+                    return 0
+            except TransformException as error:
+                print(f'Failure at {listening.now() / SECOND:.3f}\nException thrown:{error}\n'
+                      f'The current list of frames is:\n{listening.buffer.all_frames_as_string()}')
+            sleep(1.0 / hertz)
+
+
+def seconds(text: str) -> int:
+    """
+    Read a time of an argument (s), exactly to the ns.
+
+    :raises argparse.ArgumentTypeError: when it is none, or finer than that.
+    """
+    try:
+        time = Decimal(text.replace('_', '?')) * SECOND
+        if time != int(time) or not 0 <= time < 2**63:
+            raise ValueError
+    except (InvalidOperation, OverflowError, ValueError):
+        raise ArgumentTypeError(
+            f'{text!r} is no time from 0 s on with at most 9 digits after the point') from None
+    return int(time)
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the command; see `--help`."""
+    parser = Parser(
+        'tf2_echo', 'Print the transform to get data from target_frame into source_frame, again '
+        'and again.',
+        'examples: tf2_echo map base_link\n          tf2_echo map base_link 10\n'
+        '          tf2_echo map base_link --once -p 6\n'
+        '          tf2_echo --bag robot.mcap map base_link -t 1795204940.25')
+    parser.add_argument('source_frame')
+    parser.add_argument('target_frame')
+    parser.add_argument('echo_rate', nargs='?', type=number, metavar='rate',
+                        help=f'how often (Hz; default: {RATE:g})')
+    parser.add_argument('-r', '--rate', type=number, help='the same')
+    parser.add_argument('-t', '--time', type=seconds, default=0,
+                        help='of the transform (s; default: the latest)')
+    parser.add_argument('-p', '--precision', type=int, default=PRECISION, metavar='DIGITS',
+                        help='after the point (default: %(default)s)')
+    parser.add_argument('--once', action='store_true', help='print it once')
+    add_bag_options(parser)
+    return run(parser, command, args)

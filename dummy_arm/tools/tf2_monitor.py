@@ -1,0 +1,151 @@
+"""The command `tf2_monitor`: how often and how late transforms come in, again and again."""
+
+from collections.abc import Iterator, Sequence
+from typing import Optional
+
+from rclpy.time import Time
+
+from dummy_arm.command import Parser, run, UsageError
+from dummy_arm.interruption import sleep
+from dummy_arm.node_command import spun_node
+from dummy_arm.tf import TransformException
+from dummy_arm.tools.frame_graph import visible
+from dummy_arm.tools.frame_listener import FrameListener
+from dummy_arm.tools.screen import padded, show, width, wrapped
+from dummy_arm.tools.traffic import Delays, Stream, summed_up, Traffic, WINDOW
+
+_SAMPLES = 20
+_REFRESH = 1.0  # s
+
+
+class Chain:
+    """The way between two frames, and how old its newest transform is in the course of time."""
+
+    def __init__(self, listening: FrameListener, ends: tuple[str, str]) -> None:
+        """
+        Begin to look.
+
+        :param ends: the frames.
+        """
+        self._listening, self.ends = listening, ends
+        self._ages = Delays()
+
+    def sample(self) -> None:
+        """Look how old the newest transform is, if there is any that moves."""
+        now = self._listening.now()
+        try:
+            latest = self._listening.buffer.get_latest_common_time(*self.ends).nanoseconds
+        except TransformException:  # which `lines` tells
+            return
+        if latest:
+            self._ages.add(now, now - latest)
+
+    def frames(self) -> list[str]:
+        """List the frames; none while they are not connected."""
+        latest = Time()
+        first, last = self.ends
+        try:
+            return self._listening.buffer._chain(last, latest, first, latest, first)
+        except TransformException:
+            return []
+
+    def lines(self) -> list[str]:
+        """Tell it."""
+        first, last = self.ends
+        if why := self._listening.why_not(first, last):
+            return wrapped(f'Waiting for transform {first} ->  {last}: {visible(why)}')
+        age = summed_up([self._ages], self._listening.now())
+        return [f'Chain is: {" -> ".join(map(visible, self.frames()))}',
+                'Net delay     none: nothing moves' if age is None else
+                f'Net delay     avg = {age.average_delay:.6f} s: max = {age.maximum_delay:.6f} s']
+
+
+def lines_of(streams: Sequence[Stream]) -> list[str]:
+    """
+    Tell what came in.
+
+    :param streams: of frames and nodes, and then of nodes.
+    """
+    frames = [stream for stream in streams if stream.frame]
+    nodes = [stream for stream in streams if not stream.frame]
+    senders: dict[str, list[str]] = {}
+    for stream in frames:
+        if stream.is_static or stream.summary is not None:
+            senders.setdefault(stream.frame, []).append(stream.sender)
+    return [
+        *_table('Frames:', 'published by', frames), '',
+        *_table('All Broadcasters:', 'node', nodes),
+        *(f'Warning: {visible(frame)} is published by {" and ".join(map(visible, several))}; '
+          'a frame should have one publisher'
+          for frame, several in senders.items() if len(several) > 1)]
+
+
+def _table(title: str, of_senders: str, streams: Sequence[Stream]) -> Iterator[str]:
+    columns = max([len(title), *(width(visible(stream.frame)) + 2 for stream in streams)])
+    yield f'{title:<{columns}}{"rate":>11}{"average delay":>16}{"max delay":>14}  {of_senders}'
+    for stream in streams:
+        yield (f'{padded(f"  {visible(stream.frame)}", columns)}{_told(stream)}  '
+               f'{visible(stream.sender)}')
+
+
+def _told(stream: Stream) -> str:
+    """Tell of a stream in 41 columns."""
+    if stream.is_static:
+        return f'{"static":>11}{"":30}'
+    if stream.summary is None:
+        heard = f'last heard {stream.silence:.1f} s ago'
+        return f'{heard:>41}'
+    rate, average, maximum = stream.summary
+    hertz = '?' if rate is None else f'{rate:.1f}'
+    return f'{hertz:>8} Hz{average:14.6f} s{maximum:12.6f} s'
+
+
+def command(source_frame: Optional[str] = None, target_frame: Optional[str] = None, *,
+            ros_args: Sequence[str] = ()) -> int:
+    """
+    Print what comes in, until Ctrl-C.
+
+    :param source_frame: with target_frame, what is on the way between these.
+    :returns: the exit code.
+    :raises UsageError: when there is only one frame, or one without name.
+    """
+    ends = tuple(name.removeprefix('/') for name in (source_frame, target_frame)
+                 if name is not None)
+    if len(ends) == 1 or not all(ends):
+        raise UsageError('give two frames, or none for all')
+    with spun_node('tf2_monitor', ros_args) as node:
+        traffic = Traffic(lambda: int(node.get_clock().now().nanoseconds))
+        listening = FrameListener(node, observe=traffic.observe)
+        chain = Chain(listening, (ends[0], ends[1])) if len(ends) == 2 else None
+        while True:
+            for _ in range(_SAMPLES):
+                if chain is not None:
+                    chain.sample()
+                sleep(_REFRESH / _SAMPLES)
+            show(_results(listening, traffic, chain))
+
+
+def _results(listening: FrameListener, traffic: Traffic, chain: Optional[Chain]) -> list[str]:
+    streams = traffic.streams(listening.listener.names_of)
+    if not streams:
+        return wrapped(f'nothing yet. {listening.why_none()}')
+    over = f', over the last {WINDOW} s'
+    if chain is None:
+        return [f'RESULTS: for all frames{over}', '', *lines_of(streams)]
+    if names := chain.frames():
+        senders = {stream.sender for stream in streams if stream.frame in names}
+        streams = [stream for stream in streams
+                   if stream.frame in names or (not stream.frame and stream.sender in senders)]
+    return [f'RESULTS: for {" to ".join(map(visible, chain.ends))}{over}', *chain.lines(), '',
+            *lines_of(streams)]
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the command; see `--help`."""
+    parser = Parser(
+        'tf2_monitor', 'Print how often and how late the transforms of each frame and of each '
+        'node come in; with two frames, of those on the way between them, and its net delay.',
+        'examples: tf2_monitor\n          tf2_monitor map end_effector')
+    parser.add_argument('source_frame', nargs='?')
+    parser.add_argument('target_frame', nargs='?')
+    return run(parser, command, args)

@@ -1,0 +1,230 @@
+"""The command `tf2_echo`: tf2's text, better where that is wrong; live, and out of a bag."""
+
+from math import pi, radians
+import re
+import signal
+
+from conftest import ARM, tool, tool_without_ros
+import pytest
+
+from dummy_arm.tf import StaticTransformBroadcaster, Transform, TransformBroadcaster
+from dummy_arm.tf.rotations import quaternion_from_euler
+from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tools.tf2_echo import main, text_of
+
+S = 10**9
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+LATER = 1795204940_123456789  # ns
+
+# What tf2_echo of Jazzy printed of odom -> base_link, turned by 90 degrees.
+JAZZY = """\
+At time 1795204941.212668814
+- Translation: [10.000, 2.000, 0.000]
+- Rotation: in Quaternion [0.000, 0.000, 0.707, 0.707]
+- Rotation: in RPY (radian) [0.000, -0.000, 1.571]
+- Rotation: in RPY (degree) [0.000, -0.000, 90.000]
+- Matrix:
+  0.000 -1.000  0.000 10.000
+  1.000  0.000  0.000  2.000
+  0.000  0.000  1.000  0.000
+  0.000  0.000  0.000  1.000"""
+# And that of Iron, in osrf/ros2_test_cases#974.
+IRON = """\
+At time 1683377979.902062451
+- Translation: [0.963, 0.172, 0.000]
+- Rotation: in Quaternion [0.000, 0.000, -0.079, 0.997]
+- Rotation: in RPY (radian) [0.000, 0.000, -0.158]
+- Rotation: in RPY (degree) [0.000, 0.000, -9.052]
+- Matrix:
+  0.988  0.157  0.000  0.963
+ -0.157  0.988 -0.000  0.172
+ -0.000  0.000  1.000  0.000
+  0.000  0.000  0.000  1.000"""
+
+
+def turned(stamp, translation, *roll_pitch_yaw):
+    """Make a transform."""
+    return Transform(stamp, 'map', 'base_link', translation,
+                     quaternion_from_euler(*roll_pitch_yaw))
+
+
+@pytest.mark.parametrize(('recorded', 'transform'), [
+    (JAZZY, turned(1795204941_212668814, (10.0, 2.0, 0.0), 0.0, 0.0, pi / 2)),
+    (JAZZY, turned(1795204941_212668814, (10.0, 2.0, -1e-9), -1e-9, -1e-9, pi / 2)),
+    (IRON, turned(1683377979_902062451, (0.963, 0.172, 0.0), 0.0, 0.0, radians(-9.052)))])
+def test_the_text_is_that_of_tf2(recorded, transform):
+    """To the character, but without its negative zeros; the columns stay where they are."""
+    lists, matrix = recorded.split('- Matrix:')
+    assert text_of(transform) == (
+        lists.replace('-0.000', '0.000') + '- Matrix:' + matrix.replace('-0.000', ' 0.000'))
+
+
+def test_nanoseconds_have_nine_digits():
+    """So that 12.005 does not look like 12.5."""
+    assert text_of(turned(12 * S + 5_000_000, (0.0,) * 3, 0, 0, 0)).startswith(
+        'At time 12.005000000\n')
+
+
+@pytest.mark.parametrize(('pitch', 'roll'), [(pi / 2, 0.1), (-pi / 2, 0.5)])
+def test_rpy_is_right_at_gimbal_lock(pitch, roll):
+    """Of (0.3, +-pi/2, 0.2), where tf2 prints a roll of 0.1244 and 0.4636."""
+    assert f'RPY (radian) [{roll:.3f}, {pitch:.3f}, 0.000]' in text_of(
+        turned(0, (0.0,) * 3, 0.3, pitch, 0.2))
+
+
+def test_the_precision():
+    """Of every number; the columns of the matrix grow with it."""
+    transform = turned(S, (1000.0, -2 / 3, -0.4), 0.0, 0.0, 0.0)
+    lines = text_of(transform, 6).splitlines()
+    assert lines[1] == '- Translation: [1000.000000, -0.666667, -0.400000]'
+    assert lines[6:8] == ['  1.000000  0.000000  0.000000 1000.000000',
+                          '  0.000000  1.000000  0.000000 -0.666667']
+    assert text_of(transform, 0).splitlines()[1:3] == [
+        '- Translation: [1000, -1, 0]', '- Rotation: in Quaternion [0, 0, 0, 1]']
+
+
+@pytest.mark.parametrize('arguments', [(), ('3',), ('-r', '3'), ('/map', '/end_effector')])
+def test_it_goes_on(start, arguments):
+    """At the rate that is asked for, until Ctrl-C; with tf2's slash or without."""
+    start(*ARM)
+    frames = arguments if arguments[:1] == ('/map',) else ('map', 'end_effector', *arguments)
+    process = start(*tool('tf2_echo', *frames))
+    stamps = []
+    for _ in range(3):
+        stamp = process.line_with('At time ')
+        assert re.fullmatch(r'At time \d{10}\.\d{9}\n', stamp)
+        seconds, nanoseconds = map(int, stamp.split()[2].split('.'))
+        stamps.append(seconds * S + nanoseconds)
+        assert re.fullmatch(r'- Translation: \[.*, 0\.300\]\n', process.line())
+        for begin in ('- Rotation: in Quaternion', '- Rotation: in RPY (radian)',
+                      '- Rotation: in RPY (degree)', '- Matrix:', ' ', ' ', ' ', '  0.000  0.000'):
+            assert process.line().startswith(begin)
+    assert stamps[2] - stamps[0] > (S if frames[2:] == () else S // 3)
+    if frames[2:]:
+        assert stamps[2] - stamps[0] < 2 * S  # what it takes without the option
+    process.end(signal.SIGINT)
+    assert process.exit_code() == 0
+    assert 'Traceback' not in process.output
+
+
+def test_a_time_exactly(start, ros):
+    """To the ns, and between samples; a time that is not there yet is waited for."""
+    moving = TransformBroadcaster(ros.node)
+
+    def send():
+        moving.sendTransform([
+            message_of((*divmod(LATER + i * S, S), 'map', 'robot', x, *STILL[1:]))
+            for i, x in enumerate((1.0, 1.000001, 3.0))])
+
+    ros.node.create_timer(0.1, send)
+    for time, x in (('1795204940.123456789', '1.0000000'), ('1795204941.123456789', '1.0000010'),
+                    ('1795204941.623456789', '2.0000005'), ('1795204940.123456790', '1.0000000')):
+        process = start(*tool('tf2_echo', 'map', 'robot', '-t', time, '--once', '-p', '7'))
+        ros.until(lambda process=process: process.ended())
+        assert process.exit_code() == 0
+        assert f'At time {time}\n- Translation: [{x}, ' in process.output
+    late = start(*tool('tf2_echo', 'map', 'robot', '-t', '1795204943'))
+    ros.until(lambda: 'extrapolation into the future' in late.output)
+    assert 'Frames here: ' in late.output
+
+
+def test_waiting_says_what_is_missing(start, ros):
+    """Once a second: tf2's words, and the frames that there are, the nearest first."""
+    process = start(*tool('tf2_echo', 'map', 'base_lnik'))
+    ros.until(lambda: process.output.count('Waiting for transform map ->  base_lnik: ') == 3)
+    first, *_, third = process.output.splitlines()
+    assert re.match(
+        r'\[INFO\] \[\d+\.\d{9}\] \[tf2_echo\]: Waiting for transform map ->  base_lnik: Invalid '
+        'frame ID "map" passed to canTransform argument target_frame - frame does not exist',
+        first)
+    assert 'Check that something publishes' not in first
+    assert 'Publishers on /tf and /tf_static here: 0. Check that something publishes' in third
+    stamps = [float(stamp) for stamp in re.findall(r'\[(\d+\.\d+)\]', process.output)]
+    assert stamps[2] - stamps[0] > 1.9
+    StaticTransformBroadcaster(ros.node).sendTransform([
+        message_of((0, 0, 'map', name, *STILL)) for name in ('odom', 'base_link', 'base')])
+    ros.until(lambda: "Frames here: 'base_link', 'base', " in process.output)
+    assert 'Invalid frame ID "base_lnik" passed to canTransform argument source_frame - ' in (
+        process.output)
+    assert "'map'" in process.output
+    assert 'Known frames' not in process.output
+    StaticTransformBroadcaster(ros.node).sendTransform(
+        message_of((0, 0, 'map', 'base_lnik', *STILL)))
+    ros.until(lambda: 'At time 0.000000000\n' in process.output)
+
+
+def test_a_failure_is_told_and_it_goes_on(start, ros):
+    """In tf2's words, with the frames."""
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    broadcaster.sendTransform(message_of((0, 0, 'map', 'robot', *STILL)))
+    process = start(*tool('tf2_echo', 'map', 'robot', '20'))
+    ros.until(lambda: 'At time' in process.output)
+    broadcaster.sendTransform(message_of((0, 0, 'elsewhere', 'robot', *STILL)))
+    ros.until(lambda: 'Failure at ' in process.output)
+    assert re.search(
+        r"Failure at \d{10}\.\d{3}\nException thrown:Could not find a connection between 'map' "
+        r"and 'robot' because they are not part of the same tree\.Tf has two or more .*\n"
+        r'The current list of frames is:\n(Frame .*\n)+', process.output)
+    assert 'Frame robot exists with parent elsewhere.\n' in process.output
+    before = len(process.output)
+    broadcaster.sendTransform(message_of((0, 0, 'map', 'robot', *STILL)))
+    ros.until(lambda: 'At time' in process.output[before:])
+
+
+@pytest.mark.parametrize(('arguments', 'why'), [
+    (('map',), 'the following arguments are required: target_frame'),
+    (('map', ''), 'a frame must have a name'),
+    (('/', 'odom'), 'a frame must have a name'),
+    (('map', 'odom', 'fast'), "'fast' is no number"),
+    (('map', 'odom', '1.0abc'), "'1.0abc' is no number"),
+    (('map', 'odom', '0'), 'the rate must be more than 0 Hz, got 0'),
+    (('map', 'odom', '-r', '-1e-3'), 'the rate must be more than 0 Hz, got -0.001'),
+    (('map', 'odom', '1', '-r', '1'), 'the rate is given twice'),
+    (('map', 'odom', '-p', '18'), 'the precision must be from 0 to 17 digits, got 18'),
+    (('map', 'odom', '-p', '-1'), 'the precision must be from 0 to 17 digits, got -1'),
+    (('map', 'odom', '-p', 'x'), 'x'),
+    (('map', 'odom', '-t', '-1'), "'-1' is no time from 0 s on"),
+    (('map', 'odom', '-t', 'now'), "'now' is no time from 0 s on"),
+    (('map', 'odom', '-t', 'nan'), "'nan' is no time from 0 s on"),
+    (('map', 'odom', '-t', '1e99'), "'1e99' is no time from 0 s on"),
+    (('map', 'odom', '-t', '1.0000000001'), 'with at most 9 digits after the point'),
+    (('map', 'odom', '--bag', 'x', '-r', '1'), 'leave out the rate'),
+    (('map', 'odom', '--partial'), '--namespace and --partial are about a bag'),
+    (('map', 'odom', '--namespace', 'a'), r'--ros-args -r /tf:=/NAME/tf')])
+def test_wrong_use(failed, arguments, why):
+    """Is exit code 2, and one line."""
+    code, error = failed(main, *arguments)
+    assert code == 2
+    assert why in error
+    assert error.startswith('tf2_echo: ')
+    assert error.count('\n') == 1
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """Make a bag of a robot that moves."""
+    bags = pytest.importorskip('bags')
+    return str(bags.make(tmp_path, 'mcap', bags.walk()))
+
+
+def test_out_of_a_bag_without_ros(start, bag):
+    """The latest, or a time exactly."""
+    for time, stamp, x in (((), '110.000000000', 11.0), (('-t', '105.05'), '105.050000000', 6.05)):
+        process = start(*tool_without_ros(
+            'tf2_echo', '--bag', bag, 'map', 'base_link', *time))
+        assert process.exit_code() == 0
+        assert process.output.startswith(
+            f'At time {stamp}\n- Translation: [{x:.3f}, 2.000, 3.000]\n')
+        assert process.output.count('\n') == 10
+
+
+@pytest.mark.parametrize(('arguments', 'why'), [
+    (('map', 'base_lnik'), "does not exist. Nearest known: 'base_link'.\n"),
+    (('map', 'base_link', '-t', '99'), 'Lookup would require extrapolation into the past'),
+    (('map', 'base_link', '-t', '111'), "'odom' -> 'base_link' ends 1.000000000 s before that")])
+def test_what_a_bag_does_not_have(failed, bag, arguments, why):
+    """Is exit code 1, with what it has."""
+    code, error = failed(main, '--bag', bag, *arguments)
+    assert code == 1
+    assert why in error
+    assert error.count('\n') == 1

@@ -1,0 +1,233 @@
+"""The command `tf2_monitor`: rates and delays of frames and nodes, chains, and what is missing."""
+
+import re
+import signal
+import time
+
+from conftest import ARM, in_a_terminal, tool
+import pytest
+from rclpy.node import Node
+
+from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster, wire
+from dummy_arm.tf.senders import Sent
+from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tools.tf2_monitor import lines_of, main
+from dummy_arm.tools.traffic import Delays, Stream, Summary, summed_up, Traffic
+
+S, MS = 10**9, 10**6
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def sent(gid, received, *edges, stamp=None, sent=None):
+    """Make a message; times in ns."""
+    message = Sent(wire.pack(
+        (*divmod(received if stamp is None else stamp, S), *edge, *STILL) for edge in edges))
+    message.gid, message.received = gid, received
+    message.sent = received if sent is None else sent
+    return message
+
+
+def streams_of(traffic):
+    """Give the streams by frame and sender; a gid stands for its name."""
+    return {(stream.frame, stream.sender): stream for stream in traffic.streams(
+        lambda gids: {gid: gid.rstrip('*') for gid in gids})}
+
+
+def test_delays_over_the_window():
+    """The average and the maximum; what is older than ten seconds is not counted."""
+    delays = Delays()
+    delays.add(0, 9 * S)
+    for i in range(20 * 50):
+        delays.add(5 * S + i * 20 * MS, (i % 4) * MS)
+    now = 5 * S + 999 * 20 * MS
+    rate, average, maximum = summed_up([delays], now)
+    assert (rate, average, maximum) == (
+        pytest.approx(50.0), pytest.approx(0.0015, abs=1e-5), pytest.approx(0.003))
+    assert summed_up([delays], now + 12 * S) is None
+    assert summed_up([], now) is None
+    assert delays.last == now
+
+
+def test_one_arrival_has_no_rate():
+    """But a delay, which may be negative."""
+    delays = Delays()
+    delays.add(5 * S, -MS)
+    assert summed_up([delays], 5 * S) == Summary(None, -0.001, -0.001)
+
+
+def test_time_may_go_back():
+    """What was before is forgotten then; a little out of order is none of that."""
+    delays = Delays()
+    for arrival in 100 * S, 100 * S - MS, 100 * S + MS:
+        delays.add(arrival, MS)
+    assert summed_up([delays], 100 * S).maximum_delay == 0.001
+    delays.add(5 * S, 7 * MS)
+    assert summed_up([delays], 5 * S) == Summary(None, 0.007, 0.007)
+
+
+def test_memory_does_not_grow_with_the_rate():
+    """At a thousand a second, what is kept is as much as at one."""
+    delays = Delays()
+    for i in range(60_000):
+        delays.add(i * MS, MS)
+    assert len(delays.within(60 * S)) <= 11
+    assert summed_up([delays], 60 * S).rate == pytest.approx(1000.0)
+
+
+def test_traffic_of_frames_and_of_nodes():
+    """A node may have several publishers; its delay is the mean over each message."""
+    traffic = Traffic(time.time_ns)
+    now = time.time_ns()
+    for i in range(11):
+        received = now - S + i * 100 * MS
+        traffic.observe([
+            sent('/robot', received, ('map', '/odom'), ('odom', 'base'), stamp=received - 4 * MS),
+            sent('/other', received, ('map', 'cup'), stamp=received - (i % 2) * 8 * MS)], False)
+    traffic.observe([sent('/robot*', now, ('base', 'lidar'))], True)
+    found = streams_of(traffic)
+    assert [*found] == [('base', '/robot'), ('cup', '/other'), ('lidar', '/robot'),
+                        ('odom', '/robot'), ('', '/other'), ('', '/robot')]
+    assert found['lidar', '/robot'].is_static
+    for frame in 'odom', 'base', '':
+        rate, average, maximum = found[frame, '/robot'].summary
+        assert rate == pytest.approx(10.0)
+        assert (average, maximum) == (pytest.approx(0.004, abs=2e-3),) * 2
+    assert found['cup', '/other'].summary.average_delay == pytest.approx(0.040 / 11, abs=2e-3)
+    assert found['cup', '/other'].summary.maximum_delay == pytest.approx(0.008, abs=2e-3)
+    assert not found['', '/robot'].is_static
+
+
+def test_what_waited_to_be_discovered_is_not_late():
+    """What a node sent before the first of it came in is heard, and has no delay."""
+    traffic = Traffic(time.time_ns)
+    now = time.time_ns()
+    old = [sent('/a', now + i, ('map', 'odom'), stamp=now - S, sent=now - S) for i in range(5)]
+    traffic.observe(old, False)
+    assert streams_of(traffic)['odom', '/a'].summary is None
+    assert not streams_of(traffic)['odom', '/a'].is_static
+    traffic.observe([sent('/a', now + 20 * MS, ('map', 'odom'))], False)
+    assert streams_of(traffic)['odom', '/a'].summary.maximum_delay == pytest.approx(0, abs=2e-3)
+
+
+def test_what_is_no_message_is_left_to_the_listener():
+    """And an empty one does no harm."""
+    traffic = Traffic(time.time_ns)
+    bad = Sent(b'\0\1\0\0\7')
+    traffic.observe([bad, sent('/a', 1), sent('/a', time.time_ns(), ('map', 'odom'))], False)
+    assert ('odom', '/a') in streams_of(traffic)
+
+
+def test_lines():
+    """A table, whose columns fit the longest name; what is odd can be seen."""
+    moving = Summary(50.04, 0.00123449, 0.25)
+    assert lines_of([
+        Stream('base_link', '/arm', True, None, 0.0),
+        Stream('joint\n1', '/arm', False, moving, 0.01),
+        Stream('tool', '/arm', False, moving, 0.01), Stream('tool', '/b', False, moving, 0.01),
+        Stream('tool', '/gone', False, None, 71.26),
+        Stream('', '/arm', False, Summary(None, -0.5, 0.25), 0.01)]) == [
+        'Frames:           rate   average delay     max delay  published by',
+        '  base_link     static                                /arm',
+        '  joint\\n1     50.0 Hz      0.001234 s    0.250000 s  /arm',
+        '  tool         50.0 Hz      0.001234 s    0.250000 s  /arm',
+        '  tool         50.0 Hz      0.001234 s    0.250000 s  /b',
+        '  tool                         last heard 71.3 s ago  /gone',
+        '',
+        'All Broadcasters:       rate   average delay     max delay  node',
+        '                        ? Hz     -0.500000 s    0.250000 s  /arm',
+        'Warning: tool is published by /arm and /b; a frame should have one publisher']
+
+
+@pytest.mark.parametrize('arguments', [('map',), ('map', ''), ('/', 'odom')])
+def test_wrong_use(failed, arguments):
+    """Is exit code 2, and one line."""
+    assert failed(main, *arguments) == (2, 'tf2_monitor: give two frames, or none for all\n')
+
+
+def test_the_arm(start):
+    """Every frame and node, its rate; between two frames only what is on the way."""
+    start(*ARM)
+    every = start(*tool('tf2_monitor'))
+    way = start(*tool('tf2_monitor', 'map', '/joint_2'))
+    every.line_with('RESULTS: for all frames, over the last 10 s')
+    for process in every, way:
+        while not re.search(r'  joint_2  +\d+\.\d Hz', process.output):
+            assert process.line(), process.output
+        process.line_with('All Broadcasters:')
+        process.line_with('RESULTS')
+        assert re.search(r'  base_link  +static  +/dummy_arm\n', process.output)
+        rates = [float(rate) for rate in re.findall(
+            r'  joint_2  +(\d+\.\d) Hz +0\.\d{6} s +0\.\d{6} s  /dummy_arm\n', process.output)]
+        assert rates[-1] == pytest.approx(50.0, rel=0.2)
+        assert re.search(r'\n +\d+\.\d Hz +0\.\d{6} s +0\.\d{6} s  /dummy_arm\n', process.output)
+    assert '  end_effector ' in every.output
+    assert '  end_effector ' not in way.output.partition('Chain is')[2]
+    assert 'Chain is: map -> base_link -> joint_1 -> joint_2\n' in way.output
+    assert re.search(r'Net delay     avg = 0\.\d{6} s: max = 0\.\d{6} s\n', way.output)
+    for process in every, way:
+        process.end(signal.SIGINT)
+        assert process.exit_code() == 0
+        assert 'Traceback' not in process.output
+
+
+def test_late_transforms(start, ros):
+    """A node in a namespace that sends a quarter of a second late; the chain is as late."""
+    node = Node('late', namespace='/robot', context=ros.context)
+    ros.executor.add_node(node)
+    broadcaster = TransformBroadcaster(node)
+
+    def send():
+        stamp = node.get_clock().now().nanoseconds - S // 4
+        broadcaster.sendTransform(message_of((*divmod(stamp, S), 'map', 'odom', *STILL)))
+
+    node.create_timer(0.05, send)
+    process = start(*tool('tf2_monitor', 'map', 'odom'))
+    ros.until(lambda: re.search(
+        r'  odom  +\d+\.\d Hz +0\.2[5-9]\d{4} s +0\.\d{6} s  /robot/late\n', process.output))
+    ros.until(lambda: re.search(r'Net delay     avg = 0\.[23]\d{5} s: max = 0\.[2-9]\d{5} s\n',
+                                process.output))
+    node.destroy_node()
+
+
+def test_it_does_not_die_of_what_is_missing(start, ros):
+    """It says what, and goes on; a static chain has no delay."""
+    process = start(*tool('tf2_monitor', 'map', 'robot'))
+    ros.until(lambda: 'nothing yet. Publishers on /tf and /tf_static here: ' in process.output)
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    broadcaster.sendTransform(message_of((0, 0, 'map', 'robo', *STILL)))
+    ros.until(lambda: (
+        'Waiting for transform map ->  robot: Invalid frame ID "robot" passed to canTransform '
+        "argument source_frame - frame does not exist. Frames here: 'robo', 'map'.\n"
+        in process.output))
+    for parent, told in (('map', 'Chain is: map -> robot\nNet delay     none: nothing moves\n'),
+                         ('moon', 'not part of the same tree'), ('map', 'Chain is: ')):
+        before = len(process.output)
+        broadcaster.sendTransform(message_of((0, 0, parent, 'robot', *STILL)))
+        ros.until(lambda told=told, before=before: told in process.output[before:])
+    assert 'Traceback' not in process.output
+
+
+def test_two_nodes_that_send_one_frame(start, ros):
+    """Are told of."""
+    other = Node('other', context=ros.context)
+    for node in ros.node, other:
+        StaticTransformBroadcaster(node).sendTransform(message_of((0, 0, 'map', 'odom', *STILL)))
+    process = start(*tool('tf2_monitor'))
+    ros.until(lambda: 'Warning: odom is published by /other and /test; a frame should have one '
+              'publisher\n' in process.output)
+    other.destroy_node()
+
+
+def test_in_place_on_a_terminal(ros):
+    """Cut off where the terminal ends, at 80 columns and 24 lines."""
+    StaticTransformBroadcaster(ros.node).sendTransform(
+        [message_of((0, 0, 'map', f'frame_{i:02}_{"long" * 20}', *STILL)) for i in range(30)])
+    written = in_a_terminal(
+        ros.context.get_domain_id(), 'tf2_monitor',
+        until=lambda written: written.count('frame_05') > 1)
+    first, second = [screen.splitlines() for screen in written.split('\x1b[H\x1b[2J')
+                     if 'frame_05' in screen][:2]
+    for lines in first, second:
+        assert len(lines) <= 23
+        assert max(map(len, lines)) <= 80
+    assert first[0] == 'RESULTS: for all frames, over the last 10 s'
