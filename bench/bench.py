@@ -13,6 +13,7 @@ import sys
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', '97')
 
+import bags
 from geometry_msgs.msg import TransformStamped
 import listening
 import lookups
@@ -42,6 +43,8 @@ def main() -> None:
     table(listening.into_the_buffer(u))
     table(listening.memory())
     table(listening.over_dds())
+    table(bags.rows(u))
+    table(bags.memory())
     table(sending.rows(rclpy.create_node('bench'), u))
     table(sending.ticking(rclpy.create_node('listener')))
     rclpy.shutdown()

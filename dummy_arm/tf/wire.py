@@ -184,10 +184,12 @@ class Packet:
 
 
 def key(data: bytes) -> bytes:
-    """Tell what a little-endian message is found again by: its first two names."""
-    end = _FIRST_NAME + 4 + int.from_bytes(data[_FIRST_NAME:_FIRST_NAME + 4], 'little')
-    end += -end & 3
-    return data[_FIRST_NAME:end + 4 + int.from_bytes(data[end:end + 4], 'little')]
+    """Tell what a little-endian message is found again by: its first two names, if not long."""
+    try:
+        end = _FIRST_NAME + 7 + data[_FIRST_NAME] & ~3
+        return data[_FIRST_NAME:end + 4 + data[end]]
+    except IndexError:
+        return b''
 
 
 class Layout:

@@ -59,9 +59,12 @@ def _name(data: bytes, position: int) -> tuple[str, int]:
 
 
 def key(data: bytes) -> bytes:
-    """Tell what a message is found again by: its first two names."""
-    end = _FIRST_NAME + 4 + int.from_bytes(data[_FIRST_NAME:_FIRST_NAME + 4], 'little')
-    return data[_FIRST_NAME:end + 4 + int.from_bytes(data[end:end + 4], 'little')]
+    """Tell what a message is found again by: its first two names, if they are not long."""
+    try:
+        end = _FIRST_NAME + 4 + data[_FIRST_NAME]
+        return data[_FIRST_NAME:end + 4 + data[end]]
+    except IndexError:
+        return b''
 
 
 class Layout(wire.Layout):

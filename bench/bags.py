@@ -1,0 +1,140 @@
+"""
+What it costs to read TF out of a bag.
+
+    bags.py BAG SECONDS    read it, of which SECONDS are kept, '' for all; print the peak of the
+                           memory (MiB)
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+from resource import getrusage, RUSAGE_SELF
+import subprocess
+import sys
+from tempfile import TemporaryDirectory
+from timeit import timeit
+from typing import Any
+
+from measure import Row
+import numpy as np
+from rosbags.highlevel import AnyReader
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+
+from dummy_arm.tf import bag, BufferCore, wire, wire_ros1
+from dummy_arm.tf.message_reader import MessageReader
+
+TF = 'tf2_msgs/msg/TFMessage'
+MS = 1_000_000
+BEGIN = 10**18
+TRANSFORMS = 20_000
+RUNS = 5
+FOR_EVER = 2**62  # ns
+#: A connection of rosbags, the time (ns) and the bytes.
+Record = tuple[Any, int, bytes]
+NAMES = {'mcap': 'rosbag2 in mcap', 'db3': 'rosbag2 in sqlite3', 'bag': 'ROS 1'}
+
+
+def packets(frames: int, count: int) -> Iterator[tuple[int, bytes]]:
+    """Make messages of a chain of frames at 100 Hz."""
+    packet = wire.Packet([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
+    for number in range(count):
+        half = 0.4 * np.sin(number / 100 + np.arange(frames))
+        zero = np.zeros(frames)
+        stamp = BEGIN + number * 10 * MS
+        yield stamp, packet.pack(stamp, np.stack(
+            [zero + 0.1, zero, zero, zero, zero, np.sin(half), np.cos(half)], axis=1))
+
+
+def write(path: Path, kind: str, frames: int, count: int) -> None:
+    """Write a bag of a kind: mcap or db3 of ROS 2, or bag of ROS 1."""
+    types = get_typestore(Stores.ROS2_JAZZY)
+    if kind == 'bag':
+        ros1 = get_typestore(Stores.ROS1_NOETIC)
+        ros1.register(get_types_from_msg('geometry_msgs/TransformStamped[] transforms', TF))
+        with Writer1(path) as writer:
+            connection = writer.add_connection('/tf', TF, typestore=ros1)
+            for stamp, data in packets(frames, count):
+                writer.write(connection, stamp, bytes(types.cdr_to_ros1(data, TF)))
+        return
+    plugin = StoragePlugin.MCAP if kind == 'mcap' else StoragePlugin.SQLITE3
+    with Writer2(path, version=9, storage_plugin=plugin) as writer:
+        connection = writer.add_connection('/tf', TF, typestore=types)
+        for stamp, data in packets(frames, count):
+            writer.write(connection, stamp, data)
+
+
+def insert_deserialized(reader: AnyReader, records: Iterable[Record]) -> None:
+    """Have rosbags make objects of the messages, and insert their transforms one by one."""
+    buffer = BufferCore(FOR_EVER)
+    for connection, _, data in records:
+        message: Any = reader.deserialize(data, connection.msgtype)
+        for t in message.transforms:
+            stamp, p, q = t.header.stamp, t.transform.translation, t.transform.rotation
+            buffer.insert(stamp.sec * 10**9 + stamp.nanosec, t.header.frame_id, t.child_frame_id,
+                          (p.x, p.y, p.z, q.x, q.y, q.z, q.w))
+
+
+def insert_objects(path: Path) -> None:
+    """Read a bag so."""
+    with AnyReader([path]) as reader:
+        insert_deserialized(reader, reader.messages())
+
+
+def insert_records(records: Iterable[Record], kind: str) -> None:
+    """Insert messages as bytes."""
+    reader = MessageReader(print, wire_ros1 if kind == 'bag' else wire)
+    BufferCore(FOR_EVER).insert_messages((data for _, _, data in records), reader)
+
+
+def least(work: Callable[[], object]) -> float:
+    """Measure the least time of some runs (s)."""
+    return min(timeit(work, number=1) for _ in range(RUNS))
+
+
+def rows(u: float) -> Iterator[Row]:
+    """Measure both; of what rosbags gives of the file, and of records that are at hand."""
+    for kind in 'mcap', 'db3', 'bag':
+        for frames in 1, 4, 20:
+            with TemporaryDirectory() as directory:
+                path = Path(directory, f'bench.{kind}')
+                write(path, kind, frames, TRANSFORMS // frames)
+                whole = least(lambda: insert_objects(path))  # noqa: B023
+                ours = least(lambda: bag.read(path))  # noqa: B023
+                with AnyReader([path]) as reader:
+                    records = [*reader.messages()]
+                    deserialized = least(
+                        lambda: insert_deserialized(reader, records))  # noqa: B023
+                decoded = least(lambda: insert_records(records, kind))  # noqa: B023
+            yield (f'{NAMES[kind]}, {frames} frame{"s"[:frames - 1]} a message',
+                   f'{ours / u / TRANSFORMS:.3f} u a transform',
+                   f'{whole / ours:.1f} times as fast as rosbags; without the reading of records, '
+                   f'which both do, {deserialized / decoded:.1f} times')
+
+
+def memory() -> Iterator[Row]:
+    """Measure the peak of the memory of a process that reads a bag, of which it keeps a part."""
+    with TemporaryDirectory() as directory:
+        peaks = []
+        for seconds in 30, 300:
+            path = Path(directory, f'{seconds}.mcap')
+            write(path, 'mcap', 100, seconds * 100)
+            peaks += [peak(path, '10'), peak(path, '')]
+    kept = (peaks[3] - peaks[1]) * 2**20 / (100 * 100 * (300 - 30))
+    yield ('peak of the memory, 30 s of 100 frames at 100 Hz, of which 10 s are kept',
+           f'{peaks[0]:.1f} MiB', f'{peaks[2]:.1f} MiB of 300 s')
+    yield ('the same, all kept', f'{peaks[1]:.1f} MiB',
+           f'{peaks[3]:.1f} MiB of 300 s: {kept:.0f} bytes a transform')
+
+
+def peak(path: Path, seconds: str) -> float:
+    """Read a bag in another process, of which some seconds are kept; give its peak (MiB)."""
+    done = subprocess.run([sys.executable, __file__, str(path), seconds], text=True, check=True,
+                          stdout=subprocess.PIPE)
+    return float(done.stdout)
+
+
+if __name__ == '__main__':
+    bag.read(sys.argv[1], cache_time=int(sys.argv[2]) * 10**9 if sys.argv[2] else None)
+    print(getrusage(RUSAGE_SELF).ru_maxrss / 1024)
