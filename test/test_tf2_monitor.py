@@ -30,7 +30,7 @@ def sent(gid, received, *edges, stamp=None, sent=None):
 def streams_of(traffic):
     """Give the streams by frame and sender; a gid stands for its name."""
     return {(stream.frame, stream.sender): stream for stream in traffic.streams(
-        lambda gids: {gid: gid.rstrip('*') for gid in gids})}
+        lambda gids: {gid: gid.rstrip('*') for gid in gids}, ['/robot', '/other', '/a'])}
 
 
 def test_delays_over_the_window():
@@ -121,17 +121,22 @@ def test_lines():
     """A table, whose columns fit the longest name; what is odd can be seen."""
     moving = Summary(50.04, 0.00123449, 0.25)
     assert lines_of([
-        Stream('base_link', '/arm', True, None, 0.0),
-        Stream('joint\n1', '/arm', False, moving, 0.01),
-        Stream('tool', '/arm', False, moving, 0.01), Stream('tool', '/b', False, moving, 0.01),
-        Stream('tool', '/gone', False, None, 71.26),
-        Stream('', '/arm', False, Summary(None, -0.5, 0.25), 0.01)]) == [
+        Stream('base_link', '/arm', True, True, None, 0.0),
+        Stream('base_link', '/before', True, False, None, 0.0),
+        Stream('joint\n1', '/arm', False, True, moving, 0.01),
+        Stream('joint\n1', '/before', False, False, moving, 0.01),
+        Stream('tool', '/arm', False, True, moving, 0.01),
+        Stream('tool', '/b', False, True, moving, 0.01),
+        Stream('tool', '/silent', False, True, None, 71.26),
+        Stream('', '/arm', False, True, Summary(None, -0.5, 0.25), 0.01)]) == [
         'Frames:           rate   average delay     max delay  published by',
         '  base_link     static                                /arm',
+        '  base_link     static                                /before (gone)',
         '  joint\\n1     50.0 Hz      0.001234 s    0.250000 s  /arm',
+        '  joint\\n1     50.0 Hz      0.001234 s    0.250000 s  /before (gone)',
         '  tool         50.0 Hz      0.001234 s    0.250000 s  /arm',
         '  tool         50.0 Hz      0.001234 s    0.250000 s  /b',
-        '  tool                         last heard 71.3 s ago  /gone',
+        '  tool                         last heard 71.3 s ago  /silent',
         '',
         'All Broadcasters:       rate   average delay     max delay  node',
         '                        ? Hz     -0.500000 s    0.250000 s  /arm',
@@ -216,6 +221,8 @@ def test_two_nodes_that_send_one_frame(start, ros):
     ros.until(lambda: 'Warning: odom is published by /other and /test; a frame should have one '
               'publisher\n' in process.output)
     other.destroy_node()
+    ros.until(lambda: re.search(r'  odom +static +/other \(gone\)\n', process.output))
+    assert 'Warning' not in process.output.rpartition('(gone)')[2]
 
 
 def test_in_place_on_a_terminal(ros):

@@ -60,13 +60,14 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
             heed()
     log = logging.getLogger('dummy_arm.tf')
     if not count:
-        raise BagError(f'nothing of TF can be read of {content.damage}' if content.damage else
-                       f'{path} has no TF: {content.why_none()}')
+        raise BagError(
+            f'nothing of TF can be read of {" ".join(content.damage)}' if content.damage else
+            f'{path} has no TF: {content.why_none()}')
     for fault, times in faults.items():
         log.warning('%s: left out %d of %d messages of TF, which cannot be decoded: %s',
                     path, times, count, fault)
-    if content.damage:
-        log.warning('%s The %d messages of TF before that were read', content.damage, count)
+    for damage in content.damage:
+        log.warning('%s What could be read are %d messages of TF', damage, count)
     if not buffer.frames():
         raise BagError(f'{path} has no TF that can be used, in {count} messages')
     return buffer

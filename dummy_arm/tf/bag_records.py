@@ -45,8 +45,8 @@ class Content:
         self._types: dict[str, str] = {}
         #: How many messages of TF there are, where that can be told beforehand.
         self.total: Optional[int] = None
-        #: What is wrong with the bag, if anything is.
-        self.damage = ''
+        #: What is wrong with its files.
+        self.damage: list[str] = []
 
     def stream(self, topic: str, msgtype: str, sender: str, form: Form) -> Optional[Stream]:
         """Tell what the messages of a topic are; None: not TF of this namespace."""
@@ -164,4 +164,5 @@ def zstd() -> Any:
 
 def described(error: Exception) -> str:
     """Write an error in one line."""
-    return f'{" ".join(str(error).split()) or type(error).__name__}.'.replace('..', '.')
+    text = ' '.join(str(error).split()) or type(error).__name__
+    return f'{text.rstrip(".")}.'

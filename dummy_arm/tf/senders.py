@@ -144,6 +144,8 @@ class SenderListener(TransformListener):
         """
         self.feed_class = partial(SentFeed, observe=observe)
         self._names: dict[str, str] = {}
+        #: The gids of the publishers that there are.
+        self.present: frozenset[str] = frozenset()
         self._next_look = 0.0
         super().__init__(*arguments, **how)
 
@@ -169,8 +171,11 @@ class SenderListener(TransformListener):
 
     def _look(self) -> None:
         """Learn the names of the publishers that there are; those of others stay known."""
+        present = set()
         for topic in {self.tf_sub.topic_name, self.tf_static_sub.topic_name}:
             for info in self.node.get_publishers_info_by_topic(topic):
+                gid = bytes(info.endpoint_gid[:_GID_SIZE]).hex()
+                present.add(gid)
                 if info.node_name != _UNKNOWN_NODE:
-                    gid = bytes(info.endpoint_gid[:_GID_SIZE]).hex()
                     self._names[gid] = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+        self.present = frozenset(present)

@@ -40,7 +40,7 @@ def records(path: Path, content: Content) -> _Records:
                 for stream, data in _READERS[kind_of(whole)](whole, content):
                     yield stream, decompressed(data)
             except Exception as error:  # of three libraries, and of many types
-                content.damage = f'{file}: {described(error)}'
+                content.damage.append(f'{file}: {described(error)}')
 
 
 def _decompressed(file: Path, directory: str) -> Path:

@@ -4,7 +4,7 @@ from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from decimal import Decimal, InvalidOperation
 from math import degrees
-import time as clock
+from time import monotonic
 from typing import Optional
 
 from dummy_arm.command import CommandError, number, Parser, run, UsageError
@@ -99,13 +99,13 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
     from dummy_arm.tools.frame_listener import FrameListener
     with spun_node('tf2_echo', ros_args) as node:
         listening = FrameListener(node)
-        next_word = 0.0
         while why := listening.why_not(source_frame, target_frame, time):
-            if clock.monotonic() >= next_word:
-                next_word = clock.monotonic() + _BETWEEN_WORDS
-                node.get_logger().info(
-                    f'Waiting for transform {source_frame} ->  {target_frame}: {why}')
-            sleep(_BETWEEN_LOOKS)
+            node.get_logger().info(
+                f'Waiting for transform {source_frame} ->  {target_frame}: {why}')
+            next_word = monotonic() + _BETWEEN_WORDS
+            while monotonic() < next_word and not listening.buffer.can_transform(
+                    source_frame, target_frame, Time(nanoseconds=time)):
+                sleep(_BETWEEN_LOOKS)
         while True:
             try:
                 row = row_of(listening.buffer.lookup_transform(

@@ -70,7 +70,7 @@ def lines_of(streams: Sequence[Stream]) -> list[str]:
     nodes = [stream for stream in streams if not stream.frame]
     senders: dict[str, list[str]] = {}
     for stream in frames:
-        if stream.is_static or stream.summary is not None:
+        if stream.is_present and (stream.is_static or stream.summary is not None):
             senders.setdefault(stream.frame, []).append(stream.sender)
     return [
         *_table('Frames:', 'published by', frames), '',
@@ -85,7 +85,7 @@ def _table(title: str, of_senders: str, streams: Sequence[Stream]) -> Iterator[s
     yield f'{title:<{columns}}{"rate":>11}{"average delay":>16}{"max delay":>14}  {of_senders}'
     for stream in streams:
         yield (f'{padded(f"  {visible(stream.frame)}", columns)}{_told(stream)}  '
-               f'{visible(stream.sender)}')
+               f'{visible(stream.sender)}{"" if stream.is_present else " (gone)"}')
 
 
 def _told(stream: Stream) -> str:
@@ -126,7 +126,7 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
 
 
 def _results(listening: FrameListener, traffic: Traffic, chain: Optional[Chain]) -> list[str]:
-    streams = traffic.streams(listening.listener.names_of)
+    streams = traffic.streams(listening.listener.names_of, listening.listener.present)
     if not streams:
         return wrapped(f'nothing yet. {listening.why_none()}')
     over = f', over the last {WINDOW} s'

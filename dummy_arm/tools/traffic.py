@@ -99,6 +99,7 @@ class Stream(NamedTuple):
     frame: str  #: '' where it is of all
     sender: str  #: the name of the node
     is_static: bool  #: nothing of it moves
+    is_present: bool  #: the node is there still
     summary: Optional[Summary]  #: None: nothing that moves came in within the window
     silence: float  #: how long nothing that moves has come in (s)
 
@@ -155,24 +156,28 @@ class Traffic:
                 self._delays[frame, gid] = known
         return known
 
-    def streams(self, names_of: Callable[[Iterable[str]], dict[str, str]]) -> list[Stream]:
+    def streams(self, names_of: Callable[[Iterable[str]], dict[str, str]],
+                present: Collection[str]) -> list[Stream]:
         """
         Sum up what came in.
 
         :param names_of: tells the names of nodes by the gids of their publishers.
+        :param present: the gids of the publishers that there are still.
         :returns: of each frame and node, in the order of their names; then of each node.
         """
         with self._lock:
             gids = {gid for _, gid in self._delays}
         names, now = names_of(gids), self._now()
-        together: dict[tuple[str, str], list[Delays]] = {}
+        together: dict[tuple[str, str], list[str]] = {}
         with self._lock:
-            for (frame, gid), delays in self._delays.items():
-                together.setdefault((frame, names.get(gid, '')), []).append(delays)
-            return [_stream_of(*key, together[key], now) for key in sorted(
+            for frame, gid in self._delays:
+                together.setdefault((frame, names.get(gid, '')), []).append(gid)
+            return [self._stream_of(*key, together[key], present, now) for key in sorted(
                 together, key=lambda key: (not key[0], key))]
 
-
-def _stream_of(frame: str, sender: str, delays: list[Delays], now: int) -> Stream:
-    last = max(each.last for each in delays)
-    return Stream(frame, sender, not last, summed_up(delays, now), in_seconds(now - last))
+    def _stream_of(self, frame: str, sender: str, gids: list[str], present: Collection[str],
+                   now: int) -> Stream:
+        delays = [self._delays[frame, gid] for gid in gids]
+        last = max(each.last for each in delays)
+        return Stream(frame, sender, not last, any(gid in present for gid in gids),
+                      summed_up(delays, now), in_seconds(now - last))
