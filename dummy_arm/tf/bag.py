@@ -8,9 +8,8 @@ from pathlib import Path
 import sys
 from typing import Any, Optional, Union
 
-from dummy_arm.interruption import heed
-from dummy_arm.tf import bag_records, torn_bag
-from dummy_arm.tf.bag_records import BagError, Content, Stream
+from dummy_arm.tf.bag_content import BagError, Content, Stream
+from dummy_arm.tf.bag_records import records
 from dummy_arm.tf.buffer_core import BufferCore
 from dummy_arm.tf.message_reader import Form, MessageReader
 from dummy_arm.tf.wire import MalformedMessage
@@ -38,7 +37,6 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     """
     path = Path(path)
     buffer = BufferCore(_FOR_EVER if cache_time is None else cache_time)
-    content = Content(namespace)
     faults: Counter[str] = Counter()
 
     def on_malformed(error: MalformedMessage) -> None:
@@ -46,42 +44,45 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
 
     readers: dict[tuple[bool, Form], MessageReader] = {}
     count = 0
-    records = (torn_bag if partial else bag_records).records(path, content)
     with _progress(path) as bar:
-        for gathered in _gathered(records):
-            bar.total = content.total
+        content = Content(namespace, partial, bar)
+        for gathered in _gathered(records(path, content), cache_time is not None):
             for stream, messages in gathered.items():
                 key = stream.is_static, stream.form
                 reader = readers.setdefault(key, MessageReader(on_malformed, stream.form))
                 buffer.insert_messages(messages, reader, stream.sender, stream.is_static)
                 count += len(messages)
             buffer.on_new_data()
-            bar.update(count - bar.n)
-            heed()
-    log = logging.getLogger('dummy_arm.tf')
     if not count:
         raise BagError(
             f'nothing of TF can be read of {" ".join(content.damage)}' if content.damage else
             f'{path} has no TF: {content.why_none()}')
+    log = logging.getLogger('dummy_arm.tf')
     for fault, times in faults.items():
         log.warning('%s: left out %d of %d messages of TF, which cannot be decoded: %s',
                     path, times, count, fault)
-    for damage in content.damage:
-        log.warning('%s What could be read are %d messages of TF', damage, count)
+    if content.damage:
+        log.warning('%s What could be read are %d messages of TF',
+                    ' '.join(content.damage), count)
     if not buffer.frames():
         raise BagError(f'{path} has no TF that can be used, in {count} messages')
     return buffer
 
 
-def _gathered(records: Iterable[tuple[Stream, bytes]]) -> Iterator[dict[Stream, list[bytes]]]:
-    """Gather messages by their streams, some at a time; the order of static ones is kept."""
+def _gathered(records: Iterable[tuple[Stream, bytes]], in_order: bool
+              ) -> Iterator[dict[Stream, list[bytes]]]:
+    """
+    Gather messages by their streams, some at a time; the order of static ones is kept.
+
+    :param in_order: that of the others, too.
+    """
     gathered: defaultdict[Stream, list[bytes]] = defaultdict(list)
     messages: list[bytes] = []
     last: Optional[Stream] = None
     size = 0
     for stream, data in records:
-        if size > _MOST_BYTES or (stream is not last and last and (
-                last.is_static or stream.is_static)):
+        if size > _MOST_BYTES or (last and stream is not last and (
+                in_order or last.is_static or stream.is_static)):
             yield gathered
             gathered, last, size = defaultdict(list), None, 0
         if stream is not last:
@@ -96,5 +97,6 @@ def _progress(path: Path) -> Any:
         from tqdm import tqdm
     except ImportError as error:
         raise BagError(f'tqdm cannot be imported ({error}): pip install tqdm') from None
-    return tqdm(desc=f'reading {path.name}', unit=' messages', leave=False,
+    return tqdm(desc=f'reading {path.name}', total=1.0, leave=False,
+                bar_format='{desc} {bar} {percentage:.0f} %',
                 disable=not (sys.stderr and sys.stderr.isatty()))

@@ -1,46 +1,44 @@
-"""The messages of TF in a bag that was cut off or is damaged, up to there, without its index."""
+"""The messages of TF in a bag of rosbag2 that was cut off or is damaged: without its index."""
 
 from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
-from io import BytesIO, SEEK_CUR
+import logging
 import os
 from pathlib import Path
 import shutil
 import sqlite3
 from tempfile import TemporaryDirectory
-from typing import Any, BinaryIO, Optional
+from typing import Any, Optional
 
-from dummy_arm.tf import wire, wire_ros1
-from dummy_arm.tf.bag_records import (
-    Content,
-    decompressed,
-    described,
-    kind_of,
-    NOT_RECORDED,
-    storage_files,
-    Stream,
-    zstd,
-)
+from dummy_arm.interruption import has_come, heed
+from dummy_arm.tf import wire
+from dummy_arm.tf.bag_content import Content, NOT_RECORDED, Stream
+from dummy_arm.tf.bag_files import decompressed, kind_of, storage_files, zstd
 
 _Records = Iterator[tuple[Stream, bytes]]
 
 
 def records(path: Path, content: Content) -> _Records:
     """
-    Read the messages of TF, in the order in which they lie in the file.
+    Read the messages of TF, in the order in which they lie in the files.
 
-    :param content: learns what there is and, where a file ends too early, what is wrong.
+    :param content: learns what there is, and what is wrong.
     :raises BagError: when it is no bag.
-    :raises OSError: when it is not there, or not readable.
     """
-    for file in storage_files(path) if kind_of(path) == 'dir' else [path]:
+    files = storage_files(path) if kind_of(path) == 'dir' else [path]
+    if path not in files and not (path / 'metadata.yaml').exists():
+        logging.getLogger('dummy_arm.tf').warning(
+            '%s has no metadata.yaml; what is read of it: %s', path,
+            ', '.join(file.name for file in files))
+    for number, file in enumerate(files):
+        content.advance(number / len(files))
         with TemporaryDirectory() as directory:
             try:
                 whole = _decompressed(file, directory) if file.suffix == '.zstd' else file
                 for stream, data in _READERS[kind_of(whole)](whole, content):
                     yield stream, decompressed(data)
             except Exception as error:  # of three libraries, and of many types
-                content.damage.append(f'{file}: {described(error)}')
+                content.meet(file, error)
 
 
 def _decompressed(file: Path, directory: str) -> Path:
@@ -80,9 +78,15 @@ def _records_of_mcap(path: Path, content: Content) -> _Records:
                 if stream and file.count == begin + length:
                     yield stream, message.data
             elif kind == Opcode.CHUNK:
+                heed()
                 chunk = Chunk.read(file)
-                yield from walk(*get_chunk_data_stream(
-                    chunk, validate_crc=file.count == begin + length))
+                is_whole = file.count == begin + length
+                try:
+                    yield from walk(*get_chunk_data_stream(chunk, validate_crc=is_whole))
+                except Exception as error:
+                    if not is_whole:
+                        raise
+                    content.meet(path, error)
             else:
                 file.read(length)
             if file.count < begin + length:
@@ -99,6 +103,7 @@ def _records_of_mcap(path: Path, content: Content) -> _Records:
 def _records_of_sqlite(path: Path, content: Content) -> _Records:
     with TemporaryDirectory() as directory, closing(sqlite3.connect(
             f'{_whole_pages(path, directory).absolute().as_uri()}?mode=ro', uri=True)) as database:
+        database.set_progress_handler(has_come, 100_000)  # which ends what it does then
         database.execute('PRAGMA writable_schema = on')  # which lets it read a truncated file
         streams = {key: content.stream(topic, msgtype, NOT_RECORDED, wire) for key, topic, msgtype
                    in database.execute('SELECT id, name, type FROM topics')}
@@ -120,42 +125,11 @@ def _whole_pages(path: Path, directory: str) -> Path:
     whole = Path(directory, path.name)
     shutil.copyfile(path, whole)
     os.truncate(whole, size - size % page_size)
+    log = path.with_name(f'{path.name}-wal')
+    if log.exists():
+        shutil.copyfile(log, whole.with_name(log.name))
     return whole
 
 
-def _records_of_ros1(path: Path, content: Content) -> _Records:
-    from rosbags.rosbag1.reader import Header, read_bytes, read_uint32, RecordType
-    with path.open('rb') as file:
-        file.readline()
-        index = Header.read(file, RecordType.BAGHEADER).get_uint64('index_pos')
-        read_bytes(file, read_uint32(file))
-        yield from _walk(file, content, {})
-        if not 0 < index <= file.tell():
-            raise EOFError('there is no index, so that it may have been cut off')
-
-
-def _walk(file: BinaryIO, content: Content, streams: dict[int, Optional[Stream]]) -> _Records:
-    """Read the records of a bag of ROS 1, or of one of its chunks."""
-    from rosbags.rosbag1.reader import decompressors, Header, read_uint32, RecordType
-    from rosbags.typesys.msg import normalize_msgtype
-    while file.read(1):
-        file.seek(-1, SEEK_CUR)
-        header = Header.read(file)
-        kind, size = header.get_uint8('op'), read_uint32(file)
-        data = file.read(size)
-        if kind == RecordType.CHUNK:
-            chunk = decompressors[header.get_string('compression')](data)
-            yield from _walk(BytesIO(chunk), content, streams)
-        if len(data) < size:
-            raise EOFError('it ends in the midst of a record')
-        if kind == RecordType.CONNECTION:
-            about = Header.read(BytesIO(size.to_bytes(4, 'little') + data))
-            streams[header.get_uint32('conn')] = content.stream(
-                header.get_string('topic'), normalize_msgtype(about.get_string('type')),
-                about.get('callerid', b'').decode() or NOT_RECORDED, wire_ros1)
-        elif kind == RecordType.MSGDATA and (stream := streams.get(header.get_uint32('conn'))):
-            yield stream, data
-
-
 _READERS: dict[str, Callable[[Path, Content], _Records]] = {
-    '.mcap': _records_of_mcap, '.db3': _records_of_sqlite, '.bag': _records_of_ros1}
+    '.mcap': _records_of_mcap, '.db3': _records_of_sqlite}
