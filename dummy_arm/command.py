@@ -77,8 +77,7 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
     handlers = note_signals()
     try:
         options = parser.parse_args(_without_ros_args(arguments)[1:])
-        if sys.stdout is not None:
-            sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
+        _make_writable()
         return command(ros_args=arguments, **vars(options))
     except KeyboardInterrupt:
         return 0
@@ -97,6 +96,14 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
             signal.signal(number, handler)
 
 
+def _make_writable() -> None:
+    """Have output appear line by line, what cannot be encoded, too; have it somewhere at all."""
+    for name in 'stdout', 'stderr':
+        if getattr(sys, name) is None:  # closed by who started this
+            setattr(sys, name, open(os.devnull, 'w'))  # noqa: SIM115
+        getattr(sys, name).reconfigure(line_buffering=True, errors='backslashreplace')
+
+
 def _close_stdout() -> None:
     """Have what could not be written forgotten, so that it is not tried again at the end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -106,7 +113,7 @@ def _without_ros_args(arguments: list[str]) -> list[str]:
     try:
         from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
     except ImportError:
-        return arguments
+        return _without_ros_args_by_hand(arguments)
     try:
         return list(_rclpy.rclpy_remove_ros_args(arguments))
     except UnicodeEncodeError as error:
@@ -115,6 +122,19 @@ def _without_ros_args(arguments: list[str]) -> list[str]:
         raise UsageError(f'unknown ROS arguments: {error}') from None
     except _rclpy.RCLInvalidROSArgsError as error:
         raise UsageError(ros_words(error)) from None
+
+
+def _without_ros_args_by_hand(arguments: list[str]) -> list[str]:
+    """Leave out what is from each --ros-args to the next --, or to the end."""
+    rest, is_for_ros = [], False
+    for argument in arguments:
+        if argument == '--ros-args':
+            is_for_ros = True
+        elif not is_for_ros:
+            rest.append(argument)
+        elif argument == '--':
+            is_for_ros = False
+    return rest
 
 
 def ros_words(error: Exception) -> str:

@@ -55,7 +55,8 @@ def _run(module: str) -> int:
             raise
         print(f'{module.rpartition(".")[2]}: ROS is needed for this, and {error.name} cannot be '
               "imported: pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces, or "
-              'source the setup file of a ROS installation', file=sys.stderr)
+              'source the setup file of a ROS installation. view_frames and tf2_echo take a bag '
+              'without ROS: --bag FILE', file=sys.stderr)
         return 1
     finally:
         ignore_signals()

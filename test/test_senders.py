@@ -118,12 +118,8 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
     (gid,) = {message.gid for message in taken}
     (info,) = ros.node.get_publishers_info_by_topic('/bytes')
     assert bytes.fromhex(gid) == bytes(info.endpoint_gid)[:16]
-    times = [begin, *(time for message in taken for time in (message.sent, message.received)),
-             time.time_ns()]
-    assert all(sent <= received for sent, received in zip(times[1:-1:2], times[2:-1:2]))
-    assert times[1:-1:2] == sorted(times[1:-1:2])
-    assert begin <= times[1]
-    assert times[-2] <= times[-1]
+    times = [begin, *(message.received for message in taken), time.time_ns()]
+    assert times == sorted(times)
     subscription.destroy()
 
 

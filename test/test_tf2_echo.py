@@ -125,7 +125,7 @@ def test_a_time_exactly(start, ros):
         assert f'At time {time}\n- Translation: [{x}, ' in process.output
     late = start(*tool('tf2_echo', 'map', 'robot', '-t', '1795204943'))
     ros.until(lambda: 'extrapolation into the future' in late.output)
-    assert 'Frames here: ' in late.output
+    assert 'Frames here, the nearest names first: ' in late.output
 
 
 def test_waiting_says_what_is_missing(start, ros):
@@ -138,18 +138,22 @@ def test_waiting_says_what_is_missing(start, ros):
         'frame ID "map" passed to canTransform argument target_frame - frame does not exist',
         first)
     assert 'Check that something publishes' not in first
-    assert 'Publishers on /tf and /tf_static here: 0. Check that something publishes' in third
+    assert 'No transform has been received yet.' in third
+    assert process.output.count(
+        'Publishers on /tf and /tf_static here: 0. Check that something publishes') == 1
     stamps = [float(stamp) for stamp in re.findall(r'\[(\d+\.\d+)\]', process.output)]
     assert stamps[2] - stamps[0] > 1.9
-    StaticTransformBroadcaster(ros.node).sendTransform([
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    broadcaster.sendTransform(message_of((0, 0, 'earth', 'moon', *STILL)))
+    ros.until(lambda: "'base_lnik' does not exist either. Frames here" in process.output)
+    broadcaster.sendTransform([
         message_of((0, 0, 'map', name, *STILL)) for name in ('odom', 'base_link', 'base')])
-    ros.until(lambda: "Frames here: 'base_link', 'base', " in process.output)
+    ros.until(lambda: "here, the nearest names first: 'base_link', 'base', " in process.output)
     assert 'Invalid frame ID "base_lnik" passed to canTransform argument source_frame - ' in (
         process.output)
     assert "'map'" in process.output
     assert 'Known frames' not in process.output
-    StaticTransformBroadcaster(ros.node).sendTransform(
-        message_of((0, 0, 'map', 'base_lnik', *STILL)))
+    broadcaster.sendTransform(message_of((0, 0, 'map', 'base_lnik', *STILL)))
     ros.until(lambda: 'At time 0.000000000\n' in process.output)
 
 
@@ -182,11 +186,14 @@ def test_a_failure_is_told_and_it_goes_on(start, ros):
     (('map', 'odom', '1', '-r', '1'), 'the rate is given twice'),
     (('map', 'odom', '-p', '18'), 'the precision must be from 0 to 17 digits, got 18'),
     (('map', 'odom', '-p', '-1'), 'the precision must be from 0 to 17 digits, got -1'),
-    (('map', 'odom', '-p', 'x'), 'x'),
-    (('map', 'odom', '-t', '-1'), "'-1' is no time from 0 s on"),
-    (('map', 'odom', '-t', 'now'), "'now' is no time from 0 s on"),
-    (('map', 'odom', '-t', 'nan'), "'nan' is no time from 0 s on"),
-    (('map', 'odom', '-t', '1e99'), "'1e99' is no time from 0 s on"),
+    (('map', 'odom', '-p', 'x'), "'x' is no number"),
+    (('map', 'odom', '-p', '0.5'), "'0.5' is no whole number"),
+    (('map', 'odom', '-t', '-1'), "'-1' must be a time in s"),
+    (('map', 'odom', '-t', 'now'), "'now' must be a time in s"),
+    (('map', 'odom', '-t', 'nan'), "'nan' must be a time in s"),
+    (('map', 'odom', '-t', '1e99'), "'1e99' must be a time in s"),
+    (('map', 'odom', '-t', '1e999999'), "'1e999999' must be a time in s"),
+    (('map', 'odom', '-t', '1.' + 30 * '0' + '1'), 'with at most 9 digits after the point'),
     (('map', 'odom', '-t', '1.0000000001'), 'with at most 9 digits after the point'),
     (('map', 'odom', '--bag', 'x', '-r', '1'), 'leave out the rate'),
     (('map', 'odom', '--partial'), '--namespace and --partial are about a bag'),
@@ -211,7 +218,8 @@ def test_out_of_a_bag_without_ros(start, bag):
     """The latest, or a time exactly."""
     for time, stamp, x in (((), '110.000000000', 11.0), (('-t', '105.05'), '105.050000000', 6.05)):
         process = start(*tool_without_ros(
-            'tf2_echo', '--bag', bag, 'map', 'base_link', *time))
+            'tf2_echo', '--bag', bag, 'map', 'base_link', *time, '-p', '3e0', '--ros-args',
+            '--log-level', 'info'))
         assert process.exit_code() == 0
         assert process.output.startswith(
             f'At time {stamp}\n- Translation: [{x:.3f}, 2.000, 3.000]\n')

@@ -338,7 +338,8 @@ def test_a_bag_is_drawn_without_ros(start, tmp_path, kind):
     process = start(*tool_without_ros('view_frames', '--bag', bag), cwd=tmp_path)
     assert process.exit_code() == 0
     assert process.output == (
-        'wrote frames.pdf and frames.gv: frames: 3, transforms: 2, root: map\n')
+        'wrote frames.pdf and frames.gv: frames: 3, transforms: 2, root: map\n'
+        'from 100.000000 s to 110.000000 s, 10.000 s; ages count to the end\n')
     text = pypdf.PdfReader(tmp_path / 'frames.pdf').pages[0].extract_text()
     sender = '/sender' if kind == 'bag' else 'not recorded'
     for words in ('map', 'odom', 'base_link', 'static', 'Average rate: 10.000 Hz',
@@ -357,16 +358,17 @@ def test_the_tree_of_a_bag(start, tmp_path):
     assert process.output == (
         'map\n'
         '└── odom              static                 /sender\n'
-        '    ├── cup             ? Hz   11.000 s old  /sender\n'  # it came first
-        '    └── base_link    10.0 Hz    0.000 s old  /sender\n')
+        '    ├── base_link    10.0 Hz    0.000 s old  /sender\n'
+        '    └── cup             ? Hz   11.000 s old  /sender\n'
+        'from 99.000000 s to 110.000000 s, 11.000 s; ages count to the end\n')
     bag.write_bytes(bag.read_bytes()[:-1000])
     process = start(*tool_without_ros('view_frames', '--text', '--bag', str(bag)))
     assert process.exit_code() == 1
     assert process.output.startswith(f'view_frames: {bag} cannot be read: ')
     process = start(*tool_without_ros('view_frames', '--text', '--partial', '--bag', str(bag)))
     assert process.exit_code() == 0
-    assert process.output.startswith(f'{bag}: ')
-    assert process.output.count('\n') == 5
+    assert process.output.startswith(f'{bag}: it ends in the midst of a record. What could be ')
+    assert process.output.count('\n') == 6
 
 
 def test_a_bag_of_a_namespace(capsys, tmp_path):
@@ -377,13 +379,14 @@ def test_a_bag_of_a_namespace(capsys, tmp_path):
     assert view_frames.main(['--text', '--bag', bag, '--namespace', 'robot']) == 0
     assert 'base_link' in capsys.readouterr().out
     assert view_frames.main(['--text', '--bag', bag]) == 1
-    assert 'in the namespace /robot: give it as namespace' in capsys.readouterr().err
+    assert 'in the namespace /robot: give it (--namespace)' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(('arguments', 'code', 'why'), [
     (('--bag', 'x', '--watch'), 2, 'a bag is read, not listened to'),
     (('--bag', 'x', '-t', '5'), 2, 'a bag is read, not listened to'),
     (('--namespace', 'x'), 2, '--ros-args -r /tf:=/NAME/tf'),
+    (('--bag', ''), 2, 'a bag must have a name'),
     (('--bag', 'nowhere'), 1, 'cannot read nowhere: No such file or directory')])
 def test_bags_used_wrongly(failed, monkeypatch, tmp_path, arguments, code, why):
     """One line, that tells what to do."""
@@ -392,3 +395,14 @@ def test_bags_used_wrongly(failed, monkeypatch, tmp_path, arguments, code, why):
     assert got == code
     assert why in error
     assert error.count('\n') == 1
+
+
+def test_a_stdout_that_has_no_lines_to_draw(start, monkeypatch, tmp_path):
+    """As that of a pipe on Windows: something stands for them."""
+    bags = pytest.importorskip('bags')
+    bag = str(bags.make(tmp_path / 'robot', 'mcap', bags.walk()))
+    monkeypatch.setenv('PYTHONIOENCODING', 'cp1252')
+    process = start(*tool_without_ros('view_frames', '--text', '--bag', bag))
+    assert process.exit_code() == 0
+    assert 'base_link' in process.output
+    assert 'Traceback' not in process.output

@@ -29,7 +29,7 @@ class Sent(bytes):
     """The bytes of a message, with what the middleware knows of it."""
 
     gid = ''  #: of its publisher, in hex; '' where that cannot be told
-    sent = received = 0  #: when, on the system's clock (ns)
+    received = 0  #: when it came in, on the system's clock (ns)
 
 
 #: What is called with messages, and whether they are static.
@@ -89,14 +89,12 @@ class Taker:
                     raise _rclpy.RCLError(f'rcl_take_serialized_message returns {code}')
                 messages.append(_sent(
                     ctypes.string_at(written.buffer, written.length), bytes(info.gid).hex(),
-                    info.source_timestamp, info.received_timestamp))
+                    info.received_timestamp))
 
 
-def _sent(data: bytes, gid: str = '', sent: int = 0, received: int = 0) -> Sent:
+def _sent(data: bytes, gid: str = '', received: int = 0) -> Sent:
     message = Sent(data)
-    message.gid = gid
-    message.received = received or time_ns()
-    message.sent = sent or message.received
+    message.gid, message.received = gid, received or time_ns()
     return message
 
 

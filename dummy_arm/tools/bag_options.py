@@ -22,7 +22,7 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
     """
     Read a bag, if one is given.
 
-    :raises UsageError: when none is, but one of its options.
+    :raises UsageError: when none is, but one of its options; or it has no name.
     :raises CommandError: when it cannot be read.
     """
     if bag is None:
@@ -31,6 +31,8 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
                 '--namespace and --partial are about a bag; to listen in a namespace: '
                 '--ros-args -r /tf:=/NAME/tf -r /tf_static:=/NAME/tf_static')
         return None
+    if not bag:
+        raise UsageError('a bag must have a name')
     try:
         return read(bag, namespace=namespace, partial=partial)
     except BagError as error:

@@ -28,7 +28,7 @@ class FrameListener:
         :param seconds: how long transforms are kept.
         :param observe: is called with the messages; as SenderListener has it.
         """
-        self.node, self._begin = node, monotonic()
+        self.node, self._begin, self._has_told = node, monotonic(), False
         self.buffer = Buffer(Duration(seconds=seconds), node)
         self.listener = SenderListener(self.buffer, node, observe=observe)
 
@@ -52,7 +52,9 @@ class FrameListener:
 
     def why_not(self, target: str, source: str, time: int = 0) -> str:
         """
-        Tell why there is no transform, and what frames there are instead, the nearest first.
+        Tell why there is no transform, and what frames there are instead.
+
+        Where there is none, the reasons that there may be for it are told once.
 
         :param time: ns; 0: the latest.
         :returns: '' when there is one.
@@ -62,12 +64,17 @@ class FrameListener:
             return ''
         known = self.buffer._getFrameStrings()
         if not known:
-            is_late = monotonic() > self._begin + _DISCOVERY
-            return f'{why} {self.why_none()}' if is_late else why
+            if self._has_told or monotonic() < self._begin + _DISCOVERY:
+                return why
+            self._has_told = True
+            return f'{why} {self.why_none()}'
         for name in (target, source):  # since all are listed
             why = why.replace(f' {nearest(name, tuple(known))}', '')
-        asked = [name for name in (target, source) if name not in known] or [target, source]
+        missing = [name for name in (target, source) if name not in known]
+        if len(missing) == 2:
+            why = f'{why} {source!r} does not exist either.'
         known.sort(key=lambda name: -max(
-            SequenceMatcher(None, name, other).ratio() for other in asked))
+            SequenceMatcher(None, name, other).ratio() for other in missing or [target, source]))
         more = f' and {len(known) - _SHOWN} more' if len(known) > _SHOWN else ''
-        return f'{why} Frames here: {", ".join(map(repr, known[:_SHOWN]))}{more}.'
+        return (f'{why} Frames here, the nearest names first: '
+                f'{", ".join(map(repr, known[:_SHOWN]))}{more}.')

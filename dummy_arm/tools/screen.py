@@ -10,11 +10,13 @@ _HOME_AND_CLEAR = '\x1b[H\x1b[2J'
 
 
 def show(lines: Sequence[str]) -> None:
-    """Show lines in place of those before, cut where the terminal ends; or print them."""
+    """Show lines in place of those before, as many as a terminal has; or print them."""
     if sys.stdout.isatty():
         columns, height = shutil.get_terminal_size()
-        cut_off = [cut(line, columns) for line in lines[:max(1, height - 1)]]
-        print(_HOME_AND_CLEAR + '\n'.join(cut_off))
+        if len(lines) >= height:
+            rest = len(lines) - height + 2
+            lines = [*lines[:max(0, height - 2)], f'... {rest} more lines, which a pipe shows']
+        print(_HOME_AND_CLEAR + '\n'.join(cut(line, columns) for line in lines))
     else:
         print(*lines, '', sep='\n')
 

@@ -2,7 +2,7 @@
 
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
-from decimal import Decimal, InvalidOperation
+from decimal import Context, Inexact, InvalidOperation
 from math import degrees
 from time import monotonic
 from typing import Optional
@@ -19,6 +19,7 @@ PRECISION = 3
 _MOST_DIGITS = 17
 _BETWEEN_WORDS = 1.0  # s
 _BETWEEN_LOOKS = 0.05  # s
+_EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
 
 
 def text_of(transform: Transform, precision: int = PRECISION) -> str:
@@ -127,13 +128,25 @@ def seconds(text: str) -> int:
     :raises argparse.ArgumentTypeError: when it is none, or finer than that.
     """
     try:
-        time = Decimal(text.replace('_', '?')) * SECOND
-        if time != int(time) or not 0 <= time < 2**63:
+        time = _EXACT.multiply(_EXACT.create_decimal(text.replace('_', '?')), SECOND)
+        if not 0 <= time < 2**63 or time != int(time):
             raise ValueError
-    except (InvalidOperation, OverflowError, ValueError):
-        raise ArgumentTypeError(
-            f'{text!r} is no time from 0 s on with at most 9 digits after the point') from None
+    except (ArithmeticError, ValueError):
+        raise ArgumentTypeError(f'{text!r} must be a time in s, not negative, with at most 9 '
+                                'digits after the point') from None
     return int(time)
+
+
+def digits(text: str) -> int:
+    """
+    Read a number of digits of an argument.
+
+    :raises argparse.ArgumentTypeError: when it is none.
+    """
+    value = number(text)
+    if value != int(value):
+        raise ArgumentTypeError(f'{text!r} is no whole number')
+    return int(value)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
@@ -150,8 +163,8 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         help=f'how often (Hz; default: {RATE:g})')
     parser.add_argument('-r', '--rate', type=number, help='the same')
     parser.add_argument('-t', '--time', type=seconds, default=0,
-                        help='of the transform (s; default: the latest)')
-    parser.add_argument('-p', '--precision', type=int, default=PRECISION, metavar='DIGITS',
+                        help='of the transform (s; default: 0, the latest)')
+    parser.add_argument('-p', '--precision', type=digits, default=PRECISION, metavar='DIGITS',
                         help='after the point (default: %(default)s)')
     parser.add_argument('--once', action='store_true', help='print it once')
     add_bag_options(parser)

@@ -1,63 +1,20 @@
 """The command `tf2_monitor`: how often and how late transforms come in, again and again."""
 
 from collections.abc import Iterator, Sequence
-from typing import Optional
-
-from rclpy.time import Time
+from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.command import Parser, run, UsageError
 from dummy_arm.interruption import sleep
-from dummy_arm.node_command import spun_node
-from dummy_arm.tf import TransformException
 from dummy_arm.tools.frame_graph import visible
-from dummy_arm.tools.frame_listener import FrameListener
 from dummy_arm.tools.screen import padded, show, width, wrapped
-from dummy_arm.tools.traffic import Delays, Stream, summed_up, Traffic, WINDOW
+from dummy_arm.tools.traffic import Stream, Traffic, WINDOW
+
+if TYPE_CHECKING:
+    from dummy_arm.tools.chain import Chain
+    from dummy_arm.tools.frame_listener import FrameListener
 
 _SAMPLES = 20
 _REFRESH = 1.0  # s
-
-
-class Chain:
-    """The way between two frames, and how old its newest transform is in the course of time."""
-
-    def __init__(self, listening: FrameListener, ends: tuple[str, str]) -> None:
-        """
-        Begin to look.
-
-        :param ends: the frames.
-        """
-        self._listening, self.ends = listening, ends
-        self._ages = Delays()
-
-    def sample(self) -> None:
-        """Look how old the newest transform is, if there is any that moves."""
-        now = self._listening.now()
-        try:
-            latest = self._listening.buffer.get_latest_common_time(*self.ends).nanoseconds
-        except TransformException:  # which `lines` tells
-            return
-        if latest:
-            self._ages.add(now, now - latest)
-
-    def frames(self) -> list[str]:
-        """List the frames; none while they are not connected."""
-        latest = Time()
-        first, last = self.ends
-        try:
-            return self._listening.buffer._chain(last, latest, first, latest, first)
-        except TransformException:
-            return []
-
-    def lines(self) -> list[str]:
-        """Tell it."""
-        first, last = self.ends
-        if why := self._listening.why_not(first, last):
-            return wrapped(f'Waiting for transform {first} ->  {last}: {visible(why)}')
-        age = summed_up([self._ages], self._listening.now())
-        return [f'Chain is: {" -> ".join(map(visible, self.frames()))}',
-                'Net delay     none: nothing moves' if age is None else
-                f'Net delay     avg = {age.average_delay:.6f} s: max = {age.maximum_delay:.6f} s']
 
 
 def lines_of(streams: Sequence[Stream]) -> list[str]:
@@ -73,11 +30,11 @@ def lines_of(streams: Sequence[Stream]) -> list[str]:
         if stream.is_present and (stream.is_static or stream.summary is not None):
             senders.setdefault(stream.frame, []).append(stream.sender)
     return [
-        *_table('Frames:', 'published by', frames), '',
-        *_table('All Broadcasters:', 'node', nodes),
         *(f'Warning: {visible(frame)} is published by {" and ".join(map(visible, several))}; '
           'a frame should have one publisher'
-          for frame, several in senders.items() if len(several) > 1)]
+          for frame, several in senders.items() if len(several) > 1),
+        '', *_table('Frames:', 'published by', frames), '',
+        *_table('All Broadcasters:', 'node', nodes)]
 
 
 def _table(title: str, of_senders: str, streams: Sequence[Stream]) -> Iterator[str]:
@@ -89,15 +46,15 @@ def _table(title: str, of_senders: str, streams: Sequence[Stream]) -> Iterator[s
 
 
 def _told(stream: Stream) -> str:
-    """Tell of a stream in 41 columns."""
+    """Tell of a stream, in 41 columns or more."""
     if stream.is_static:
         return f'{"static":>11}{"":30}'
     if stream.summary is None:
-        heard = f'last heard {stream.silence:.1f} s ago'
+        heard = '' if stream.silence is None else f'last heard {stream.silence:.1f} s ago'
         return f'{heard:>41}'
     rate, average, maximum = stream.summary
     hertz = '?' if rate is None else f'{rate:.1f}'
-    return f'{hertz:>8} Hz{average:14.6f} s{maximum:12.6f} s'
+    return f'{hertz:>8} Hz {average:13.6f} s {maximum:11.6f} s'
 
 
 def command(source_frame: Optional[str] = None, target_frame: Optional[str] = None, *,
@@ -113,6 +70,9 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
                  if name is not None)
     if len(ends) == 1 or not all(ends):
         raise UsageError('give two frames, or none for all')
+    from dummy_arm.node_command import spun_node
+    from dummy_arm.tools.chain import Chain
+    from dummy_arm.tools.frame_listener import FrameListener
     with spun_node('tf2_monitor', ros_args) as node:
         traffic = Traffic(lambda: int(node.get_clock().now().nanoseconds))
         listening = FrameListener(node, observe=traffic.observe)
@@ -125,19 +85,22 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
             show(_results(listening, traffic, chain))
 
 
-def _results(listening: FrameListener, traffic: Traffic, chain: Optional[Chain]) -> list[str]:
+def _results(listening: 'FrameListener', traffic: Traffic, chain: 'Optional[Chain]') -> list[str]:
     streams = traffic.streams(listening.listener.names_of, listening.listener.present)
     if not streams:
         return wrapped(f'nothing yet. {listening.why_none()}')
-    over = f', over the last {WINDOW} s'
-    if chain is None:
-        return [f'RESULTS: for all frames{over}', '', *lines_of(streams)]
-    if names := chain.frames():
-        senders = {stream.sender for stream in streams if stream.frame in names}
-        streams = [stream for stream in streams
-                   if stream.frame in names or (not stream.frame and stream.sender in senders)]
-    return [f'RESULTS: for {" to ".join(map(visible, chain.ends))}{over}', *chain.lines(), '',
-            *lines_of(streams)]
+    ends = 'all frames' if chain is None else ' to '.join(map(visible, chain.ends))
+    lines = [f'RESULTS: for {ends}, over the last {WINDOW} s']
+    if not listening.now():
+        lines += wrapped('Warning: use_sim_time is set, but nothing comes in on /clock: there are '
+                         'no delays')
+    if chain is not None:
+        lines += chain.lines()
+        if names := chain.frames():
+            senders = {stream.sender for stream in streams if stream.frame in names}
+            streams = [stream for stream in streams
+                       if stream.frame in names or (not stream.frame and stream.sender in senders)]
+    return [*lines, *lines_of(streams)]
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

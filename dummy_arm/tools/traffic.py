@@ -13,6 +13,8 @@ from dummy_arm.tf.wire import MalformedMessage, unpack
 
 #: What is older is not counted (s).
 WINDOW = 10
+#: Arrivals so soon after the first of a publisher are not counted (ns).
+_SETTLING = SECOND // 5
 #: So many streams are told apart at most.
 _MOST = 100_000
 
@@ -47,29 +49,25 @@ class Delays:
         #: When something came in last (ns).
         self.last = 0
 
-    def add(self, arrival: int, delay: Optional[int]) -> None:
-        """
-        Count an arrival.
-
-        :param arrival: when (ns).
-        :param delay: ns; None: do not count it, except as the last.
-        """
+    def add(self, arrival: int, delay: int) -> None:
+        """Count an arrival; times in ns."""
+        self.last = arrival
         number = arrival // SECOND
         seconds = self._seconds
-        if arrival < self.last - SECOND:
-            seconds.clear()  # time has gone back
-        self.last = arrival
-        if delay is None:
-            return
-        if not seconds or seconds[-1].number != number:
+        if not seconds or seconds[-1].number < number:
             seconds.append(_Second(number, arrival, delay))
             return
         second = seconds[-1]
         second.count += 1
-        second.last = arrival
+        second.last = max(second.last, arrival)
         second.total += delay
         if delay > second.greatest:
             second.greatest = delay
+
+    def clear(self) -> None:
+        """Forget all."""
+        self._seconds.clear()
+        self.last = 0
 
     def within(self, now: int) -> list[_Second]:
         """List the seconds of the window before a time (ns)."""
@@ -101,7 +99,16 @@ class Stream(NamedTuple):
     is_static: bool  #: nothing of it moves
     is_present: bool  #: the node is there still
     summary: Optional[Summary]  #: None: nothing that moves came in within the window
-    silence: float  #: how long nothing that moves has come in (s)
+    silence: Optional[float]  #: how long nothing that moves has come in (s); None: ever
+
+
+class _Heard:
+    """What came in of a frame from a publisher."""
+
+    __slots__ = ('delays', 'moves')
+
+    def __init__(self) -> None:
+        self.delays, self.moves = Delays(), False
 
 
 class Traffic:
@@ -111,49 +118,65 @@ class Traffic:
         """
         Begin to observe.
 
-        :param now: the clock that stamps count by (ns).
+        :param now: the clock that stamps count by (ns); 0: it does not run.
         """
         self._now = now
         self._lock = Lock()
         #: By frame and gid of the publisher; the frame '' stands for all that it sends.
-        self._delays: dict[tuple[str, str], Delays] = {}
-        #: When the first of a publisher came in (ns).
+        self._heard: dict[tuple[str, str], _Heard] = {}
+        #: When the first of a publisher came in, on the system's clock (ns).
         self._since: dict[str, int] = {}
+        #: The time at the last look, and when on the system's clock it was last set back (ns).
+        self._latest = self._set_back = 0
 
-    def observe(self, messages: Iterable[Sent], is_static: bool) -> None:
+    def observe(self, messages: 'Iterable[Sent]', is_static: bool) -> None:
         """Count messages; as SenderListener has it."""
-        now = self._now()
-        offset = now - time_ns()  # from the clock of the middleware to that of the stamps
         with self._lock:
+            now, system = self._look()
             for message in messages:
                 with suppress(MalformedMessage):  # the listener tells of it
-                    self._count(message, None if is_static or not now else offset)
+                    self._count(message, is_static, now - system if now else None)
 
-    def _count(self, message: Sent, offset: Optional[int]) -> None:
+    def _look(self) -> tuple[int, int]:
+        """Tell the time and that of the system (ns); forget all when time has gone back."""
+        now, system = self._now(), time_ns()
+        if now < self._latest - SECOND:
+            self._set_back = system
+            for heard in self._heard.values():
+                heard.delays.clear()
+        self._latest = now
+        return now, system
+
+    def _count(self, message: 'Sent', is_static: bool, offset: Optional[int]) -> None:
         """
         Count a message.
 
-        :param offset: from its times to those of the stamps (ns); None: count only that it is
-            there.
+        :param offset: from its times to those of the stamps (ns); None: that is not known.
         """
         rows = unpack(message)
-        streams = [self._stream(row[3].removeprefix('/'), message.gid) for row in rows]
-        everything = self._stream('', message.gid)
-        if offset is None or not rows:
+        streams = [self._of(frame, message.gid) for row in rows
+                   if (frame := row[3].removeprefix('/'))]
+        everything = self._of('', message.gid)
+        if is_static or not rows:
+            return
+        for heard in [everything, *streams]:
+            heard.moves = True
+        # The first had to wait until their sender was discovered.
+        since = self._since.setdefault(message.gid, message.received)
+        if offset is None or message.received < max(since + _SETTLING, self._set_back):
             return
         arrival = message.received + offset
         delays = [arrival - row[0] * SECOND - row[1] for row in rows]
-        # What was sent before the first came in had to wait until its sender was discovered.
-        counts = message.sent >= self._since.setdefault(message.gid, message.received)
-        for stream, delay in zip([everything, *streams], [sum(delays) // len(rows), *delays]):
-            stream.add(arrival, delay if counts else None)
+        everything.delays.add(arrival, sum(delays) // len(rows))
+        for heard, delay in zip(streams, delays):
+            heard.delays.add(arrival, delay)
 
-    def _stream(self, frame: str, gid: str) -> Delays:
-        known = self._delays.get((frame, gid))
+    def _of(self, frame: str, gid: str) -> _Heard:
+        known = self._heard.get((frame, gid))
         if known is None:
-            known = Delays()
-            if len(self._delays) < _MOST:
-                self._delays[frame, gid] = known
+            known = _Heard()
+            if len(self._heard) < _MOST:
+                self._heard[frame, gid] = known
         return known
 
     def streams(self, names_of: Callable[[Iterable[str]], dict[str, str]],
@@ -166,18 +189,21 @@ class Traffic:
         :returns: of each frame and node, in the order of their names; then of each node.
         """
         with self._lock:
-            gids = {gid for _, gid in self._delays}
-        names, now = names_of(gids), self._now()
+            gids = {gid for _, gid in self._heard}
+        names = names_of(gids)
         together: dict[tuple[str, str], list[str]] = {}
         with self._lock:
-            for frame, gid in self._delays:
+            now, _ = self._look()
+            for frame, gid in self._heard:
                 together.setdefault((frame, names.get(gid, '')), []).append(gid)
-            return [self._stream_of(*key, together[key], present, now) for key in sorted(
+            return [self._stream(*key, together[key], present, now) for key in sorted(
                 together, key=lambda key: (not key[0], key))]
 
-    def _stream_of(self, frame: str, sender: str, gids: list[str], present: Collection[str],
-                   now: int) -> Stream:
-        delays = [self._delays[frame, gid] for gid in gids]
+    def _stream(self, frame: str, sender: str, gids: list[str], present: Collection[str], now: int
+                ) -> Stream:
+        all_heard = [self._heard[frame, gid] for gid in gids]
+        delays = [heard.delays for heard in all_heard]
         last = max(each.last for each in delays)
-        return Stream(frame, sender, not last, any(gid in present for gid in gids),
-                      summed_up(delays, now), in_seconds(now - last))
+        return Stream(frame, sender, not any(heard.moves for heard in all_heard),
+                      any(gid in present for gid in gids), summed_up(delays, now),
+                      in_seconds(max(0, now - last)) if last else None)

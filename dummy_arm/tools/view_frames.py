@@ -10,7 +10,7 @@ from typing import Optional
 from dummy_arm.command import CommandError, number, Parser, run, UsageError
 from dummy_arm.interruption import sleep
 from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.times import in_seconds
+from dummy_arm.tf.times import display, in_seconds
 from dummy_arm.tools.bag_options import add_bag_options, read_bag
 from dummy_arm.tools.forest import Forest, frequency
 from dummy_arm.tools.frame_graph import as_dot, draw, visible
@@ -61,7 +61,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
         or written.
     """
     if bag is not None and (watch or wait_time is not None):
-        raise UsageError('a bag is read, not listened to: leave out --watch and --wait-time')
+        raise UsageError('a bag is read, not listened to: leave out --watch and --wait-time (-t)')
     seconds = WAIT if wait_time is None else wait_time
     if not 0.0 < seconds <= _LONGEST:
         raise UsageError(f'the time to listen must be more than 0 s, and at most {_LONGEST:g} s, '
@@ -78,10 +78,12 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
               f'{" -> ".join(map(visible, [*loop, loop[0]]))}', file=sys.stderr)
     if text:
         print('\n'.join(lines_of(frames, now)))
-        return 0
-    save(frames, now, path)
-    print(f'wrote {visible(str(path))} and {visible(str(path.with_suffix(".gv")))}: '
-          f'{_summary(forest)}')
+    else:
+        save(frames, now, path)
+        print(f'wrote {visible(str(path))} and {visible(str(path.with_suffix(".gv")))}: '
+              f'{_summary(forest)}')
+    if bag is not None:
+        print(_span(frames))
     return 0
 
 
@@ -144,6 +146,16 @@ def _summary(forest: Forest) -> str:
     roots = ', '.join(map(visible, forest.roots))
     return (f'frames: {len(forest.frames) + len(forest.roots)}, transforms: {len(forest.frames)}, '
             f'root: {roots or "none"}')
+
+
+def _span(frames: list[Frame]) -> str:
+    """Tell of what time frames are."""
+    moving = [frame for frame in frames if not frame.is_static]
+    if not moving:
+        return 'all is static'
+    begin, end = min(frame.oldest for frame in moving), max(frame.latest for frame in moving)
+    return (f'from {display(begin)} s to {display(end)} s, {in_seconds(end - begin):.3f} s; '
+            'ages count to the end')
 
 
 def write(path: Path, data: bytes) -> None:
