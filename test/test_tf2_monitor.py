@@ -7,6 +7,8 @@ import time
 from conftest import ARM, in_a_terminal, tool
 import pytest
 from rclpy.node import Node
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
 
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster, wire
 from dummy_arm.tf.senders import Sent
@@ -268,6 +270,35 @@ def test_in_place_on_a_terminal(ros):
         assert max(map(len, lines)) <= 80
     assert first[0] == 'RESULTS: for all frames, over the last 10 s'
     assert first[-1] == '... 14 more lines, which a pipe shows'  # of 36
+
+
+def test_sim_time_that_is_set_back(start, ros):
+    """What was before is forgotten, of the chain, too."""
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+    broadcaster = TransformBroadcaster(ros.node)
+    begin, wall = 1000.0, time.monotonic()
+
+    def tick():
+        now = Time(seconds=begin + time.monotonic() - wall)
+        clock.publish(Clock(clock=now.to_msg()))
+        broadcaster.sendTransform([
+            message_of((*now.seconds_nanoseconds(), 'map', name, *STILL))
+            for name in (['odom', 'old'] if begin == 1000.0 else ['odom'])])
+
+    ros.node.create_timer(0.02, tick)
+    process = start(*tool('tf2_monitor', '--ros-args', '-p', 'use_sim_time:=true'))
+    way = start(*tool('tf2_monitor', 'map', 'odom', '--ros-args', '-p', 'use_sim_time:=true'))
+    ros.until(lambda: re.search(r'  old +\d+\.\d Hz', process.output)
+              and 'Net delay     avg = 0.0' in way.output)
+    begin, wall = 5.0, time.monotonic()
+    before, before_of_way = len(process.output), len(way.output)
+    ros.until(lambda: process.output[before:].count('RESULTS') > 3
+              and way.output[before_of_way:].count('RESULTS') > 3)
+    last = process.output.rpartition('RESULTS')[0].rpartition('RESULTS')[2]
+    assert re.search(r'  odom +\d+\.\d Hz +-?0\.0\d{5} s +-?0\.0\d{5} s  /test\n', last)
+    assert re.search(r'  old +/test\n', last)
+    last = way.output.rpartition('RESULTS')[0].rpartition('RESULTS')[2]
+    assert re.search(r'Net delay     avg = -?0\.0\d{5} s: max = -?0\.0\d{5} s\n', last)
 
 
 def test_without_a_clock(start):

@@ -3,6 +3,7 @@
 from rclpy.time import Time
 
 from dummy_arm.tf import TransformException
+from dummy_arm.tf.times import SECOND
 from dummy_arm.tools.frame_graph import visible
 from dummy_arm.tools.frame_listener import FrameListener
 from dummy_arm.tools.screen import wrapped
@@ -28,6 +29,8 @@ class Chain:
             latest = self._listening.buffer.get_latest_common_time(*self.ends).nanoseconds
         except TransformException:  # which `lines` tells
             return
+        if now < self._ages.last - SECOND:  # time was set back
+            self._ages.clear()
         if latest:
             self._ages.add(now, now - latest)
 
