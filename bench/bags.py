@@ -7,7 +7,6 @@ What it costs to read TF out of a bag.
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from resource import getrusage, RUSAGE_SELF
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
@@ -137,4 +136,5 @@ def peak(path: Path, seconds: str) -> float:
 
 if __name__ == '__main__':
     bag.read(sys.argv[1], cache_time=int(sys.argv[2]) * 10**9 if sys.argv[2] else None)
-    print(getrusage(RUSAGE_SELF).ru_maxrss / 1024)
+    # Not ru_maxrss, which a process inherits from the one that starts it.
+    print(int(Path('/proc/self/status').read_text().partition('VmHWM:')[2].split()[0]) / 1024)

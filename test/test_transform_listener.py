@@ -28,6 +28,8 @@ from dummy_arm.tf import (
     TransformBroadcaster,
     TransformListener,
 )
+from dummy_arm.tf.feed import Feed
+from dummy_arm.tf.subscribing import subscribe
 from dummy_arm.tf.transform_stamped import message_of
 
 LATEST = Time()
@@ -534,6 +536,37 @@ def test_a_lookup_has_all_that_has_arrived(ros, listen):
             late += 1
             time.sleep(0.001)
     assert late < 250  # of 500; if the thread alone took them, some 25 for each
+
+
+def test_pauses_begin_short_and_grow(ros):
+    """Whatever the first messages tell of the rate: the queue must not overflow in the first."""
+    class Thread:
+        """In place of the listener's."""
+
+        is_current = wake = wake_executor = staticmethod(lambda: False)
+
+    tf, tf_static = (subscribe(ros.node, topic, print, QoSProfile(depth=1000), None)
+                     for topic in ('/tf', '/tf_static'))
+    feed = Feed(BufferCore(), tf, tf_static, Thread(), pytest.fail)
+    broadcaster = TransformBroadcaster(ros.node)
+    ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
+
+    def pause():
+        for _ in range(100):
+            broadcaster.sendTransform(made(time.time_ns()))
+        time.sleep(0.2)  # some 500 Hz, as far as can be seen
+        is_new, pause = feed.take()
+        assert is_new
+        return pause
+
+    pauses = [pause() for _ in range(5)]
+    assert pauses[:4] == pytest.approx([0.01, 0.03, 0.07, 0.1])
+    time.sleep(0.5)
+    feed.take()
+    assert pause() == pytest.approx(0.01)
+    feed.end()
+    tf.destroy()
+    tf_static.destroy()
 
 
 def test_listeners_and_contexts_are_independent(ros, listen):

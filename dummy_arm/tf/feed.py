@@ -17,8 +17,9 @@ from dummy_arm.tf.subscribing import take_all
 
 #: The broadcaster that tf2_ros's listener in Python names.
 AUTHORITY = 'default_authority'
-#: The longest pause (s).
-_LONGEST_PAUSE = 0.1
+#: The longest pause (s); the first, from which they grow: a stream that has just begun is faster
+#: than its messages since the last look tell.
+_LONGEST_PAUSE, _FIRST_PAUSE = 0.1, 0.01
 #: While there are pauses, messages are inserted after so long at the latest (s) ...
 _LONGEST_DELAY = 0.3
 #: ... or when there are more than so many bytes, since a lookup has to insert them before it.
@@ -56,6 +57,7 @@ class Feed:
         qos = tf.qos_profile
         self._places = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
         self._is_pausing = self._has_ended = False
+        self._pause = 0.0  # the last
         self._has_news = False  # of which nobody was told yet
         self._count = 0  # of messages since the last `take`, which was then:
         self._last = self._last_insertion = monotonic()
@@ -111,9 +113,12 @@ class Feed:
         if has_news and self._wake_waiting():
             self._listening.wake_executor()
         if not self._is_pausing:
+            self._pause = 0.0
             return count > 0, 0.0
         room = self._places * since / count
-        return True, min(_LONGEST_PAUSE, max(room - _RESERVE, room / 4))
+        self._pause = min(_LONGEST_PAUSE, 2 * self._pause + _FIRST_PAUSE,
+                          max(room - _RESERVE, room / 4))
+        return True, self._pause
 
     def _wake_waiting(self) -> bool:
         """Wake those who wait for a transform; tell whether an executor has to be woken."""
