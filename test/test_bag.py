@@ -405,6 +405,9 @@ def test_odd_paths(tmp_path, name):
         if kind == 'db3':
             with pytest.raises(BagError, match=r'rosbags takes no #, % or \? in the path of an '):
                 read(path)
+            packed = bags.make(tmp_path / 'packed', 'db3 file', bags.walk(1)).rename(
+                tmp_path / f'{name}.packed')
+            assert len(read(packed).frames()) == 2
         else:
             assert len(read(path).frames()) == 2
         assert len(read(path, partial=True).frames()) == 2

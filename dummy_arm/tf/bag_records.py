@@ -49,7 +49,7 @@ def _records_of_ros2(path: Path, kind: str, content: Content) -> Iterator[tuple[
                 chosen.append(connection)
         if not chosen:  # rosbags would give the messages of all
             return
-        total = sum(connection.msgcount for connection in chosen)
+        total = max(1, sum(connection.msgcount for connection in chosen))
         for number, (connection, _, data) in enumerate(reader.messages(chosen)):
             if number % _ADVANCE == 0:
                 content.advance(number / total)
@@ -69,7 +69,7 @@ def _reader(path: Path, kind: str) -> Any:
         if log.exists() and log.stat().st_size:
             raise BagError(f'{file} was not closed when it was recorded, and {log.name} has what '
                            'is not in it yet: read it as partial (--partial)')
-        if {'#', '%', '?'} & {*str(file)} and kind_of(file) == '.db3':
+        if {'#', '%', '?'} & {*str(file)} and '.db3' in (kind, file.suffix):
             raise BagError(f'{file} cannot be read: rosbags takes no #, % or ? in the path of an '
                            'SQLite file: rename it, or read it as partial (--partial)')
     from rosbags.rosbag2 import Reader

@@ -20,17 +20,19 @@ class Chain:
         :param ends: the frames.
         """
         self._listening, self.ends = listening, ends
-        self._ages = Delays()
+        self._ages, self._latest = Delays(), 0
 
     def sample(self) -> None:
         """Look how old the newest transform is, if there is any that moves."""
-        now = self._listening.now()
+        now, before = self._listening.now(), self._latest
+        self._latest = now
+        if now < before - SECOND:  # time was set back; the buffer is cleared by the next time
+            self._ages.clear()
+            return
         try:
             latest = self._listening.buffer.get_latest_common_time(*self.ends).nanoseconds
         except TransformException:  # which `lines` tells
             return
-        if now < self._ages.last - SECOND:  # time was set back
-            self._ages.clear()
         if latest:
             self._ages.add(now, now - latest)
 
