@@ -46,9 +46,9 @@ $(INSTALLED): setup.py
 	    "the venv module is missing: apt install python3.%d-venv" % sys.version_info[1])'; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	@touch $(VENV)/COLCON_IGNORE
-	$(VENV)/bin/python -m pip install --quiet --use-pep517 --editable '.[bag,ros,test]'
+	$(VENV)/bin/python -m pip install --quiet --editable '.[bag,ros,test]'
 	@touch $@
 
 $(INSTALLED)-bench: $(INSTALLED)
-	$(VENV)/bin/python -m pip install --quiet --use-pep517 --editable '.[bench]'
+	$(VENV)/bin/python -m pip install --quiet --editable '.[bench]'
 	@touch $@

@@ -37,11 +37,11 @@ def test_the_changelog_tells_of_this_version():
 
 
 CORE = ('dummy_arm.arm', 'dummy_arm.command', 'dummy_arm.tf', 'dummy_arm.tf.bag',
-        'dummy_arm.tf.buffer_core',
-        'dummy_arm.tf.exceptions', 'dummy_arm.tf.message_reader', 'dummy_arm.tf.rotations',
-        'dummy_arm.tf.transform', 'dummy_arm.tf.wire', 'dummy_arm.tf.wire_ros1',
-        'dummy_arm.tools.forest', 'dummy_arm.tools.frame_graph', 'dummy_arm.tools.tf2_echo',
-        'dummy_arm.tools.view_frames', 'dummy_arm.tools.waiting')
+        'dummy_arm.tf.buffer_core', 'dummy_arm.tf.exceptions', 'dummy_arm.tf.message_reader',
+        'dummy_arm.tf.rotations', 'dummy_arm.tf.transform', 'dummy_arm.tf.wire',
+        'dummy_arm.tf.wire_ros1', 'dummy_arm.tools.forest', 'dummy_arm.tools.frame_graph',
+        'dummy_arm.tools.tf2_echo', 'dummy_arm.tools.tf2_monitor', 'dummy_arm.tools.view_frames',
+        'dummy_arm.tools.waiting')
 COMMANDS = [name for name, thing in vars(entry_points).items()
             if getattr(thing, '__module__', '') == entry_points.__name__ and name[0] != '_']
 

@@ -5,11 +5,13 @@ from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from threading import Lock
 from time import time_ns
-from typing import NamedTuple, Optional
+from typing import NamedTuple, Optional, TYPE_CHECKING
 
-from dummy_arm.tf.senders import Sent
 from dummy_arm.tf.times import in_seconds, SECOND
 from dummy_arm.tf.wire import MalformedMessage, unpack
+
+if TYPE_CHECKING:
+    from dummy_arm.tf.senders import Sent
 
 #: What is older is not counted (s).
 WINDOW = 10
