@@ -97,6 +97,20 @@ def test_traffic_of_frames_and_of_nodes():
     assert not found['', '/robot'].is_static
 
 
+def test_each_frame_has_the_delay_of_its_own_stamp():
+    """Also after one without a name."""
+    traffic = Traffic(time.time_ns)
+    now = time.time_ns()
+    traffic.observe([sent('/a', now - S, ('map', 'odom'))], False)
+    message = Sent(wire.pack([(*divmod(now - late * S, S), 'map', child, *STILL)
+                              for child, late in (('/', 3), ('odom', 1), ('base', 2))]))
+    message.gid, message.received = '/a', now
+    traffic.observe([message], False)
+    for frame, late in ('odom', 1.0), ('base', 2.0), ('', 2.0):
+        assert streams_of(traffic)[frame, '/a'].summary.average_delay == pytest.approx(
+            late, abs=1e-2)
+
+
 def test_what_waited_to_be_discovered_is_not_late():
     """What comes in with the first of a node has waited; it is heard, and has no delay."""
     traffic = Traffic(time.time_ns)

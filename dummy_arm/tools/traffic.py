@@ -8,7 +8,7 @@ from time import time_ns
 from typing import NamedTuple, Optional, TYPE_CHECKING
 
 from dummy_arm.tf.times import in_seconds, SECOND
-from dummy_arm.tf.wire import MalformedMessage, unpack
+from dummy_arm.tf.wire import MalformedMessage, Row, unpack
 
 if TYPE_CHECKING:
     from dummy_arm.tf.senders import Sent
@@ -116,13 +116,14 @@ class _Heard:
 class Traffic:
     """All that comes in on /tf and /tf_static."""
 
-    def __init__(self, now: Callable[[], int]) -> None:
+    def __init__(self, now: Callable[[], int], only: str = '') -> None:
         """
         Begin to observe.
 
         :param now: the clock that stamps count by (ns); 0: it does not run.
+        :param only: the frame that is observed; '': all.
         """
-        self._now = now
+        self._now, self._only, self._bytes_of_name = now, only, only.encode()
         self._lock = Lock()
         #: By frame and gid of the publisher; the frame '' stands for all that it sends.
         self._heard: dict[tuple[str, str], _Heard] = {}
@@ -136,6 +137,8 @@ class Traffic:
         with self._lock:
             now, system = self._look()
             for message in messages:
+                if message.find(self._bytes_of_name) < 0:
+                    continue
                 with suppress(MalformedMessage):  # the listener tells of it
                     self._count(message, is_static, now - system if now else None)
 
@@ -156,22 +159,23 @@ class Traffic:
         :param offset: from its times to those of the stamps (ns); None: that is not known.
         """
         rows = unpack(message)
-        streams = [self._of(frame, message.gid) for row in rows
+        if self._only:
+            rows = [row for row in rows if row[3].removeprefix('/') == self._only]
+        streams = [(self._of(frame, message.gid), row) for row in rows
                    if (frame := row[3].removeprefix('/'))]
         everything = self._of('', message.gid)
         if is_static or not rows:
             return
-        for heard in [everything, *streams]:
+        for heard in [everything, *(heard for heard, _ in streams)]:
             heard.moves = True
         # The first had to wait until their sender was discovered.
         since = self._since.setdefault(message.gid, message.received)
         if offset is None or message.received < max(since + _SETTLING, self._set_back):
             return
         arrival = message.received + offset
-        delays = [arrival - row[0] * SECOND - row[1] for row in rows]
-        everything.delays.add(arrival, sum(delays) // len(rows))
-        for heard, delay in zip(streams, delays):
-            heard.delays.add(arrival, delay)
+        everything.delays.add(arrival, sum(_delay(arrival, row) for row in rows) // len(rows))
+        for heard, row in streams:
+            heard.delays.add(arrival, _delay(arrival, row))
 
     def _of(self, frame: str, gid: str) -> _Heard:
         known = self._heard.get((frame, gid))
@@ -209,3 +213,7 @@ class Traffic:
         return Stream(frame, sender, not any(heard.moves for heard in all_heard),
                       any(gid in present for gid in gids), summed_up(delays, now),
                       in_seconds(max(0, now - last)) if last else None)
+
+
+def _delay(arrival: int, row: Row) -> int:
+    return arrival - row[0] * SECOND - row[1]
