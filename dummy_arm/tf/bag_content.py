@@ -5,6 +5,7 @@ import re
 from typing import Any, NamedTuple, Optional
 
 from dummy_arm.interruption import heed
+from dummy_arm.tf.hints import some
 from dummy_arm.tf.message_reader import Form
 
 #: In place of the sender, which only bags of ROS 1 have.
@@ -82,9 +83,8 @@ class Content:
             return (f'no TFMessage on {asked}, but in the namespace '
                     f'{", ".join(name or "/" for name in others)}: give it (--namespace)')
         topics = sorted(f'{topic} ({msgtype})' for topic, msgtype in self._types.items())
-        more = f' and {len(topics) - _SHOWN} more' if len(topics) > _SHOWN else ''
         return (f'no tf2_msgs/msg/TFMessage on {asked}; its topics: '
-                f'{", ".join(topics[:_SHOWN]) or "none"}{more}')
+                f'{some(topics, _SHOWN) or "none"}')
 
 
 def described(error: Exception) -> str:

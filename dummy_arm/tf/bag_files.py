@@ -47,6 +47,11 @@ def storage_files(directory: Path) -> list[Path]:
         part.zfill(20) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)])
 
 
+def log_of(file: Path) -> Path:
+    """Tell where an SQLite file that was not closed has its newest messages."""
+    return file.with_name(f'{file.name}-wal')
+
+
 def decompressed(data: bytes) -> bytes:
     """Decompress a message, if it was compressed by itself, which is told beside the file."""
     if data[:4] != _ZSTD:

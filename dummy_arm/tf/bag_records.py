@@ -5,9 +5,9 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from dummy_arm.tf import ros1_records, torn_bag, wire
+from dummy_arm.tf import torn_bag, wire
 from dummy_arm.tf.bag_content import BagError, Content, NOT_RECORDED, Stream
-from dummy_arm.tf.bag_files import decompressed, kind_of, storage_files
+from dummy_arm.tf.bag_files import decompressed, kind_of, log_of, storage_files
 
 _ADVANCE = 100
 _SHOWN = 5
@@ -26,8 +26,11 @@ def records(path: Path, content: Content) -> Iterator[tuple[Stream, bytes]]:
         yield from torn_bag.records(path, content)
         return
     try:
-        yield from (ros1_records.records(path, content) if kind == '.bag' else
-                    _records_of_ros2(path, kind, content))
+        if kind == '.bag':
+            from dummy_arm.tf import ros1_records
+            yield from ros1_records.records(path, content)
+        else:
+            yield from _records_of_ros2(path, kind, content)
     except ImportError as error:
         raise BagError(f'rosbags, which reads bags, cannot be imported ({error}): '
                        'pip install rosbags') from None
@@ -65,7 +68,7 @@ def _reader(path: Path, kind: str) -> Any:
             f'its files ({", ".join(file.name for file in files[:_SHOWN])}), or if they are one '
             'recording, mend it by ros2 bag reindex or read it as partial (--partial)')
     for file in files:
-        log = file.with_name(f'{file.name}-wal')
+        log = log_of(file)
         if log.exists() and log.stat().st_size:
             raise BagError(f'{file} was not closed when it was recorded, and {log.name} has what '
                            'is not in it yet: read it as partial (--partial)')

@@ -1,6 +1,6 @@
 """What an error says after tf2's own words: what is there instead, and by how much it is off."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from functools import lru_cache
 
@@ -18,8 +18,13 @@ def nearest(name: str, known: tuple[str, ...], what: str = 'frames') -> str:
     close = get_close_matches(name, known, _SHOWN)
     if close:
         return f'Nearest known: {_listed(close)}.'
-    more = f' and {len(known) - _SHOWN} more' if len(known) > _SHOWN else ''
-    return f'Known {what}: {_listed(known[:_SHOWN])}{more}.'
+    return f'Known {what}: {some(known, _SHOWN, repr)}.'
+
+
+def some(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) -> str:
+    """List the first of some texts, and tell how many more there are."""
+    more = f' and {len(texts) - shown} more' if len(texts) > shown else ''
+    return f'{", ".join(map(write, texts[:shown]))}{more}'
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -5,6 +5,9 @@ from io import BytesIO, SEEK_CUR
 from pathlib import Path
 from typing import BinaryIO, Optional
 
+from rosbags.rosbag1.reader import decompressors, Header, read_bytes, read_uint32, RecordType
+from rosbags.typesys.msg import normalize_msgtype
+
 from dummy_arm.tf import wire_ros1
 from dummy_arm.tf.bag_content import Content, NOT_RECORDED, Stream
 
@@ -18,7 +21,6 @@ def records(path: Path, content: Content) -> Iterator[tuple[Stream, bytes]]:
     :param content: learns what there is and, of a partial bag, what is wrong.
     :raises Exception: of many types, where the file is damaged.
     """
-    from rosbags.rosbag1.reader import Header, read_bytes, read_uint32, RecordType
     size = path.stat().st_size
     with path.open('rb') as file:
         if file.readline() != b'#ROSBAG V2.0\n':
@@ -41,8 +43,6 @@ def records(path: Path, content: Content) -> Iterator[tuple[Stream, bytes]]:
 def _record(file: BinaryIO, path: Path, content: Content, streams: _Streams
             ) -> Iterator[tuple[Stream, bytes]]:
     """Read a record: a message, what is known of a connection, or a chunk of these."""
-    from rosbags.rosbag1.reader import decompressors, Header, read_uint32, RecordType
-    from rosbags.typesys.msg import normalize_msgtype
     header = Header.read(file)
     kind, size = header.get_uint8('op'), read_uint32(file)
     stream = streams.get(header.get_uint32('conn')) if kind == RecordType.MSGDATA else None

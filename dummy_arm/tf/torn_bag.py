@@ -13,7 +13,7 @@ from typing import Any, Optional
 from dummy_arm.interruption import has_come, heed
 from dummy_arm.tf import wire
 from dummy_arm.tf.bag_content import Content, NOT_RECORDED, Stream
-from dummy_arm.tf.bag_files import decompressed, kind_of, storage_files, zstd
+from dummy_arm.tf.bag_files import decompressed, kind_of, log_of, storage_files, zstd
 
 _Records = Iterator[tuple[Stream, bytes]]
 
@@ -125,9 +125,8 @@ def _whole_pages(path: Path, directory: str) -> Path:
     whole = Path(directory, path.name)
     shutil.copyfile(path, whole)
     os.truncate(whole, size - size % page_size)
-    log = path.with_name(f'{path.name}-wal')
-    if log.exists():
-        shutil.copyfile(log, whole.with_name(log.name))
+    if log_of(path).exists():
+        shutil.copyfile(log_of(path), log_of(whole))
     return whole
 
 

@@ -10,7 +10,7 @@ from rclpy.time import Time
 
 from dummy_arm.tf import Buffer
 from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.hints import nearest
+from dummy_arm.tf.hints import nearest, some
 from dummy_arm.tf.senders import Observe, SenderListener
 
 _SHOWN = 20
@@ -75,6 +75,4 @@ class FrameListener:
             why = f'{why} {source!r} does not exist either.'
         known.sort(key=lambda name: -max(
             SequenceMatcher(None, name, other).ratio() for other in missing or [target, source]))
-        more = f' and {len(known) - _SHOWN} more' if len(known) > _SHOWN else ''
-        return (f'{why} Frames here, the nearest names first: '
-                f'{", ".join(map(repr, known[:_SHOWN]))}{more}.')
+        return f'{why} Frames here, the nearest names first: {some(known, _SHOWN, repr)}.'

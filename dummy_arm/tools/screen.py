@@ -1,4 +1,4 @@
-"""Lines shown again and again: in place on a terminal, one after the other in a pipe."""
+"""What is shown to people: lines in place on a terminal or in a pipe, and numbers."""
 
 from collections.abc import Sequence
 import shutil
@@ -41,3 +41,9 @@ def cut(line: str, columns: int) -> str:
     while width(line) > columns:
         line = line[:-1]
     return line
+
+
+def fixed_point(value: float, precision: int) -> str:
+    """Write a number with some digits after the point; what is rounded to zero is not negative."""
+    text = f'{value:.{precision}f}'
+    return text if float(text) else text.removeprefix('-')

@@ -13,6 +13,7 @@ from dummy_arm.tf import Transform, TransformException
 from dummy_arm.tf.rotations import euler_from_quaternion
 from dummy_arm.tf.times import SECOND
 from dummy_arm.tools.bag_options import add_bag_options, read_bag
+from dummy_arm.tools.screen import fixed_point
 
 RATE = 1.0  # Hz
 PRECISION = 3
@@ -36,19 +37,13 @@ def text_of(transform: Transform, precision: int = PRECISION) -> str:
         f'- Rotation: in RPY (radian) {_listed(roll_pitch_yaw, precision)}',
         f'- Rotation: in RPY (degree) {_listed([*map(degrees, roll_pitch_yaw)], precision)}',
         '- Matrix:']
-    lines += [''.join(f' {_fixed(value, precision):>{precision + 3}}' for value in row)
+    lines += [''.join(f' {fixed_point(value, precision):>{precision + 3}}' for value in row)
               for row in transform.matrix().tolist()]
     return '\n'.join(lines)
 
 
 def _listed(values: Sequence[float], precision: int) -> str:
-    return f'[{", ".join(_fixed(value, precision) for value in values)}]'
-
-
-def _fixed(value: float, precision: int) -> str:
-    """Write a number; what is rounded to zero is not negative."""
-    text = f'{value:.{precision}f}'
-    return text if float(text) else text.removeprefix('-')
+    return f'[{", ".join(fixed_point(value, precision) for value in values)}]'
 
 
 def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = None,
