@@ -51,6 +51,8 @@ class BufferCore:
         self._lookups = Lookups(cache_time)
         #: Held while the data are looked at or changed; reentrant.
         self.lock = self._lookups.lock
+        #: By `with`: what has arrived by now is there, and nothing more to the end of the block.
+        self.fetched = self._lookups.fetched
         self._waiting = BlockingWaits(self.lock)
         self._intake = Intake(self._lookups, max_frames)
 
@@ -226,10 +228,10 @@ class BufferCore:
         """
         return self._lookups.latest_common_time(target_frame, source_frame)
 
-    def frames(self) -> list[Frame]:
-        """List the frames that have a parent, in the order in which they were first named."""
-        with self._lookups.fetched():
-            return self._lookups.tree.frames()
+    def frames(self, until: int = 0) -> list[Frame]:
+        """List the frames with a parent, in the order of their naming; of a time (ns), or now."""
+        with self.fetched():
+            return self._lookups.tree.frames(until)
 
     def all_frames_as_yaml(self) -> str:
         """Write tf2's YAML of all frames; '[]' when none was ever named."""
@@ -238,7 +240,7 @@ class BufferCore:
 
     def all_frames_as_string(self) -> str:
         """Write a line for every frame, with its parent."""
-        with self._lookups.fetched():
+        with self.fetched():
             return self._lookups.tree.as_string()
 
 

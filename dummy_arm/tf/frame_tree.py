@@ -188,13 +188,22 @@ class FrameTree:
                 f'The tf tree is invalid because it contains a loop.\n{self.as_string()}\n'
                 + hints.loop(chain))
 
-    def frames(self) -> list[Frame]:
-        """List the frames that have a parent, in the order of their naming."""
+    def frames(self, until: int = 0) -> list[Frame]:
+        """List the frames that have a parent, in the order of their naming; as `parents`."""
         return [
-            Frame(name, parent, history.authority, history.is_static, len(history),
-                  history.latest, history.oldest)
-            for name, history in self.histories.items()
-            if history is not None and (parent := history.parent_at(0))]
+            Frame(name, parent, history.authority, history.is_static, *history.known_at(until),
+                  history.oldest)
+            for name, parent, history in self.parents(until)]
+
+    def parents(self, until: int = 0) -> Iterator[tuple[str, str, AnyHistory]]:
+        """
+        Give every frame that has a parent, the newest one, and the frame's history.
+
+        :param until: a time (ns): no newer than then; 0: of all.
+        """
+        for name, history in self.histories.items():
+            if history is not None and (parent := history.parent_at(min(until, history.latest))):
+                yield name, parent, history
 
     def as_string(self) -> str:
         """Write tf2's list of the frames and their newest parents, a line each."""

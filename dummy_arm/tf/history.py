@@ -65,6 +65,13 @@ class History:
         samples = self.place[0]
         return samples.stamps[samples.start] if len(self) else 0
 
+    def known_at(self, time: int) -> tuple[int, int]:
+        """Tell how many samples there were at a time (ns; 0: now), and the newest stamp then."""
+        if not 0 < time < self.latest:
+            return len(self), self.latest
+        samples, newest = self.place[0], self.find(time)
+        return newest - samples.start + 1, samples.stamps[newest]
+
     def own_samples(self) -> Samples:
         """Give the samples, from now on not in common with others."""
         samples, offset = self.place

@@ -24,6 +24,10 @@ class StaticHistory:
     def __len__(self) -> int:
         return 1
 
+    def known_at(self, time: int) -> tuple[int, int]:
+        """Tell how many poses there are, and that there is no stamp."""
+        return 1, 0
+
     def pose_at(self, time: int) -> Pose:
         """Read the pose."""
         return self.pose

@@ -1,0 +1,107 @@
+"""Where all frames are in one: what a lookup of each gives."""
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import pytest
+
+from dummy_arm.tf import BufferCore, InvalidArgumentException, LookupException, TransformException
+from dummy_arm.tf.placing import place
+
+S = 10**9
+T = 1_700_000_000 * S
+NAMES = 'abcdefg'
+
+#: Which frame, below which, at which tenth of a second, whether that is static; and where.
+INSERTS = st.lists(st.tuples(
+    st.integers(1, len(NAMES) - 1), st.integers(0, len(NAMES) - 1), st.integers(0, 30),
+    st.sampled_from([False, False, False, True]), st.floats(-2, 2)), min_size=1, max_size=40)
+
+
+def pose(x):
+    """Make a pose that is another for each number."""
+    length = (1 + x * x) ** 0.5
+    return x, 1.0, -x, 0.0, x / length, 0.0, 1 / length
+
+
+def by_lookups(buffer, target, until):
+    """Look up each frame by itself."""
+    found = {}
+    for name in NAMES:
+        try:
+            latest = buffer.get_latest_common_time(target, name)
+            time = min(latest, until) if until else latest
+            found[name] = buffer.lookup_transform(target, name, time)
+        except TransformException:
+            continue
+    return found
+
+
+@settings(max_examples=300)
+@given(INSERTS, st.sampled_from(NAMES), st.sampled_from([0, T, T + S, T + 15 * S // 10]))
+def test_as_lookups(inserts, target, until):
+    """Stamps in common or not, static edges; and where time has no limit, changes of parents."""
+    buffer, parents, known = BufferCore(), {}, set()
+    for child, parent, tenth, is_static, x in inserts:
+        parent %= child
+        if until:
+            parent = parents.setdefault(child, parent)
+        buffer.insert(T + tenth * S // 10, NAMES[parent], NAMES[child], pose(x),
+                      is_static=is_static)
+        known |= {NAMES[parent], NAMES[child]}
+    if target not in known:
+        with pytest.raises(LookupException):
+            place(buffer, target, until)
+        return
+    placed = place(buffer, target, until)
+    expected = by_lookups(buffer, target, until)
+    assert placed.keys() == expected.keys()
+    for name, transform in placed.items():
+        assert transform.matrix() == pytest.approx(expected[name].matrix(), abs=1e-12)
+        if not until:
+            assert transform[:3] == expected[name][:3]
+
+
+def test_a_frame_that_changed_its_parent():
+    """What does not move as often is at the time of the slowest: below the parent of then."""
+    buffer = BufferCore()
+    for i in range(11):
+        buffer.insert(T + i * S, 'map', 'left', pose(i / 10))
+        buffer.insert(T + i * S, 'map', 'right', pose(-i / 10))
+        buffer.insert(T + i * S, 'left' if i < 6 else 'right', 'hand', pose(0.5))
+    buffer.insert(T + 3 * S, 'hand', 'tool', pose(0.2))
+    for until in 0, T + 2 * S, T + 5 * S, T + 8 * S:
+        assert {name: transform.matrix() == pytest.approx(
+            by_lookup(buffer, name, until).matrix(), abs=1e-12)
+            for name, transform in place(buffer, 'map', until).items()} == dict.fromkeys(
+                ['map', 'left', 'right', 'hand', *(['tool'] if until != T + 2 * S else [])], True)
+
+
+def by_lookup(buffer, name, until):
+    """Look up one frame."""
+    latest = buffer.get_latest_common_time('map', name)
+    return buffer.lookup_transform('map', name, min(latest, until) if until else latest)
+
+
+def test_only_what_is_connected_and_known():
+    """Other trees, loops, and what comes later are left out."""
+    buffer = BufferCore()
+    buffer.insert(T, 'map', 'odom', pose(1), is_static=True)
+    buffer.insert(T + S, 'odom', 'base', pose(1))
+    buffer.insert(T, 'world', 'tree', pose(1))
+    buffer.insert(T, 'x', 'y', pose(1))
+    buffer.insert(T, 'y', 'x', pose(1))
+    assert [*place(buffer, 'map')] == ['map', 'odom', 'base']
+    assert [*place(buffer, 'base')] == ['base', 'odom', 'map']
+    assert [*place(buffer, 'map', T)] == ['map', 'odom']
+    assert [*place(buffer, 'tree', T)] == ['tree', 'world']
+    assert [*place(buffer, 'x')] == ['x', 'y']
+
+
+def test_no_such_frame():
+    """It is refused as a lookup refuses it."""
+    buffer = BufferCore()
+    buffer.insert(T, 'map', 'odom', pose(1))
+    with pytest.raises(LookupException, match=r"does not exist\. Nearest known: 'odom'"):
+        place(buffer, 'odon')
+    with pytest.raises(InvalidArgumentException, match='cannot start with'):
+        place(buffer, '/map')
