@@ -10,6 +10,8 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{package_name}']),
         (f'share/{package_name}', ['package.xml']),
+        (f'share/{package_name}/launch', ['launch/dummy_arm.launch.py']),
+        (f'share/{package_name}/rviz', ['rviz/dummy_arm.rviz']),
     ],
     python_requires='>=3.10',
     install_requires=['numpy>=1.26', 'setuptools', 'transforms3d>=0.4'],

@@ -1,0 +1,91 @@
+"""The files for ROS 2's launch and for rviz2."""
+
+import json
+from math import cos, sin, tan
+from pathlib import Path
+import shutil
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import yaml
+
+from dummy_arm.arm import Arm
+from dummy_arm.tf import BufferCore
+from dummy_arm.tf.placing import place
+
+ROOT = Path(__file__).parent.parent
+LAUNCH, RVIZ = 'launch/dummy_arm.launch.py', 'rviz/dummy_arm.rviz'
+#: What rviz_default_plugins and rviz_common of Jazzy have, of what is used.
+CLASSES = {
+    f'rviz_default_plugins/{name}' for name in (
+        'FocusCamera', 'Grid', 'Interact', 'Measure', 'MoveCamera', 'Orbit', 'Select', 'TF')
+} | {'rviz_common/Displays', 'rviz_common/Views'}
+
+
+def test_they_are_installed():
+    """In the package's share, where they are looked for."""
+    code = ('import json, setuptools\nfrom distutils.core import run_setup\n'
+            'print(json.dumps(run_setup("setup.py", stop_after="init").data_files))')
+    output = subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=True, text=True,
+                            stdout=subprocess.PIPE).stdout
+    data_files = dict(json.loads(output))
+    for file in LAUNCH, RVIZ:
+        assert data_files[f'share/dummy_arm/{Path(file).parent}'] == [file]
+        assert (ROOT / file).is_file()
+
+
+def classes_in(config):
+    """List the classes of a configuration of rviz."""
+    if isinstance(config, list):
+        return [name for each in config for name in classes_in(each)]
+    if isinstance(config, dict):
+        own = [config['Class']] if config.get('Class') else []
+        return own + [name for each in config.values() for name in classes_in(each)]
+    return []
+
+
+def test_rviz_has_the_classes_of_jazzy():
+    """And shows the frames by their names, in map."""
+    config = yaml.safe_load((ROOT / RVIZ).read_text())
+    assert set(classes_in(config)) == CLASSES
+    manager = config['Visualization Manager']
+    assert manager['Global Options']['Fixed Frame'] == 'map'
+    tf = {display['Class']: display for display in manager['Displays']}['rviz_default_plugins/TF']
+    assert all(tf[shown] is True for shown in ('Enabled', 'Show Axes', 'Show Names'))
+
+
+def test_the_camera_of_rviz_sees_the_whole_arm():
+    """Wherever it waves, in a window of 4:3; and the arm is not lost in it."""
+    view = yaml.safe_load((ROOT / RVIZ).read_text())['Visualization Manager']['Views']['Current']
+    yaw, pitch = view['Yaw'], view['Pitch']
+    focal = np.array([view['Focal Point'][axis] for axis in 'XYZ'])
+    backwards = np.array([cos(yaw) * cos(pitch), sin(yaw) * cos(pitch), sin(pitch)])
+    right = np.array([-sin(yaw), cos(yaw), 0.0])
+    up = np.cross(backwards, right)
+    arm = Arm()
+    points = []
+    for phases in np.random.default_rng(1).uniform(-np.pi, np.pi, (300, 3)):
+        buffer = BufferCore()
+        for parent, child, pose in zip(arm.frames, arm.frames[1:], arm.poses(phases).tolist()):
+            buffer.insert(1, parent, child, (*pose,))
+        points += [transform.translation for transform in place(buffer, 'base_link').values()]
+    seen = np.array(points) - focal - view['Distance'] * backwards
+    depths = -seen @ backwards
+    half = tan(0.5 * 0.7854)  # of rviz's 45 degrees
+    assert (depths > 1.0).all()
+    heights, widths = abs(seen @ up) / depths / half, abs(seen @ right) / depths / half / (4 / 3)
+    assert 0.5 < max(heights.max(), widths.max()) < 0.95
+
+
+@pytest.mark.skipif(shutil.which('ros2') is None, reason='there is no ros2, as on a Jazzy desktop')
+def test_launched(start):
+    """The arm runs as its arguments say, until Ctrl-C."""
+    process = start('-c', 'import os, sys; os.execvp("ros2", ["ros2", *sys.argv[1:]])', 'launch',
+                    str(ROOT / LAUNCH), 'rviz:=false', 'rate:=20', 'frame_prefix:=a/')
+    line = process.line_with('publishing map -> a/base_link')
+    assert 'at 20 Hz' in line
+    process.end(signal.SIGINT)
+    assert process.exit_code() == 0
