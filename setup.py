@@ -18,10 +18,12 @@ setup(
     extras_require={
         'ros': ['ros-jazzy-common-interfaces', 'ros-jazzy-rclpy[fastrtps]', 'pygraphviz', 'pyyaml',
                 'tqdm'],
-        'view': ['viser'],
+        'view': ['viser>=1.1'],
         'bag': ['mcap', 'pygraphviz', 'rosbags', 'tqdm'],
         'bench': ['matplotlib'],
-        'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'pypdf', 'pytest', 'ruff'],
+        'pictures': ['matplotlib', 'pypdfium2'],
+        'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'playwright', 'pypdf', 'pytest',
+                 'ruff'],
     },
     zip_safe=True,
     maintainer='dummy_arm developers',
@@ -32,7 +34,7 @@ setup(
         'console_scripts': [
             f'{command} = dummy_arm.entry_points:{command}' for command in (
                 'dummy_arm', 'dynamic_tf_publisher', 'param', 'static_transform_publisher',
-                'tf2_echo', 'tf2_monitor', 'view_frames')
+                'tf2_echo', 'tf2_monitor', 'view_frames', 'web_view')
         ],
     },
 )

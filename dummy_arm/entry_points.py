@@ -43,6 +43,11 @@ def view_frames() -> int:
     return _run('dummy_arm.tools.view_frames')
 
 
+def web_view() -> int:
+    """Run `dummy_arm.tools.web_view`."""
+    return _run('dummy_arm.tools.web_view')
+
+
 def _run(module: str) -> int:
     note_signals()  # raised while modules import, KeyboardInterrupt becomes other errors
     try:
@@ -55,8 +60,8 @@ def _run(module: str) -> int:
             raise
         print(f'{module.rpartition(".")[2]}: ROS is needed for this, and {error.name} cannot be '
               "imported: pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces, or "
-              'source the setup file of a ROS installation. view_frames and tf2_echo take a bag '
-              'without ROS: --bag FILE', file=sys.stderr)
+              'source the setup file of a ROS installation. view_frames, tf2_echo and web_view '
+              'take a bag without ROS: --bag FILE', file=sys.stderr)
         return 1
     finally:
         ignore_signals()

@@ -1,0 +1,102 @@
+"""What is seen: brought up to date again and again, as those who look have chosen."""
+
+from time import monotonic
+from typing import Optional
+
+import numpy as np
+import viser
+
+from dummy_arm.view.details import details, overview
+from dummy_arm.view.panel import Panel
+from dummy_arm.view.rods import TIMEOUT
+from dummy_arm.view.scene import Scene
+from dummy_arm.view.shown import Shown, Stage
+from dummy_arm.view.source import Source
+from dummy_arm.view.trail import Trail
+
+_BETWEEN_TEXTS = 0.2  # s
+_SETTLING = 1.0  # s, until the frames that come first have all come
+
+
+class View:
+    """A page of frames."""
+
+    def __init__(self, source: Source, server: viser.ViserServer) -> None:
+        """Make the page; `update` fills it."""
+        self._source, self._player = source, source.player
+        self._stage = Stage(source.buffer)
+        self._shown, self._fixed = self._stage.look(), ''
+        self._scene = Scene(server)
+        self._panel = Panel(server.gui, self._player.length if self._player else 0.0,
+                            self._look_at_all)
+        server.on_client_connect(self._look_at_all)
+        self._trail = Trail(source.buffer)
+        #: What it was drawn of, and its lines.
+        self._drawn: tuple[Optional[Shown], str] = None, ''
+        self._lines = np.empty((0, 2, 3))
+        self._next_texts = 0.0
+        self._told: tuple[Optional[Shown], tuple[str, str]] = None, ('', '')
+        #: When those who came before the frames are turned to them.
+        self._turn_at: Optional[float] = None
+        self._server = server
+
+    def update(self) -> None:
+        """Show what there is now."""
+        panel, now = self._panel, monotonic()
+        until = self._go() if self._player else 0
+        fixed = panel.fixed.chosen
+        latest = self._stage.look(fixed, until)
+        if self._player or not panel.is_paused or fixed != self._fixed:
+            self._shown, self._fixed = latest, fixed
+        shown = self._shown
+        panel.offer(shown)
+        if clicked := self._scene.take_click():
+            panel.selected.choose(clicked)
+        self._draw_trail(panel.trail.name)
+        self._scene.show(shown, panel.size, panel.selected.name, panel.with_names, self._lines)
+        self._tell(now, fixed, panel.selected.name)
+        self._turn_cameras(now)
+
+    def _go(self) -> int:
+        """Go on in a bag; tell the time (ns)."""
+        player, sought = self._player, self._panel.take_sought()
+        assert player is not None
+        player.go(not self._panel.is_paused)
+        if sought is not None:
+            player.seek(sought)
+        self._panel.show_time(player.position)
+        return player.time
+
+    def _draw_trail(self, name: str) -> None:
+        """Draw the path of a frame, unless that is drawn already."""
+        shown = self._shown
+        if shown is self._drawn[0] and name == self._drawn[1]:
+            return
+        self._drawn, self._lines = (shown, name), np.empty((0, 2, 3))
+        if name in shown.names:
+            i = shown.names.index(name)
+            target, y = shown.tree_of(name)
+            if shown.ages[i] < TIMEOUT:
+                offset = np.array([0.0, y, 0.0])
+                self._lines = offset + self._trail.draw(
+                    target, name, shown.stamps[i], shown.poses[i, :3] - offset)
+
+    def _tell(self, now: float, fixed: str, selected: str) -> None:
+        """Tell of the frames, now and then, unless that is told already."""
+        shown, of = self._shown, (fixed, selected)
+        if now >= self._next_texts and not (shown is self._told[0] and of == self._told[1]):
+            self._next_texts, self._told = now + _BETWEEN_TEXTS, (shown, of)
+            self._panel.tell(overview(shown, self._source, fixed),
+                             details(shown, selected, self._source))
+
+    def _look_at_all(self, client: viser.ClientHandle) -> None:
+        """Turn somebody's camera to all frames."""
+        self._scene.look_at(self._shown, [client])
+
+    def _turn_cameras(self, now: float) -> None:
+        """Turn the cameras of those who came before the frames, when all have been heard of."""
+        if self._turn_at is None and self._shown.names:
+            self._turn_at = now + _SETTLING
+        if self._turn_at is not None and now >= self._turn_at:
+            self._turn_at = np.inf
+            self._scene.look_at(self._shown, self._server.get_clients().values())

@@ -1,0 +1,144 @@
+"""The page of web_view in a real browser: headless Chromium, driven by Playwright."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+import shutil
+import time
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
+playwright = pytest.importorskip('playwright.sync_api', reason='playwright is not installed')
+
+CHROMIUM = next(filter(None, map(shutil.which, (
+    'chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable'))), None)
+if CHROMIUM is None:
+    pytest.skip('there is no Chromium: apt install chromium', allow_module_level=True)
+
+_TIMEOUT = 30.0  # s; drawing without a GPU takes its time
+_NOTHING_BEYOND_LOOPBACK = (
+    '--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1', '--disable-background-networking',
+    '--disable-component-update', '--disable-sync', '--disable-quic', '--no-first-run')
+_IN_SOFTWARE = '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'
+_SCENE = """() => {
+    const mutable = window.__viserMutable, tree = window.__viserSceneTree.getState();
+    const names = {};
+    for (const [key, node] of Object.entries(tree))
+        if (key.startsWith('/names/') && node.effectiveVisibility)
+            names[node.message.props.text] = mutable.nodePoseData[key].position;
+    let mesh = null;
+    mutable.nodeRefFromName['/frames']?.traverse(o => { if (o.isInstancedMesh2) mesh = o; });
+    const rods = [];
+    for (let i = 0; i < (mesh?.instancesCount ?? 0); i++)
+        rods.push([...mesh.getMatrixAt(i).elements, ...mesh.getColorAt(i).toArray()]);
+    const trail = tree['/trail'];
+    return {names, rods,
+            trail: trail?.effectiveVisibility ? Array.from(trail.message.props.points) : []};
+}"""
+
+_WHERE = """point => {
+    const {camera, canvas, nodeRefFromName} = window.__viserMutable;
+    const seen = camera.position.clone().set(...point)
+        .applyMatrix4(nodeRefFromName['/frames'].matrixWorld).project(camera);
+    const {left, top, width, height} = canvas.getBoundingClientRect();
+    return [left + (1 + seen.x) / 2 * width, top + (1 - seen.y) / 2 * height];
+}"""
+
+
+class Scene:
+    """What is drawn."""
+
+    def __init__(self, drawn: dict) -> None:
+        """Take it as the page tells it."""
+        #: The names that are shown, and where (m).
+        self.names = {name: np.array(place) for name, place in drawn['names'].items()}
+        rods = np.array(drawn['rods']).reshape(4, -1, 19)
+        #: (4, n, 3): where each axis and line begins (m); the x, y and z axes, and the lines.
+        self.begins = rods[..., 12:15]
+        #: (4, n, 3): where it ends.
+        self.ends = self.begins + rods[..., 8:11]
+        #: (n,): of the axes of each frame (m).
+        self.radii = np.linalg.norm(rods[0, :, :3], axis=1)
+        #: (4, n, 3): red, green, blue, each up to 1.
+        self.colours = rods[..., 16:]
+        #: (m, 2, 3): the lines of the trail.
+        self.trail = np.array(drawn['trail']).reshape(-1, 2, 3)
+
+    def index(self, name: str) -> int:
+        """Find the frame that is drawn where a name is."""
+        distances = np.linalg.norm(self.begins[0] - self.names[name], axis=1)
+        assert distances.min() < 0.05, f'{name} is {distances.min()} m from the next axes'
+        return int(distances.argmin())
+
+
+class Look:
+    """Somebody who looks."""
+
+    def __init__(self, page: 'playwright.Page', url: str) -> None:
+        """Open the page."""
+        self.page, self.faults, self.asked = page, [], set()
+        page.set_default_timeout(_TIMEOUT * 1e3)
+        page.on('request', lambda request: self.asked.add(urlsplit(request.url).hostname))
+        page.on('websocket', lambda socket: self.asked.add(urlsplit(socket.url).hostname))
+        page.on('pageerror', lambda error: self.faults.append(str(error)))
+        page.on('console', lambda message: message.type == 'error' and self.faults.append(
+            message.text))
+        page.goto(url)
+
+    def scene(self) -> Scene:
+        """Tell what is drawn now."""
+        return Scene(self.page.evaluate(_SCENE))
+
+    def scene_with(self, *names: str) -> Scene:
+        """Wait until names are shown, and their frames drawn."""
+        return self.until(lambda: (scene := self.scene()).names.keys() >= {*names}
+                          and (scene.begins.size or not names) and scene)
+
+    def until(self, condition, timeout=_TIMEOUT):
+        """Wait until something holds; give it."""
+        deadline = time.monotonic() + timeout
+        while True:
+            try:
+                if holds := condition():
+                    return holds
+            except playwright.Error:  # there is no scene yet
+                holds = None
+            assert time.monotonic() < deadline, f'waited in vain; {self.faults}'
+            time.sleep(0.05)
+
+    def value(self, key: str) -> str:
+        """Read a value in the table of the selected frame."""
+        return self.page.inner_text(f'[data-value="{key}"]')
+
+    def numbers(self, key: str) -> list[float]:
+        """Read the numbers of a value."""
+        return [*map(float, self.value(key).split())]
+
+    def overview(self) -> str:
+        """Read what is told of all frames."""
+        return self.page.inner_text('[data-text="overview"]')
+
+    def choose(self, label: str, frame: str) -> None:
+        """Choose a frame in a control."""
+        self.page.get_by_label(label, exact=True).click()
+        self.page.get_by_role('option', name=frame, exact=True).click()
+
+    def click(self, point: np.ndarray) -> None:
+        """Click what is drawn at a point (m)."""
+        self.page.mouse.click(*self.page.evaluate(_WHERE, point.tolist()))
+
+    def tick(self, label: str, is_on: bool) -> None:
+        """Turn a control on or off."""
+        self.page.get_by_label(label, exact=True).set_checked(is_on, force=True)
+
+
+@contextmanager
+def chromium() -> Iterator['playwright.Browser']:
+    """Have a browser from here to the end of the block."""
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=[
+            '--no-sandbox', *_NOTHING_BEYOND_LOOPBACK, *_IN_SOFTWARE])
+        yield browser
+        browser.close()

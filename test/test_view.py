@@ -1,0 +1,429 @@
+"""What web_view shows, but for the browser: frames and their ages, rods, paths, texts."""
+
+import asyncio
+from contextlib import ExitStack
+import errno
+from http.client import HTTPConnection
+from itertools import pairwise
+import socket
+
+from conftest import tool, tool_without_ros
+import numpy as np
+import pytest
+
+from dummy_arm.tf import BufferCore
+from dummy_arm.view import player as player_module
+from dummy_arm.view import shown as shown_module
+from dummy_arm.view.player import Player
+from dummy_arm.view.rods import fading, rods
+from dummy_arm.view.shown import Stage
+from dummy_arm.view.source import Facts
+from dummy_arm.view.trail import Trail
+
+S = 10**9
+T = 1_700_000_000 * S
+HALF = 0.5 ** 0.5
+
+
+def pose(x, y=0.0, z=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
+    """Make a pose."""
+    return x, y, z, *rotation
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that a test sets: `clock[0]`, in s."""
+    now = [1000.0]
+    for module in shown_module, player_module:
+        monkeypatch.setattr(module, 'monotonic', lambda: now[0])
+    return now
+
+
+def arm(buffer, stamp, *names):
+    """Insert frames in a row, each 1 m along x from the one before it."""
+    for parent, child in pairwise(names):
+        buffer.insert(stamp, parent, child, pose(1.0))
+
+
+def test_what_is_shown():
+    """All trees; that of most frames in its root, others beside it; no loops."""
+    buffer = BufferCore()
+    shown = Stage(buffer).look()
+    assert (shown.fixed, shown.deepest) == ('', '')
+    assert (len(shown.names), shown.poses.shape, shown.ages.shape) == (0, (0, 7), (0,))
+    arm(buffer, T, 'world', 'tree')
+    arm(buffer, T, 'map', 'odom', 'base')
+    arm(buffer, T, 'map', 'other')
+    arm(buffer, T, 'x', 'y', 'x')
+    arm(buffer, T, 'y', 'below')
+    shown = Stage(buffer).look()
+    assert shown.fixed == 'map'
+    assert shown.names == ['map', 'odom', 'other', 'base', 'world', 'tree']
+    assert shown.parents == [-1, 0, 0, 1, -1, 4]
+    assert shown.poses[:, :3].tolist() == [
+        [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, -2, 0], [1, -2, 0]]
+    assert shown.deepest == 'base'
+    assert shown.trees == {'map': 0.0, 'world': -2.0}
+    assert [sorted(loop) for loop in shown.loops] == [['x', 'y']]
+    assert shown.tree_of('tree') == ('world', -2.0)
+    shown = Stage(buffer).look('odom')
+    assert dict(zip(shown.names, shown.poses[:, 0])) == {
+        'odom': 0, 'map': -1, 'base': 1, 'other': 0, 'world': 0, 'tree': 1}
+    assert shown.deepest == 'base'  # as before: it is not by chance that it is chosen
+    assert shown.tree_of('map') == ('odom', 0.0)
+    assert Stage(buffer).look('nowhere').fixed == 'map'
+    assert Stage(buffer).look('below').fixed == 'map'  # a loop
+
+
+def test_ages_live(clock):
+    """A frame is as old as the silence on its way; a root as the youngest below it."""
+    buffer = BufferCore()
+    stage = Stage(buffer)
+    buffer.insert(T, 'map', 'base', pose(1.0), is_static=True)
+    arm(buffer, T, 'base', 'upper', 'hand')
+    arm(buffer, T, 'world', 'tree')
+    stage.look()
+    clock[0] += 10.0
+    arm(buffer, T + S, 'upper', 'hand')
+    shown = stage.look()
+    assert dict(zip(shown.names, shown.ages)) == {
+        'map': 0.0, 'base': 0.0, 'upper': 10.0, 'hand': 10.0, 'world': 10.0, 'tree': 10.0}
+    shown = stage.look('hand')
+    assert dict(zip(shown.names, shown.ages)) == {
+        'hand': 0.0, 'upper': 0.0, 'base': 10.0, 'map': 10.0, 'world': 10.0, 'tree': 10.0}
+    arm(buffer, T + S, 'base', 'upper')
+    assert not stage.look('map').ages[:4].any()
+
+
+def test_ages_in_a_bag():
+    """They count from the time that is looked at, also within a silence."""
+    buffer = BufferCore(10**18)
+    for second in 0, 1, 2, 8, 9:
+        arm(buffer, T + second * S, 'map', 'base')
+    stage = Stage(buffer)
+    assert stage.look('', T - S).names == []
+    for second, age in (0, 0.0), (2, 0.0), (5, 3.0), (8, 0.0), (12, 3.0):
+        shown = stage.look('', T + second * S)
+        assert shown.ages.tolist() == [age, age]
+        assert shown.frames['base'].latest == T + min(second, 9) * S - (3 * S if age == 3.0 and
+                                                                        second == 5 else 0)
+
+
+def test_frames_of_a_time():
+    """Who was whose child by then, with what was known of it."""
+    buffer = BufferCore()
+    for second, parent in enumerate(['left', 'left', 'right', 'right']):
+        buffer.insert(T + second * S, parent, 'hand', pose(1.0))
+    buffer.insert(T, 'map', 'left', pose(1.0), is_static=True)
+
+    def known(until):
+        return [(frame.name, frame.parent, frame.length, frame.latest)
+                for frame in buffer.frames(until)]
+
+    assert known(T - 1) == [('left', 'map', 1, 0)]
+    assert known(T + S) == [('hand', 'left', 2, T + S), ('left', 'map', 1, 0)]
+    assert known(T + 5 * S // 2) == [('hand', 'right', 3, T + 2 * S), ('left', 'map', 1, 0)]
+    assert known(0) == known(T + 9 * S) == [('hand', 'right', 4, T + 3 * S),
+                                            ('left', 'map', 1, 0)]
+
+
+def test_rods():
+    """Axes along x, y and z of each frame; lines from each to its parent."""
+    buffer = BufferCore()
+    buffer.insert(T, 'map', 'a', pose(0.0, 0.0, 2.0, (0.0, 0.0, HALF, HALF)))
+    buffer.insert(T, 'a', 'b', pose(1.0, 2.0, 2.0))
+    buffer.insert(T, 'a', 'c', pose(0.0, 0.0, 0.0))
+    shown = Stage(buffer).look()
+    drawn = rods(shown, 0.5, 'b')
+    count = len(shown.names)
+    assert len(drawn.positions) == len(drawn.colors) == 4 * count
+    w, x, y, z = drawn.wxyzs.T  # what becomes of the z axis
+    ends = drawn.positions + drawn.scales[:, 2:] * np.column_stack(
+        [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+    begins = dict(zip(shown.names, drawn.positions[:count]))
+    for k, axis in enumerate(([0.0, 0.5, 0.0], [-0.5, 0.0, 0.0], [0.0, 0.0, 0.5])):
+        i = shown.names.index('a') + k * count
+        assert ends[i] - drawn.positions[i] == pytest.approx(axis, abs=1e-6)
+    for i, name in enumerate(shown.names):
+        parent = {'a': 'map', 'b': 'a', 'c': 'a'}.get(name, name)
+        assert ends[3 * count + i] == pytest.approx(begins[parent], abs=1e-6)
+    radii = dict(zip(shown.names, drawn.scales[:count, 0]))
+    assert radii['b'] > radii['a'] == radii['c'] > 0.0
+
+
+def test_fading_as_in_rviz():
+    """A third of 15 s as it was, a third turning grey, a third vanishing."""
+    colourfulness, thickness = fading(np.array([0.0, 5.0, 7.5, 10.0, 12.5, 15.0, 99.0]))
+    assert colourfulness == pytest.approx([1.0, 1.0, 0.5, 0.0, 0.0, 0.0, 0.0])
+    assert thickness == pytest.approx([1.0, 1.0, 1.0, 1.0, 0.5, 0.0, 0.0])
+
+
+def test_a_trail():
+    """The path of the last 20 s, in each frame, however often it is drawn."""
+    buffer = BufferCore(60 * S)
+    often, seldom = Trail(buffer), Trail(buffer)
+    for i in range(3001):
+        buffer.insert(T + i * S // 100, 'map', 'hand', pose(i / 100, 1.0))
+        if i % 3 == 0:
+            lines = often.draw('map', 'hand', T + i * S // 100, np.array([i / 100, 1.0, 0.0]))
+    for trail in lines, seldom.draw('map', 'hand', T + 30 * S, np.array([30.0, 1.0, 0.0])):
+        assert trail.shape[0] > 300
+        assert (trail[1:, 0] == trail[:-1, 1]).all()
+        assert 10.0 <= trail[0, 0, 0] < 10.1
+        assert trail[-1, 1].tolist() == [30.0, 1.0, 0.0]
+        assert np.ptp(trail[..., 1]) == 0.0
+        assert np.diff(trail[:, 0, 0]).max() < 0.1
+    back = often.draw('hand', 'map', T + 30 * S, np.array([-30.0, -1.0, 0.0]))
+    assert back[-1, 1].tolist() == [-30.0, -1.0, 0.0]
+    assert often.draw('map', 'hand', T + S, np.array([1.0, 1.0, 0.0]))[-1, 1].tolist() == [1, 1, 0]
+    assert not len(often.draw('map', 'still', 0, np.zeros(3)))
+
+
+def test_a_player(clock):
+    """It goes as time goes, stands, is set, and begins anew at the end."""
+    buffer = BufferCore(10**18)
+    for second in 0, 4:
+        arm(buffer, T + second * S, 'map', 'base')
+    player = Player(buffer.frames())
+    assert player.length == 4.0
+    clock[0] += 1.5
+    player.go(True)
+    assert (player.position, player.time) == (1.5, T + 3 * S // 2)
+    clock[0] += 1.0
+    player.go(False)
+    assert player.position == 1.5
+    player.seek(3.9)
+    clock[0] += 1.0
+    player.go(True)
+    assert (player.position, player.is_at_end) == (4.0, True)
+    player.go(True)
+    assert player.position == 0.0
+    player.seek(99.0)
+    assert player.time == T + 4 * S
+    still = Player([])
+    still.go(True)
+    assert (still.length, still.time) == (0.0, 1)
+
+
+class Known:
+    """A source of which all is known."""
+
+    name, player = '/tf', None
+
+    def __init__(self, buffer, facts):
+        """Have a buffer, and facts of every frame."""
+        self.buffer, self._facts = buffer, facts
+
+    def facts(self, frame):
+        """Tell them."""
+        return self._facts
+
+    def why_none(self):
+        """Tell why."""
+        return 'because'
+
+
+def test_texts():
+    """Names cannot be HTML; what is wrong is told."""
+    from dummy_arm.view.details import details, overview
+    buffer = BufferCore()
+    source = Known(buffer, Facts(50.04, 0.00123, '/<i>'))
+    assert 'nothing yet. because' in overview(Stage(buffer).look(), source)
+    arm(buffer, T, 'map', '<script>', 'b')
+    arm(buffer, T, 'x\n', 'y', 'x\n')
+    arm(buffer, T, 'w"orld', 'tree')
+    shown = Stage(buffer).look()
+    text = overview(shown, source)
+    assert '/tf: 5 frames' in text
+    assert 'not connected to map: w&quot;orld' in text
+    assert 'in a loop: ' in text
+    assert '→ x\\n' in text
+    text = details(shown, 'b', source)
+    assert '<b data-value="parent">&lt;script&gt;</b>' in text
+    assert '<td data-value="rate">50.0 Hz</td>' in text
+    assert '<td data-value="delay">1.23 ms</td>' in text
+    assert '<td data-value="publisher">/&lt;i&gt;</td>' in text
+    assert f'{T // S}.000000000 s' in text
+    buffer.clear()
+    text = details(shown, 'b', source)  # as after a jump of time, or a long pause
+    assert 'parent' in text
+    assert 'nan' not in text
+    assert '&lt;b&gt; is not there' in overview(shown, source, '<b>')
+    assert '&lt;i&gt; is not there.' in details(shown, '<i>', source)
+    assert 'Click a frame' in details(shown, '', source)
+    text = details(shown, 'map', source)
+    assert 'no parent: a root' in text
+    assert '<b data-value="fixed">map</b>' in text
+
+
+def test_an_address_that_is_none(failed):
+    """It is refused in one line that tells what is taken."""
+    pytest.importorskip('viser')
+    from dummy_arm.tools.web_view import main
+    for host in '', '..', '192.0.2.1':
+        code, error = failed(main, '--host', host)
+        assert code == 2
+        assert len(error.splitlines()) == 1
+        assert '--host takes' in error
+
+
+def test_no_free_port(monkeypatch):
+    """It is told which are taken."""
+    pytest.importorskip('viser')
+    from dummy_arm.command import CommandError
+    from dummy_arm.view import server
+
+    def taken(*_):
+        raise OSError(errno.EADDRINUSE, 'taken')
+
+    monkeypatch.setattr(socket.socket, 'bind', taken)
+    with (pytest.raises(CommandError, match=r'ports 8080 to 8179 of 127\.0\.0\.1 are all taken'),
+          server.served('127.0.0.1')):
+        pass
+
+
+def test_who_can_look():
+    """It is told when it is not this machine only."""
+    pytest.importorskip('viser')
+    from dummy_arm.view.server import told
+    assert told('127.0.0.1', 8080) == ['look at http://127.0.0.1:8080']
+    assert told('::1', 8080) == ['look at http://[::1]:8080']
+    assert told('0.0.0.0', 8081) == [
+        'look at http://localhost:8081',
+        f'whoever reaches port 8081 of {socket.gethostname()} can look, and use the panel']
+    assert told('192.0.2.1', 8080)[0] == 'look at http://192.0.2.1:8080'
+
+
+def test_pages_of_others_are_refused():
+    """Whatever page is open in the browser cannot look, nor can it by a name for this machine."""
+    pytest.importorskip('viser')
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    from dummy_arm.view.server import served
+    with served('127.0.0.1') as server:
+        host = f'127.0.0.1:{server.get_port()}'
+        for origin in f'http://{host}', None:
+            with connect(f'ws://{host}', origin=origin):
+                pass
+        with (pytest.raises(InvalidStatus, match='403'),
+              connect(f'ws://{host}', origin='http://evil.example')):
+            pass
+        for name, status in (host, 200), ('localhost:1', 200), ('evil.example:8080', 403):
+            connection = HTTPConnection(host)
+            connection.request('GET', '/', headers={'Host': name})
+            assert connection.getresponse().status == status
+            connection.close()
+
+
+class Sent:
+    """What a viewer sends: `handle.update_cb` gets it."""
+
+    client_id = 1
+
+    def __init__(self, target):
+        """Take the control that it is about."""
+        self.target = target
+
+
+@pytest.fixture
+def view(capsys):
+    """Make the view of a buffer: `view(buffer)`."""
+    pytest.importorskip('viser')
+    from dummy_arm.view.server import served
+    from dummy_arm.view.view import View
+    with ExitStack() as stack:
+        yield lambda source: View(source, stack.enter_context(served('127.0.0.1')))
+
+
+def test_a_view_of_what_is_static_or_odd(view):
+    """It goes on."""
+    buffer = BufferCore()
+    page = view(Known(buffer, Facts(None, None, '')))
+    page.update()
+    buffer.insert(0, 'map', 'base', pose(1.0), is_static=True)
+    for parent, child, x in (('//map', 'bad', 1.0), ('map', 'far', float('inf')), ('a', 'b', 1.0),
+                             ('b', 'a', 1.0), ('c', 'zero', 1.0)):
+        buffer.insert(0 if child == 'zero' else T, parent, child, pose(x))
+    for _ in range(3):
+        page.update()
+    page._look_at_all(type('Client', (), {'camera': type('Camera', (), {})}))
+    buffer.clear()
+    page.update()
+    buffer.insert(1, 'map', 'early', pose(1.0))
+    for i in range(5):
+        buffer.insert(1 + i * S // 30, 'map', 'early', pose(1.0))
+        page.update()
+
+
+def test_a_view_that_stands_still(view, clock):
+    """As long as it is paused, also when the buffer has forgotten what is shown."""
+    buffer = BufferCore()
+    page = view(Known(buffer, Facts(None, None, '')))
+    arm(buffer, T, 'map', 'base', 'hand')
+    page.update()
+    page._panel._pause.value = True
+    arm(buffer, T + 100 * S, 'map', 'base', 'hand')
+    for name in 'hand', 'base':
+        page._panel.selected.choose(name)
+        page._next_texts = 0.0
+        page.update()
+        assert page._shown.stamps[-1] == T
+    assert '>base</b>' not in page._panel._details.content
+    assert f'{T // S}.000000000 s' in page._panel._details.content
+    page._panel._pause.value = False
+    page.update()
+    assert page._shown.stamps[-1] == T + 100 * S
+
+
+def test_what_is_chosen_stays(view):
+    """Against what is proposed, while it is not there, and when it is chosen in the meantime."""
+    buffer = BufferCore()
+    arm(buffer, T, 'map', 'base', 'hand')
+    page = view(Known(buffer, Facts(None, None, '')))
+    page.update()
+    choice = page._panel.fixed
+    assert (choice.name, choice.chosen) == ('map', '')
+    choice._dropdown.value = 'base'  # as viser does, before it calls back
+    asyncio.run(choice._on_update(Sent(choice._dropdown)))
+    choice.offer(['map', 'base', 'hand', 'more'], 'map')
+    assert (choice.name, choice._dropdown.value) == ('base', 'base')
+    choice.offer([], '')
+    assert (choice.name, choice._dropdown.value) == ('base', 'base')
+    page.update()
+    assert page._shown.fixed == 'base'
+    page._panel.selected.choose('(none)')
+    page._next_texts = 0.0
+    page.update()
+    assert 'Click a frame' in page._panel._details.content
+
+
+def test_a_stray_stamp_does_not_stretch_a_bag():
+    """As of a node that sent before its clock was set."""
+    buffer = BufferCore(10**19)
+    arm(buffer, T, 'map', 'base')
+    arm(buffer, T + 4 * S, 'map', 'base')
+    arm(buffer, 5 * S, 'map', 'stray')
+    for child, stamp in ('zero', 0), ('other', T + S):
+        arm(buffer, stamp, 'map', child)
+    player = Player(buffer.frames())
+    assert (player.time, player.length) == (T, 4.0)
+
+
+def test_without_viser(start):
+    """It is told what is missing."""
+    block = ('import sys\nclass B:\n    def find_spec(self, name, *_):\n'
+             '        if name == "viser": raise ModuleNotFoundError("No module named viser")\n'
+             'sys.meta_path.insert(0, B())\n')
+    option, code, *rest = tool('web_view')
+    process = start(option, block + code, *rest)
+    assert process.exit_code() == 1
+    assert process.output == ('web_view: viser, which makes the page, cannot be imported (No '
+                              'module named viser): pip install viser\n')
+
+
+def test_without_ros(start):
+    """It is told that a bag can be looked at."""
+    process = start(*tool_without_ros('web_view'))
+    assert process.exit_code() == 1
+    assert 'take a bag without ROS: --bag FILE' in process.output

@@ -1,0 +1,237 @@
+"""The page of web_view, looked at in a real browser."""
+
+from math import degrees
+from pathlib import Path
+import signal
+import socket
+
+from browser import chromium, Look
+from conftest import ARM, tool, tool_without_ros
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from dummy_arm.tf.rotations import euler_from_quaternion
+
+S = 10**9
+VIEW = tool('web_view')
+FRAMES = 'map, base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector'
+
+
+@pytest.fixture(scope='module')
+def browser():
+    """A browser for all tests."""
+    with chromium() as started:
+        yield started
+
+
+@pytest.fixture
+def look(browser):
+    """Open the page of a process, or an address: `look(process)`; all must be well with it."""
+    looks = []
+
+    def open_page(process):
+        url = process if isinstance(process, str) else url_of(process)
+        looks.append(Look(browser.new_page(viewport={'width': 1000, 'height': 700}), url))
+        return looks[-1]
+
+    yield open_page
+    for each in looks:
+        each.page.close()
+        assert each.asked <= {'127.0.0.1', None}  # None: what the page has in itself
+        assert not each.faults
+
+
+def url_of(process):
+    """Read where a page is served."""
+    return process.line_with('look at http').split()[-1]
+
+
+def test_the_waving_arm(start, ros, look, request, tmp_path):
+    """Its frames are there, move, fade and return; the numbers are those of a lookup."""
+    from rclpy.duration import Duration
+
+    from dummy_arm.tf import Buffer, TransformListener
+    arm = start(*ARM)
+    buffer = Buffer(Duration(seconds=60), ros.node)
+    listener = TransformListener(buffer, ros.node)
+    page = look(start(*VIEW))
+
+    scene = page.scene_with(*FRAMES)
+    map_, *_, joint_3, hand = map(scene.index, FRAMES)
+    assert scene.begins.shape == (4, 6, 3)
+    assert np.allclose(scene.begins[0, map_], 0.0)
+    assert np.allclose(np.linalg.norm(scene.ends[:3] - scene.begins[:3], axis=2), 0.16)
+    assert np.allclose(scene.ends[3, hand], scene.begins[0, joint_3], atol=1e-5)
+    assert np.linalg.norm(scene.ends[3, hand] - scene.begins[3, hand]) == pytest.approx(0.2)
+    assert np.allclose(scene.radii, [*[0.008] * 5, 0.0136])  # that which is selected stands out
+    page.until(lambda: np.linalg.norm(
+        page.scene().names['end_effector'] - scene.names['end_effector']) > 0.05)
+    assert '6 frames' in page.overview()
+    page.until(lambda: len(page.scene().trail) > 20)
+    page.tick('Pause', True)
+    page.click(middle_of_z_axis(page.scene(), 'joint_1'))
+    page.until(lambda: page.value('parent') == 'base_link')
+    page.choose('Frame', 'joint_2')
+    page.until(lambda: page.value('parent') == 'joint_1')
+    assert page.value('fixed') == 'map'
+    assert page.value('publisher') == '/dummy_arm'
+    for where in 'parent', 'fixed':
+        assert_numbers_are_those_of_a_lookup(page, where, buffer)
+    scene = page.scene()
+    assert np.allclose(scene.trail[-1, 1], scene.names['end_effector'], atol=0.05)
+    picture = artefact(request, tmp_path, 'web_view.png')
+    page.page.screenshot(path=picture)
+    assert_arm_is_seen(iio.imread(picture))
+    page.tick('Pause', False)
+    page.until(lambda: page.value('rate').endswith(' Hz') and page.value('delay').endswith(' ms'))
+
+    listener.unregister()
+    arm.end(signal.SIGINT)
+    grey = page.until(lambda: (scene := page.scene()).radii[hand] < 0.007 and scene)
+    assert np.ptp(grey.colours[0, hand]) < 0.02
+    assert page.value('rate').startswith('silent for')
+    gone = page.until(lambda: (scene := page.scene()).radii[hand] == 0.0 and scene)
+    assert gone.names.keys() == {'map, base_link'}
+    assert np.allclose(gone.radii, [0.008, 0.008, 0.0, 0.0, 0.0, 0.0])
+    assert not len(gone.trail)
+    page.until(lambda: '2 frames\nnot shown, since nothing was heard of them or on the way to '
+               'them for 15 s: joint_1, joint_2, joint_3, end_effector' in page.overview())
+    start(*ARM)
+    back = page.scene_with(*FRAMES)
+    assert np.allclose(back.radii, [0.008, 0.008, 0.008, 0.0136, 0.008, 0.008])  # joint_2
+    assert back.colours[0, hand, 0] > 0.7
+
+
+def middle_of_z_axis(scene, name):
+    """Tell where it is (m)."""
+    i = scene.index(name)
+    return (scene.begins[2, i] + scene.ends[2, i]) / 2
+
+
+def assert_numbers_are_those_of_a_lookup(page, where, buffer):
+    """Compare the panel, which stands still, with what a lookup of its time gives."""
+    from rclpy.time import Time
+    seconds, nanoseconds = page.value(f'{where}-time').removesuffix(' s').split('.')
+    transform = buffer.lookup_transform(
+        page.value(where), 'joint_2', Time(seconds=int(seconds), nanoseconds=int(nanoseconds)))
+    translation, rotation = transform.transform.translation, transform.transform.rotation
+    quaternion = np.array([rotation.x, rotation.y, rotation.z, rotation.w])
+    assert page.numbers(f'{where}-translation') == pytest.approx(
+        [translation.x, translation.y, translation.z], abs=5.01e-4)
+    shown = np.array(page.numbers(f'{where}-quaternion'))
+    assert shown * np.sign(shown @ quaternion) == pytest.approx(quaternion, abs=5.01e-5)
+    assert page.numbers(f'{where}-rpy') == pytest.approx(
+        [*map(degrees, euler_from_quaternion(quaternion))], abs=5.01e-3)
+
+
+def artefact(request, tmp_path, name):
+    """Give the path of a file that is kept beside the results of the tests, where these are."""
+    results = request.config.option.xmlpath
+    return (Path(results).parent if results else tmp_path) / name
+
+
+def assert_arm_is_seen(picture):
+    """Find the colours of the axes, in a picture that is not blank."""
+    red, green, blue = np.moveaxis(picture[..., :3].astype(int), -1, 0)
+    left = np.arange(picture.shape[1]) < 0.6 * picture.shape[1]
+    for one, *others in (red, green, blue), (green, red, blue), (blue, red, green):
+        assert ((one > 60 + np.maximum(*others)) & left).sum() > 100
+    assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 500
+
+
+def test_trees_that_change(start, ros, look):
+    """All roots are shown; new frames come, others move when they get another parent."""
+    from dummy_arm.tf import TransformBroadcaster
+    broadcaster = TransformBroadcaster(ros.node)
+
+    def send(*edges):
+        for parent, child, x in edges:
+            broadcaster.prepare([(parent, child)]).send(
+                ros.node.get_clock().now(), [(x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)])
+
+    edges = [('map', 'odom', 1.0), ('map', 'left', 3.0), ('odom', 'base', 0.5)]
+    ros.node.create_timer(0.02, lambda: send(*edges))
+    page = look(start(*VIEW))
+    page.scene_with()
+
+    def scene_with(*names, at=None):
+        scenes = []
+
+        def is_there():
+            scenes[:] = [page.scene()]
+            places = scenes[0].names
+            return places.keys() >= {*names} and (at is None or np.allclose(places[names[0]], at))
+
+        ros.until(is_there)
+        return scenes[0]
+
+    scene = scene_with('map', 'odom', 'left', 'base')
+    assert np.allclose(scene.names['base'], (1.5, 0.0, 0.0))
+    edges += [('world', '<b>tree</b>', 1.0)]
+    scene = scene_with('world', '<b>tree</b>')
+    assert np.allclose(scene.names['<b>tree</b>'], (1.0, -2.0, 0.0))
+    ros.until(lambda: 'not connected to map: world' in page.overview())
+    page.choose('Frame', '<b>tree</b>')
+    ros.until(lambda: page.value('parent') == 'world')
+    assert page.numbers('parent-translation') == [1.0, 0.0, 0.0]
+    assert not page.page.query_selector('[data-value=fixed]')  # it would be the same again
+    edges[2] = 'left', 'base', 0.5
+    scene = scene_with('base', at=(3.5, 0.0, 0.0))
+    base, left = map(scene.index, ('base', 'left'))
+    assert np.allclose(scene.ends[3, base], scene.begins[0, left], atol=1e-5)
+    page.choose('Fixed frame', 'left')
+    scene_with('map', at=(-3.0, 0.0, 0.0))
+    page.tick('Names', False)
+    ros.until(lambda: not page.scene().names)
+
+
+def test_a_bag_without_ros(start, look, tmp_path):
+    """It is played, and stands at the time that is chosen; many names are not shown at first."""
+    bags = pytest.importorskip('bags')
+    posts = [bags.row(100 * S, 'map', f'post_{i}', (0, i, 0, 0, 0, 0, 1)) for i in range(1, 61)]
+    path = bags.make(tmp_path / 'bag', 'mcap', [*bags.walk(), ('/tf_static', 100 * S, posts)])
+    process = start(*tool_without_ros('web_view', '--bag', str(path)))
+    page = look(process)
+    page.until(lambda: '63 frames' in page.overview())
+    assert not page.scene().names
+    page.tick('Names', True)
+    page.tick('Pause', True)
+    page.scene_with('map', 'odom', 'base_link', 'post_59')
+    slider = page.page.get_by_role('slider').first
+    for key, x in ('End', 11.0), ('Home', 1.0):
+        slider.press(key)
+        page.until(lambda x=x: np.allclose(page.scene().names['base_link'], (x, 2.0, 3.0)))
+    page.tick('Pause', False)
+    page.until(lambda: page.scene().names['base_link'][0] > 1.5)
+    assert page.value('publisher') == 'not recorded'
+    assert page.value('rate') == '10.0 Hz'
+    process.end(signal.SIGINT)
+    assert process.exit_code() == 0
+    page.faults.clear()  # it cannot connect any more
+
+
+def test_many_who_look_on_the_next_free_port(start, look):
+    """Two views, and two pages of one; who closes one, or comes back, harms nobody."""
+    start(*ARM)
+    with socket.socket() as taken:
+        taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            taken.bind(('127.0.0.1', 8080))
+            taken.listen()
+        except OSError:  # by somebody else: as good
+            pass
+        views = [start(*VIEW), start(*VIEW)]
+        urls = [url_of(view) for view in views]
+    assert len({*urls, 'http://127.0.0.1:8080'}) == 3
+    first, second = look(urls[0]), look(urls[0])
+    first.scene_with(*FRAMES)
+    first.page.close()
+    second.scene_with(*FRAMES)
+    second.page.reload()
+    second.scene_with(*FRAMES)
+    for view, signal_number in zip(views, (signal.SIGINT, signal.SIGTERM)):
+        view.end(signal_number)
+        assert view.exit_code() == 0
+        assert view.output.splitlines() == [f'look at {urls[views.index(view)]}']
+    second.faults.clear()  # it cannot connect any more
