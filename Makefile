@@ -9,10 +9,13 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: demo listen test lint bench clean
+.PHONY: demo listen test lint bench pictures clean
 
+# Ctrl-C and SIGTERM end both.
 demo: $(INSTALLED)
-	@$(VENV)/bin/dummy_arm
+	@$(VENV)/bin/dummy_arm & arm=$$!; $(VENV)/bin/web_view & view=$$!; \
+	    code=; trap 'code=0; kill $$arm $$view 2> /dev/null' INT TERM; \
+	    wait $$view; code=$${code:-$$?}; kill $$arm 2> /dev/null; wait $$arm $$view; exit $$code
 
 listen: $(INSTALLED)
 	@$(VENV)/bin/python docs/examples/listen.py
@@ -33,6 +36,9 @@ lint: $(INSTALLED)
 bench: $(INSTALLED)-bench
 	$(VENV)/bin/python bench/bench.py docs/lookup_cost.png
 
+pictures: $(INSTALLED)-pictures
+	$(VENV)/bin/python docs/pictures.py
+
 clean:
 	rm -rf build install log $(VENV) dummy_arm.egg-info
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache
@@ -46,9 +52,9 @@ $(INSTALLED): setup.py
 	    "the venv module is missing: apt install python3.%d-venv" % sys.version_info[1])'; exit 1; }
 	$(PYTHON) -m venv $(VENV)
 	@touch $(VENV)/COLCON_IGNORE
-	$(VENV)/bin/python -m pip install --quiet --editable '.[bag,ros,test]'
+	$(VENV)/bin/python -m pip install --quiet --editable '.[bag,ros,test,view]'
 	@touch $@
 
-$(INSTALLED)-bench: $(INSTALLED)
-	$(VENV)/bin/python -m pip install --quiet --editable '.[bench]'
+$(INSTALLED)-%: $(INSTALLED)
+	$(VENV)/bin/python -m pip install --quiet --editable '.[$*]'
 	@touch $@

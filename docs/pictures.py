@@ -1,0 +1,125 @@
+"""Make the pictures that README.md shows, from the arm as it runs: `make pictures`."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from html import escape
+from math import degrees
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+from tempfile import TemporaryDirectory
+
+os.environ.setdefault('ROS_DOMAIN_ID', '97')  # so that no other arm is in the pictures
+
+import matplotlib.pyplot as plt
+import numpy as np
+from playwright.sync_api import Browser, sync_playwright
+import pypdfium2
+import rclpy
+from rclpy.duration import Duration
+from rclpy.time import Time
+
+from dummy_arm.arm import Arm
+from dummy_arm.tf import Buffer, TransformListener
+
+DOCS = Path(__file__).parent
+COMMANDS = Path(sys.executable).parent
+SECONDS = 30.0
+SOFTWARE = ('--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader')
+
+
+@contextmanager
+def running(command: str) -> Iterator['subprocess.Popen[str]']:
+    """Run a command of the package to the end of the block."""
+    process = subprocess.Popen([COMMANDS / command], stdout=subprocess.PIPE, text=True)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def output(*arguments: str) -> str:
+    """Run a command of the package to its end; give what it prints."""
+    command, *others = arguments
+    return subprocess.run([COMMANDS / command, *others], check=True, text=True,
+                          stdout=subprocess.PIPE).stdout
+
+
+def frames(path: Path) -> None:
+    """Draw frames.pdf."""
+    with TemporaryDirectory() as directory:
+        output('view_frames', '-o', f'{directory}/frames.pdf')
+        with pypdfium2.PdfDocument(f'{directory}/frames.pdf') as pdf:
+            pdf[0].render(scale=1.4).to_pil().save(path)
+
+
+def tree(browser: Browser, path: Path) -> None:
+    """Draw the tree in the terminal."""
+    text = '$ view_frames --text\n' + output('view_frames', '--text')
+    page = browser.new_page(device_scale_factor=1.5)
+    page.set_content('<pre style="display: inline-block; margin: 0; padding: 1em; color: #ddd; '
+                     f'background: #222; font: 14px monospace">{escape(text.rstrip())}</pre>')
+    page.locator('pre').screenshot(path=path)
+    page.close()
+
+
+def page_of_the_arm(browser: Browser, url: str, path: Path) -> None:
+    """Draw the page, when it has been looked at for long enough that the trail is whole."""
+    page = browser.new_page(viewport={'width': 1200, 'height': 760})
+    page.goto(url)
+    page.wait_for_selector('[data-value=rate]', timeout=60e3)
+    page.locator('.mantine-Notification-closeButton').first.click()  # that there is no GPU
+    page.wait_for_timeout(3e3)
+    page.screenshot(path=path)
+    page.close()
+
+
+def angles(buffer: Buffer, path: Path) -> None:
+    """Plot the angles of the joints in the last seconds, and their limits."""
+    arm = Arm()
+    end = buffer.get_latest_common_time(arm.frames[0], arm.frames[-1]).nanoseconds
+    times = np.linspace(end - SECONDS * 1e9, end, 1000).astype(np.int64)
+    figure, axes = plt.subplots(figsize=(8, 3.6), layout='constrained')
+    for parent, joint in zip(arm.frames, arm.joints):
+        _, rotations, _ = buffer.lookup_transforms(parent, joint.name, times)
+        turned = np.degrees(2 * np.arctan2(rotations[:, 2], rotations[:, 3]))
+        line, = axes.plot((times - times[0]) * 1e-9, turned, label=joint.name)
+        for limit in -joint.limit, joint.limit:
+            axes.axhline(degrees(limit), color=line.get_color(), linestyle=':', linewidth=1)
+    axes.set(xlabel='time (s)', ylabel='angle (degrees)', xlim=(0, SECONDS),
+             title='Joint angles, and their limits')
+    axes.legend(loc='center left', bbox_to_anchor=(1.0, 0.5))
+    figure.savefig(path, dpi=110)
+
+
+def main() -> None:
+    """Make all of them."""
+    chromium = shutil.which('chromium')
+    if chromium is None:
+        sys.exit('pictures: there is no Chromium: apt install chromium')
+    rclpy.init()
+    node = rclpy.create_node('pictures')
+    buffer = Buffer(Duration(seconds=2 * SECONDS), node)
+    TransformListener(buffer, node)
+    with running('dummy_arm'), running('web_view') as view, sync_playwright() as playwright:
+        assert view.stdout is not None
+        url = view.stdout.readline().split()[-1]
+        browser = playwright.chromium.launch(executable_path=chromium, args=[
+            '--no-sandbox', '--disable-background-networking', *SOFTWARE])
+        frames(DOCS / 'frames.png')
+        tree(browser, DOCS / 'tree.png')
+        begin = buffer.lookup_transform('base_link', 'joint_1', Time(), Duration(seconds=10))
+        buffer.lookup_transform(
+            'base_link', 'joint_1', Time.from_msg(begin.header.stamp) + Duration(seconds=SECONDS),
+            Duration(seconds=2 * SECONDS))
+        angles(buffer, DOCS / 'angles.png')
+        page_of_the_arm(browser, url, DOCS / 'web_view.png')
+        browser.close()
+    rclpy.shutdown()
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,40 @@
+"""`make demo`: the arm and the page together."""
+
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+pytestmark = pytest.mark.skipif(
+    not Path(sys.prefix, 'installed').is_file(),
+    reason="the environment is not the Makefile's, so that `make demo` would make another")
+pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
+
+
+@pytest.mark.parametrize(('signal_number', 'to_all'), [
+    (signal.SIGINT, True), (signal.SIGTERM, False)], ids=['Ctrl-C', 'SIGTERM to make'])
+def test_it_tells_where_to_look_and_ends(domain_id, signal_number, to_all):
+    """Both run until Ctrl-C, or until make is told to end; nothing is left behind."""
+    # As from a shell, also where these tests are run by make.
+    environment = {name: value for name, value in os.environ.items()
+                   if not name.startswith(('MAKE', 'MFLAGS'))}
+    with subprocess.Popen(
+            ['make', 'demo', f'VENV={sys.prefix}', '-o', f'{sys.prefix}/installed'], cwd=ROOT,
+            text=True, env={**environment, 'ROS_DOMAIN_ID': str(domain_id)},
+            start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as make:
+        lines = [make.stdout.readline() for _ in range(2)]
+        try:
+            assert any('look at http://127.0.0.1:' in line for line in lines)
+            assert any('publishing map -> base_link' in line for line in lines)
+        finally:
+            (os.killpg if to_all else os.kill)(make.pid, signal_number)
+        rest = make.stdout.read()  # to the end of all who have it
+    assert 'Error' not in rest
+    assert 'Traceback' not in rest
+    with pytest.raises(ProcessLookupError):
+        os.killpg(make.pid, 0)
