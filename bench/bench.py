@@ -22,6 +22,7 @@ import numpy as np
 import rclpy
 from rclpy.serialization import deserialize_message, serialize_message
 import sending
+import viewing
 
 
 def table(rows: Iterable[Row]) -> None:
@@ -45,6 +46,8 @@ def main() -> None:
     table(listening.over_dds())
     table(bags.rows(u))
     table(bags.memory())
+    table(viewing.placing())
+    table(viewing.showing())
     table(sending.rows(rclpy.create_node('bench'), u))
     table(sending.ticking(rclpy.create_node('listener')))
     rclpy.shutdown()

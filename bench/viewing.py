@@ -1,0 +1,79 @@
+"""What it costs to show frames in the browser."""
+
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+from time import sleep
+
+from listening import play
+from measure import best, Row
+from playwright.sync_api import sync_playwright
+
+from dummy_arm.tf import BufferCore
+from dummy_arm.tf.placing import place
+
+FRAMES, RATE = 500, 100.0
+SECONDS = 10.0
+
+
+def placing() -> Iterator[Row]:
+    """Measure where all frames are in one."""
+    edges = [(f'frame_{max(0, i - 8)}', f'frame_{i}') for i in range(1, FRAMES)]
+    buffer = BufferCore()
+    for stamp in range(10**18, 10**18 + 10**9, 10**7):
+        for parent, child in edges:
+            buffer.insert(stamp, parent, child, (0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8))
+    each = best(lambda: [buffer.lookup_transform('frame_0', child) for _, child in edges])
+    at_once = best(lambda: place(buffer, 'frame_0'))
+    yield (f'{FRAMES} frames of a tree in its root, a lookup each', f'{each * 1e3:.2f} ms', '1')
+    yield ('the same at once', f'{at_once * 1e3:.2f} ms', f'{at_once / each:.2f}')
+
+
+def cpu_time(process: 'subprocess.Popen[str]') -> float:
+    """Tell the CPU time of a process (s)."""
+    fields = Path(f'/proc/{process.pid}/stat').read_text().rpartition(')')[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+def load(process: 'subprocess.Popen[str]') -> float:
+    """Measure how much of a core a process takes."""
+    before = cpu_time(process)
+    sleep(SECONDS)
+    return (cpu_time(process) - before) / SECONDS
+
+
+def showing() -> Iterator[Row]:
+    """Measure the process of web_view, while nobody looks and while a browser does."""
+    chromium = shutil.which('chromium')
+    if chromium is None:
+        yield ('web_view', 'not measured', 'there is no chromium')
+        return
+    code = 'import sys, dummy_arm.entry_points as e; sys.exit(e.web_view())'
+    with (play('send', 'tf', str(RATE), str(FRAMES), '100') as sender,
+          subprocess.Popen([sys.executable, '-u', '-c', code], stdout=subprocess.PIPE, text=True
+                           ) as view, sync_playwright() as playwright):
+        assert view.stdout is not None
+        url = view.stdout.readline().split()[-1]
+        sleep(3.0)
+        alone = load(view)
+        browser = playwright.chromium.launch(executable_path=chromium, args=[
+            '--no-sandbox', '--disable-background-networking', '--use-gl=angle',
+            '--use-angle=swiftshader', '--enable-unsafe-swiftshader'])
+        page = browser.new_page()
+        page.goto(url)
+        page.wait_for_selector('[data-value=rate]', timeout=60e3)
+        sleep(3.0)
+        looked_at = load(view)
+        page.get_by_label('Names', exact=True).check(force=True)
+        sleep(3.0)
+        with_names = load(view)
+        browser.close()
+        view.terminate()
+        sender.terminate()
+    what = f'web_view, {FRAMES} frames at {RATE:g} Hz'
+    yield f'{what}, nobody looks', f'{alone:.1%} of a core', ''
+    yield f'{what}, in a browser', f'{looked_at:.1%} of a core', f'{looked_at / alone:.1f}'
+    yield f'{what}, with all names', f'{with_names:.1%} of a core', f'{with_names / alone:.1f}'
