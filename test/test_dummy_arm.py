@@ -272,11 +272,11 @@ def test_signals_while_it_imports_are_normal_ends(start, signal_number, module):
     assert 'Traceback' not in process.output
 
 
-def test_a_kill_and_a_restart_are_picked_up(ros, joints, statics, start):
+def test_a_kill_and_a_restart_are_picked_up(ros, joints, statics, start, kill):
     """A subscriber that keeps running hears the new arm."""
     process = start(*ARM)
     ros.until(lambda: statics and joints)
-    process.end(signal.SIGKILL)
+    kill(process)
     statics.clear()
     start_ns = zero(start(*ARM))
     ros.until(lambda: statics and joints and ns(joints[-1].transforms[0]) > start_ns)

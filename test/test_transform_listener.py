@@ -2,7 +2,6 @@
 
 import math
 from pathlib import Path
-import signal
 import threading
 import time
 
@@ -146,7 +145,8 @@ def test_a_lookup_waits_inside_a_callback(ros, sender, listen, where, spin_threa
 def test_spin_once_returns_when_transforms_come_in(ros, sender, listen):
     """Without a timeout, and nothing else that happens in the node."""
     buffer, _ = listen()
-    sender('map robot')
+    starting = threading.Timer(0.3, lambda: sender('map robot'))
+    starting.start()
 
     def spin():
         executor = SingleThreadedExecutor(context=ros.context)
@@ -163,6 +163,7 @@ def test_spin_once_returns_when_transforms_come_in(ros, sender, listen):
         return spins
 
     assert spun(spin) > 0
+    starting.join()
 
 
 def test_the_executor_is_woken_ten_times_a_second(ros, sender, listen):
@@ -207,12 +208,12 @@ def test_a_late_joiner_has_what_is_static(sender, listen, ros):
     assert buffer.lookup_transform('a_static', 'b_static', LATEST, timeout=WAIT)
 
 
-def test_a_publisher_that_was_killed_comes_back(sender, listen):
+def test_a_publisher_that_was_killed_comes_back(sender, listen, kill):
     """And is heard again."""
     buffer, _ = listen()
     first = sender('map robot')
     buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
-    first.end(signal.SIGKILL)
+    kill(first)
     silence = buffer.get_latest_common_time('map', 'robot')
     sender('map robot')
     buffer.lookup_transform('map', 'robot', silence + Duration(seconds=0.1), timeout=WAIT)
@@ -262,6 +263,7 @@ def test_a_clock_that_jumps_back_clears_the_buffer(ros, listen):
         ros.until(has_ticked)
 
     ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
+    assert buffer.lookup_transform('map', 'static', LATEST, timeout=WAIT)
     send(100)
     node.set_parameters([Parameter('use_sim_time', value=True)])
     assert node.get_clock().ros_time_is_active
