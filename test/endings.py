@@ -133,8 +133,8 @@ class Ending:
             sys.exit(f'{self.steps}: the thread goes on after its callback')
 
     def close(self):
-        """End what the steps have left."""
-        self.shutdown() if 'shutdown' in self.steps else self.destroy_node()
+        """Destroy what the steps have left; else its participant would go on beside the next."""
+        self.destroy_node()
 
 
 def by_end(_):
