@@ -16,11 +16,11 @@ def hear_no_more(domain_id: int) -> None:
     """
     Have the participant tell ROS no more of others that come and go, before its node is destroyed.
 
-    The middleware does so then, without a limit of time; and this is added to the time of now, it
-    overflows, and if Fast DDS tells of others at that moment, as of those that were ended by the
-    same Ctrl-C, it tries for ever, with the lock held that the end of the telling waits for
-    (`DomainParticipant::set_listener` of 2.14). With a limit it waits as it should. Where there
-    is another middleware, or another version, nothing is done.
+    The middleware does so then, with the longest limit of time that there is. Added to the time
+    of now that overflows; and if Fast DDS tells of others just then, as of those that the same
+    Ctrl-C has ended, it spins for ever, and holds the lock that the telling needs to end
+    (`DomainParticipant::set_listener` of 2.14). With a limit of a second it waits as it should.
+    Where there is another middleware, or another version, nothing is done.
     """
     try:
         library = ctypes.CDLL(_LIBRARY, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
