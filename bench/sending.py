@@ -1,14 +1,13 @@
 """What it costs to send transforms."""
 
 from collections.abc import Iterator
-import os
 import re
 import subprocess
 import sys
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, Quaternion, Transform, TransformStamped, Vector3
-from measure import best, Row
+from measure import best, cpu_seconds, Row
 from nav_msgs.msg import Path
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
@@ -99,10 +98,3 @@ def ticking(node: Node) -> Iterator[Row]:
     due = round(seconds * 1000) + 1
     yield (f'dummy_arm at 1000 Hz for {seconds:.1f} s', f'{len(set(stamps)) / due:.2%} of ticks',
            f'{cpu / seconds:.0%} of a core')
-
-
-def cpu_seconds(pid: int) -> float:
-    """Read the user and system time (s) of a process, added up."""
-    with open(f'/proc/{pid}/stat') as stat:
-        fields = stat.read().rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')

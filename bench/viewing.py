@@ -1,15 +1,13 @@
 """What it costs to show frames in the browser."""
 
 from collections.abc import Iterator
-import os
-from pathlib import Path
 import shutil
 import subprocess
 import sys
 from time import sleep
 
 from listening import play
-from measure import best, Row
+from measure import best, cpu_seconds, Row
 from playwright.sync_api import sync_playwright
 
 from dummy_arm.tf import BufferCore
@@ -32,17 +30,11 @@ def placing() -> Iterator[Row]:
     yield ('the same at once', f'{at_once * 1e3:.2f} ms', f'{at_once / each:.2f}')
 
 
-def cpu_time(process: 'subprocess.Popen[str]') -> float:
-    """Tell the CPU time of a process (s)."""
-    fields = Path(f'/proc/{process.pid}/stat').read_text().rpartition(')')[2].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
-
-
 def load(process: 'subprocess.Popen[str]') -> float:
     """Measure how much of a core a process takes."""
-    before = cpu_time(process)
+    before = cpu_seconds(process.pid)
     sleep(SECONDS)
-    return (cpu_time(process) - before) / SECONDS
+    return (cpu_seconds(process.pid) - before) / SECONDS
 
 
 def showing() -> Iterator[Row]:

@@ -13,7 +13,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from dummy_arm.command import CommandError, ros_words, UsageError
 from dummy_arm.interruption import has_come
-from dummy_arm.participant import hear_no_more
+from dummy_arm.participant import destroy
 
 _LONGEST_WAIT = 0.2  # s; a signal does not end a wait in the middleware
 
@@ -75,7 +75,7 @@ def spun_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
             executor.wake()
             thread.join()
             executor.shutdown()
-            _destroy(node)
+            destroy(node)
 
 
 def _spin_until_signal(node: Node) -> None:
@@ -84,9 +84,4 @@ def _spin_until_signal(node: Node) -> None:
     while not has_come():
         executor.spin_once(timeout_sec=_LONGEST_WAIT)
     executor.shutdown()  # before the context: it would complain, when it is collected
-    _destroy(node)
-
-
-def _destroy(node: Node) -> None:
-    hear_no_more(node.context.get_domain_id())
-    node.destroy_node()
+    destroy(node)

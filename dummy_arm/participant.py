@@ -3,6 +3,8 @@
 import ctypes
 import os
 
+from rclpy.node import Node
+
 _LIBRARY = 'libfastrtps.so.2.14'
 _DDS = '_ZN8eprosima7fastdds3dds'
 _GET_FACTORY = f'{_DDS}24DomainParticipantFactory12get_instanceEv'
@@ -10,6 +12,12 @@ _LOOKUP = '_ZNK8eprosima7fastdds3dds24DomainParticipantFactory18lookup_participa
 _SET_LISTENER = (f'{_DDS}17DomainParticipant12set_listenerEPNS1_25DomainParticipantListenerE'
                  'NSt6chrono8durationIlSt5ratioILl1ELl1EEEE')
 _LIMIT = 1  # s
+
+
+def destroy(node: Node) -> None:
+    """Destroy the last node of this process in its domain, though others come or go just then."""
+    hear_no_more(node.context.get_domain_id())
+    node.destroy_node()
 
 
 def hear_no_more(domain_id: int) -> None:

@@ -232,10 +232,9 @@ class Ros:
 
     def close(self) -> None:
         """Destroy it all."""
-        from dummy_arm.participant import hear_no_more
+        from dummy_arm.participant import destroy
         self.executor.shutdown()
-        hear_no_more(self.context.get_domain_id())  # of those that were ended just now
-        self.node.destroy_node()
+        destroy(self.node)
         self.context.try_shutdown()
 
 

@@ -132,10 +132,6 @@ class Ending:
         if listener_threads():
             sys.exit(f'{self.steps}: the thread goes on after its callback')
 
-    def close(self):
-        """Destroy what the steps have left; else its participant would go on beside the next."""
-        self.destroy_node()
-
 
 def by_end(_):
     """Come to the end of the program while messages come in."""
@@ -230,7 +226,7 @@ def main(count, kind, which, offset):
         for steps in ORDERS:
             ending = Ending(steps)
             getattr(ending, f'in_{which}')()
-            ending.close()
+            ending.destroy_node()  # else its participant would go on beside the next
     print('all ended', flush=True)
 
 
