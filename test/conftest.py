@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 import fcntl
 from importlib.util import find_spec
 import json
+import logging
 from pathlib import Path
 import pty
 import queue
@@ -191,6 +192,23 @@ def kill(ros: 'Ros') -> Iterator[Callable[[Process], object]]:
     """
     yield lambda process: process.end(signal.SIGKILL)
     time.sleep(_GIVEN_UP)
+
+
+@pytest.fixture
+def logs() -> Iterator[list[logging.LogRecord]]:
+    """
+    List the warnings that the package logs where there is no ROS.
+
+    By a handler of its own: with the pytest plugins of launch, `caplog` records nothing, since
+    launch replaces the class of loggers by one whose loggers do not propagate.
+    """
+    records: list[logging.LogRecord] = []
+    handler = logging.Handler(logging.WARNING)
+    handler.emit = records.append
+    logger = logging.getLogger('dummy_arm.tf')
+    logger.addHandler(handler)
+    yield records
+    logger.removeHandler(handler)
 
 
 @pytest.fixture
