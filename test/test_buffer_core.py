@@ -1,11 +1,13 @@
 """The rules of the buffer, one by one; the errors; threads."""
 
+import gc
 from itertools import pairwise
 import logging
 import math
 import pickle
 import sys
 import threading
+import weakref
 
 from model import Model
 import numpy as np
@@ -279,16 +281,16 @@ def test_clear_forgets_what_moves():
     ('a', 'b', (0, 0, 0, 0, 0, 0, 0), 'TF_NAN_INPUT'),
     ('a', 'b', (0, 0, 0, 0, 0, math.inf, 1), 'TF_NAN_INPUT'),
 ])
-def test_refuses_with_the_words_of_tf2(parent, child, pose, cause, caplog):
+def test_refuses_with_the_words_of_tf2(parent, child, pose, cause, logs):
     """And nothing is known of the frames."""
     buffer = BufferCore()
     assert not buffer.insert(T, parent, child, pose, 'me')
-    assert caplog.records[0].getMessage().startswith(cause)
+    assert logs[0].getMessage().startswith(cause)
     assert not buffer.can_transform('a', 'b')
     assert buffer.all_frames_as_yaml() == '[]'
 
 
-def test_tells_of_old_data_once_a_second_a_cause(caplog, monkeypatch):
+def test_tells_of_old_data_once_a_second_a_cause(logs, monkeypatch):
     """However often; and again later."""
     now = 100.0
     monkeypatch.setattr('dummy_arm.tf.refusals.time.monotonic', lambda: now)
@@ -299,13 +301,13 @@ def test_tells_of_old_data_once_a_second_a_cause(caplog, monkeypatch):
         assert not put(buffer, 'a', 'a')
     now = 101.0
     assert not put(buffer, 'a', 'b', T - 11 * S, authority='late')
-    messages = [record.getMessage() for record in caplog.records]
+    messages = [record.getMessage() for record in logs]
     assert [message.split()[0] for message in messages] == [
         'TF_OLD_DATA', 'TF_SELF_TRANSFORM:', 'TF_OLD_DATA']
     assert messages[0].startswith(
         'TF_OLD_DATA ignoring data from the past for frame b at time 1699999989.000000 according '
         'to authority late\n')
-    assert {record.levelno for record in caplog.records} == {logging.WARNING}
+    assert {record.levelno for record in logs} == {logging.WARNING}
 
 
 def test_a_slash_before_a_name_is_removed_on_the_way_in_only():
@@ -382,10 +384,53 @@ def test_extrapolation_is_answered_with_the_edge_and_how_far_off():
         'the earliest data is at time 1700000000.000000, when looking up transform from frame '
         "[base] to frame [map]. The edge 'odom' -> 'base' begins 0.000000001 s after that time.")
     assert message(buffer, 'map', 'base', T + 3 * S).endswith(
-        "The edge 'odom' -> 'base' ends 1.999999999 s before that time.")
+        "The edge 'map' -> 'odom' ends 2.000000000 s before that time.")
     put(buffer, 'map', 'late', T)
     assert message(buffer, 'map', 'late', T + 1).endswith(
         "The edge 'map' -> 'late' ends 0.000000001 s before that time.")
+
+
+def test_extrapolation_names_no_edge_beside_the_path():
+    """Although tf2's words are about one: it follows the ancestors of both frames."""
+    buffer = BufferCore(100 * S)
+    for seconds, parent, child in (
+            (90, 'map', 'odom'), (95, 'map', 'odom'),
+            (90, 'odom', 'base_link'), (104.9, 'odom', 'base_link')):
+        put(buffer, parent, child, int(seconds * S))
+    assert message(buffer, 'odom', 'base_link', 105 * S) == (
+        'Lookup would require extrapolation into the future.  Requested time 105.000000 but the '
+        'latest data is at time 95.000000, when looking up transform from frame [base_link] to '
+        "frame [odom]. The edge 'odom' -> 'base_link' ends 0.100000000 s before that time.")
+
+
+def test_extrapolation_between_two_trees_is_answered_with_their_roots():
+    """No edge between them is short; tf2 tells of the time first."""
+    buffer = BufferCore()
+    for stamp in T, T + S:
+        put(buffer, 'map', 'base', stamp)
+        put(buffer, 'world', 'ball', stamp)
+    assert message(buffer, 'base', 'ball', T + 2 * S).endswith(
+        "to frame [base]. 'base' is in the tree of root 'map', 'ball' in that of root 'world'.")
+
+
+def test_extrapolation_of_frames_that_had_other_parents_names_where_it_stopped():
+    """All edges of the newest path know of the time."""
+    buffer = BufferCore(100 * S)
+    for seconds, parent, child in ((2, 'map', 'b'), (6, 'map', 'b'), (0, 'old', 'tool'),
+                                   (1, 'old', 'tool'), (5, 'b', 'tool'), (6, 'b', 'tool'),
+                                   (3, 'map', 'old'), (6, 'map', 'old')):
+        put(buffer, parent, child, T + seconds * S)
+    assert message(buffer, 'map', 'tool', T + 2 * S).endswith(
+        "The edge 'map' -> 'old' begins 1.000000000 s after that time.")
+
+
+def test_extrapolation_after_a_clear_names_what_is_not_known():
+    """Its parent was forgotten, too."""
+    buffer = BufferCore()
+    put(buffer, 'map', 'base')
+    buffer.clear()
+    assert message(buffer, 'map', 'base', T).endswith(
+        ". Nothing is known of 'base' since the buffer was cleared.")
 
 
 def test_a_loop_is_named():
@@ -595,3 +640,17 @@ def test_nobody_sees_a_half_written_state():
         for reader in readers:
             reader.join()
     assert not failures
+
+
+def test_an_error_that_nobody_has_read_keeps_names_only():
+    """Not what the buffer knows; so it is read without a lock while others insert."""
+    buffer = BufferCore()
+    put(buffer, 'map', 'tool')
+    with pytest.raises(LookupException) as raised:
+        buffer.lookup_transform('map', 'tol')
+    error = raised.value.with_traceback(None)
+    history = weakref.ref(buffer._lookups.tree.histories['tool'])
+    del buffer, raised
+    gc.collect()
+    assert history() is None
+    assert str(error).endswith("Nearest known: 'tool'.")

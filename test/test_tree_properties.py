@@ -2,6 +2,7 @@
 
 import contextlib
 import math
+import re
 import time
 
 from hypothesis import assume, example, given, settings
@@ -11,7 +12,7 @@ import numpy as np
 import pytest
 from transforms3d import quaternions
 
-from dummy_arm.tf import BufferCore, Transform, TransformException
+from dummy_arm.tf import BufferCore, ExtrapolationException, Transform, TransformException
 
 S = 1_000_000_000
 START = 1_700_000_000 * S
@@ -191,3 +192,54 @@ def test_what_is_stored_is_the_same_rotation(rotation):
     x, y, z, w = buffer.lookup_transform('a', 'b').rotation
     assert np.allclose(quaternions.quat2mat((w, x, y, z)),
                        quaternions.quat2mat(np.roll(rotation, 1)), rtol=0, atol=1e-12)
+
+
+@st.composite
+def uneven_trees(draw):
+    """Make a tree whose edges know of different times; with each child's parent and span."""
+    buffer, parents, spans = BufferCore(100 * S), {}, {}
+    for child in range(1, draw(st.integers(2, 9))):
+        parent = f'f{draw(st.integers(0, child - 1))}'
+        begin, length = draw(st.integers(0, 20)), draw(st.integers(0, 20))
+        parents[f'f{child}'] = parent
+        is_static = draw(st.integers(0, 4)) == 0
+        if not is_static:
+            spans[f'f{child}'] = START + begin * S, START + (begin + length) * S
+        for stamp in spans.get(f'f{child}', (0,)):
+            buffer.insert(stamp, parent, f'f{child}', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+                          is_static=is_static)
+    return buffer, parents, spans
+
+
+def edges_between(target, source, parents):
+    """List the children of the edges between two frames of a tree."""
+    def up(frame):
+        return [frame, *up(parents[frame])] if frame in parents else [frame]
+
+    return {*up(target)} ^ {*up(source)}
+
+
+HINT = re.compile(
+    r"\. The edge '(\w+)' -> '(\w+)' (ends|begins) (\d+\.\d{9}) s (before|after) that time\.$")
+
+
+@settings(max_examples=300, deadline=None)
+@given(uneven_trees(), st.data())
+def test_the_edge_that_an_error_names_is_on_the_path_and_short_by_what_it_tells(tree, data):
+    """And no other edge of the path is farther off, whatever edge tf2's own words are about."""
+    buffer, parents, spans = tree
+    frames = st.sampled_from(['f0', *parents])
+    target, source = data.draw(frames), data.draw(frames)
+    at = START + data.draw(st.integers(-1, 41)) * S
+    path = edges_between(target, source, parents)
+    short = {child: max(spans[child][0] - at, at - spans[child][1])
+             for child in path & spans.keys() if not spans[child][0] <= at <= spans[child][1]}
+    try:
+        buffer.lookup_transform(target, source, at)
+    except ExtrapolationException as error:
+        parent, child, verb, seconds, _ = HINT.search(str(error)).groups()
+        assert parent == parents[child]
+        assert short[child] == round(float(seconds) * S) == max(short.values())
+        assert verb == ('ends' if at > spans[child][1] else 'begins')
+    else:
+        assert not short

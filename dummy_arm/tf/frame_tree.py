@@ -1,6 +1,7 @@
 """The tree of frames: who is whose parent at a time; the paths through it, as tf2 finds them."""
 
 from collections.abc import Iterator
+from itertools import takewhile
 from typing import Optional
 
 from dummy_arm.tf import hints
@@ -34,6 +35,19 @@ class FrameTree:
         """
         self.cache_time = cache_time
         self.histories: dict[str, Optional[AnyHistory]] = {}
+        self._names: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """
+        All frames, in the order of their naming.
+
+        The tuple is renewed when a frame was added (a name is never removed), so an error can keep
+        it and be read by any thread, without the lock and without the tree.
+        """
+        if len(self._names) != len(self.histories):
+            self._names = tuple(self.histories)
+        return self._names
 
     def insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
                is_static: bool) -> tuple[bool, bool]:
@@ -162,13 +176,7 @@ class FrameTree:
 
     def root(self, frame: str) -> str:
         """Find the frame without parent above a frame; in a loop, any of its frames."""
-        seen = {frame}
-        for _, parent in self._ancestors(frame):
-            frame = parent
-            if frame in seen:
-                break
-            seen.add(frame)
-        return frame
+        return self._lineage(frame)[-1]
 
     def is_plain(self, frame: str) -> bool:
         """Tell whether all ancestors that a frame has at any time are without loop, and few."""
@@ -213,11 +221,53 @@ class FrameTree:
 
     def _extrapolation(self, frame: str, time: int, target: str, source: str
                        ) -> ExtrapolationException:
+        """
+        Return the error of a walk that stopped at a frame.
+
+        tf2's words are about that frame, which may be off the path: tf2 follows the ancestors of
+        the source as far as there is data, and then those of the target. The hint is about the
+        path.
+        """
         history = self.histories[frame]
         assert isinstance(history, History)
         return ExtrapolationException(
             f'{history.why_not(time)}, when looking up transform from frame [{source}] to frame '
-            f'[{target}]' + hints.extrapolation(frame, history, time))
+            f'[{target}].' + self._why_not_at(time, target, source, frame))
+
+    def _why_not_at(self, time: int, target: str, source: str, stopped_at: str) -> str:
+        """
+        Return the hint of an ExtrapolationException.
+
+        It names the edge between the two frames, by their newest parents, that is farthest from
+        covering the time (ns); where all of these cover it, the frames had other parents then,
+        and it names the edge above the frame at which the walk stopped.
+        """
+        above_source, above_target = self._lineage(source), self._lineage(target)
+        common = {*above_source}.intersection(above_target)
+        if not common:
+            cleared = [name for name in (above_source[-1], above_target[-1])
+                       if (history := self.histories[name]) is not None and not len(history)]
+            if cleared:
+                return hints.cleared(cleared[0])
+            return hints.roots(target, above_target[-1], source, above_source[-1])
+        gaps = {name: history.distance_to(time) for lineage in (above_source, above_target)
+                for name in takewhile(lambda name: name not in common, lineage)
+                if isinstance(history := self.histories[name], History)}
+        frame = max(gaps, key=gaps.__getitem__, default=stopped_at)
+        if not gaps.get(frame):
+            frame = stopped_at
+        history = self.histories[frame]
+        assert isinstance(history, History)
+        return hints.extrapolation(frame, history, time)
+
+    def _lineage(self, frame: str) -> list[str]:
+        """List a frame and its ancestors, by their newest parents; in a loop, once round."""
+        lineage = {frame: None}
+        for _, parent in self._ancestors(frame):
+            if parent in lineage:
+                break
+            lineage[parent] = None
+        return [*lineage]
 
     def _unconnected(self, target: str, source: str) -> ConnectivityException:
         return ConnectivityException(

@@ -38,13 +38,18 @@ def roots(target: str, target_root: str, source: str, source_root: str) -> str:
 
 
 def extrapolation(frame: str, history: History, time: int) -> str:
-    """Name the edge that has no pose for a time (ns), and tell how far off the time is."""
+    """Name the edge above a frame that does not cover a time (ns), and by how much."""
     if not len(history):
-        return f'. Nothing is known of {frame!r} since the buffer was cleared.'
+        return cleared(frame)
     edge = f'{history.parent_at(0)!r} -> {frame!r}'
     if time > history.latest:
-        return f'. The edge {edge} ends {seconds(time - history.latest)} before that time.'
-    return f'. The edge {edge} begins {seconds(history.oldest - time)} after that time.'
+        return f' The edge {edge} ends {seconds(time - history.latest)} before that time.'
+    return f' The edge {edge} begins {seconds(history.oldest - time)} after that time.'
+
+
+def cleared(frame: str) -> str:
+    """Name a frame whose history was cleared, so that its parent is not known."""
+    return f' Nothing is known of {frame!r} since the buffer was cleared.'
 
 
 def loop(chain: Sequence[str]) -> str:

@@ -225,6 +225,10 @@ class History:
         except NoPose:
             return None
 
+    def distance_to(self, time: int) -> int:
+        """Return how far a time (ns) is outside of the samples (ns); 0 within, or without any."""
+        return max(0, self.oldest - time, time - self.latest) if len(self) else 0
+
     def why_not(self, time: int) -> str:
         """Tell in tf2's words why there is no pose at a time (ns); '' without any sample."""
         if not len(self):

@@ -128,8 +128,7 @@ class Lookups:
             if target == source:
                 history = self.tree.histories.get(target)
                 return time or (history.latest if history is not None else 0), IDENTITY
-            frame_names.check_for_lookup(
-                self.tree.histories, target_frame=target, source_frame=source)
+            frame_names.check_for_lookup(self.tree, target_frame=target, source_frame=source)
             time, path = self._search(target, source, time)
             return time, path.pose(time)
 
@@ -142,7 +141,7 @@ class Lookups:
         """
         with self.fetched():
             frame_names.check_for_lookup(
-                self.tree.histories, target_frame=target, source_frame=source, fixed_frame=fixed)
+                self.tree, target_frame=target, source_frame=source, fixed_frame=fixed)
             _, fixed_from_source = self.pose(fixed, source, source_time)
             time, target_from_fixed = self.pose(target, fixed, target_time)
             return time, compose(target_from_fixed, fixed_from_source)
@@ -198,8 +197,7 @@ class Lookups:
             if path is None or not path.covers(time or path.latest_common_time()):
                 if target == source:
                     return
-                frame_names.check_for_can(
-                    self.tree.histories, target_frame=target, source_frame=source)
+                frame_names.check_for_can(self.tree, target_frame=target, source_frame=source)
                 self._search(target, source, time)
 
     def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
@@ -207,7 +205,7 @@ class Lookups:
         """Check that there is what `pose_full` gives."""
         with self.fetched():
             frame_names.check_for_can(
-                self.tree.histories, target_frame=target, source_frame=source, fixed_frame=fixed)
+                self.tree, target_frame=target, source_frame=source, fixed_frame=fixed)
             self.check(target, fixed, target_time)
             self.check(fixed, source, source_time)
 
@@ -233,7 +231,7 @@ class Lookups:
         """Find the latest time (ns) that all frames between two know of; 0 when nothing moves."""
         with self.fetched():
             for name in target, source:
-                frame_names.check(name, 'get_latest_common_time', self.tree.histories)
+                frame_names.check(name, 'get_latest_common_time', self.tree)
             return self.tree.latest_common_time(target, source)
 
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:

@@ -45,7 +45,7 @@ def _place(lookups: Lookups, edges: dict[str, list[_Edge]], target: str, until: 
            ) -> dict[str, Transform]:
     histories = lookups.tree.histories
     if target not in histories:
-        frame_names.check(target, 'place', histories)
+        frame_names.check(target, 'place', lookups.tree)
     own, placed = histories[target], _placed(lookups, edges, target, until)
     if own is not None:
         placed[target] = min(until, own.latest) if until else own.latest, IDENTITY
