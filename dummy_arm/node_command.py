@@ -1,5 +1,6 @@
 """Commands that are a node, or have one: from its start to its end."""
 
+from _thread import interrupt_main
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from threading import Event, Thread
@@ -56,32 +57,50 @@ def ros(ros_args: Sequence[str]) -> Iterator[None]:
 
 @contextmanager
 def spun_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
-    """Have ROS and a node, which is spun in a thread, from here to the end of the block."""
+    """
+    Have ROS and a node, which is spun in a thread, from here to the end of the block.
+
+    :raises CommandError: when the thread ends within the block, which is interrupted then.
+    """
     with ros(ros_args):
         node, ends = rclpy.create_node(name), Event()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
+        errors: list[BaseException] = []
 
         def spin() -> None:
-            while not ends.is_set():
-                executor.spin_once(timeout_sec=_LONGEST_WAIT)
+            try:
+                while not ends.is_set():
+                    executor.spin_once(timeout_sec=_LONGEST_WAIT)
+            except BaseException as error:
+                errors.append(error)
+                if not ends.is_set():
+                    interrupt_main()  # else the command would go on with data that are old
 
         thread = Thread(target=spin, name=f'spin of {name}')
         thread.start()
         try:
             yield node
+        except KeyboardInterrupt:
+            if not errors:
+                raise
         finally:
             ends.set()
             executor.wake()
             thread.join()
             executor.shutdown()
             destroy(node)
+        if errors:
+            raise CommandError(f'the node stopped, because its executor raised '
+                               f'{type(errors[0]).__name__}: {errors[0]}') from errors[0]
 
 
 def _spin_until_signal(node: Node) -> None:
     executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while not has_come():
-        executor.spin_once(timeout_sec=_LONGEST_WAIT)
-    executor.shutdown()  # before the context: it would complain, when it is collected
-    destroy(node)
+    try:
+        executor.add_node(node)
+        while not has_come():
+            executor.spin_once(timeout_sec=_LONGEST_WAIT)
+    finally:
+        executor.shutdown()  # before the context: it would complain, when it is collected
+        destroy(node)

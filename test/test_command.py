@@ -94,3 +94,52 @@ def test_a_second_signal_ends_what_does_not_heed_the_first():
     process.send_signal(signal.SIGINT)
     assert process.wait(20) == 0
     process.stdout.close()
+
+
+FAILING = """
+import sys
+from dummy_arm.command import Parser, run
+from dummy_arm.interruption import sleep
+from dummy_arm.node_command import run_node, spun_node
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+
+def fail():
+    raise ZeroDivisionError('of a callback')
+"""
+
+
+def test_a_command_ends_when_its_node_stops(start):
+    """In one line: what it prints would be old from then on."""
+    process = start('-c', FAILING + """
+def command(ros_args):
+    with spun_node('tool', ros_args) as node:
+        node.create_timer(0.01, fail)
+        while True:
+            sleep(60)
+sys.exit(run(Parser('tool', ''), command))
+""")
+    assert process.exit_code() == 1
+    assert process.output == ('tool: the node stopped, because its executor raised '
+                              'ZeroDivisionError: of a callback\n')
+
+
+def test_a_node_that_fails_is_destroyed(start):
+    """Before the error goes on."""
+    process = start('-c', FAILING + """
+nodes = []
+def make():
+    nodes.append(Node('tool'))
+    nodes[0].create_timer(0.01, fail)
+    return nodes[0]
+try:
+    run_node(make, ['tool'])
+except ZeroDivisionError:
+    try:
+        with nodes[0].handle:
+            print('alive')
+    except InvalidHandle:
+        print('destroyed')
+""")
+    assert process.exit_code() == 0
+    assert process.output == 'destroyed\n'
