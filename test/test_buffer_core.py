@@ -1,10 +1,13 @@
 """The rules of the buffer, one by one; the errors; threads."""
 
+import dis
 import gc
 from itertools import pairwise
 import logging
 import math
+from pathlib import Path
 import pickle
+import re
 import sys
 import threading
 import weakref
@@ -588,6 +591,61 @@ def test_waits_for_data_from_another_thread():
     with pytest.raises(LookupException):
         buffer.lookup_transform('a', 'c', T, timeout=S // 100)
     assert not buffer.can_transform_full('a', T, 'b', T + 1, 'a', timeout=S // 100)
+
+
+def interrupted_lookup(buffer, number):
+    """
+    Look up and wait, with Ctrl-C at the place of a number among those where it can come.
+
+    Python heeds signals at the start of a function, after a call and at a jump back.
+
+    :returns: whether there are as many places.
+    """
+    left, last = [number], {}
+
+    def trace(frame, event, _):
+        if event == 'call' and Path(frame.f_code.co_filename).name not in (
+                'blocking_waits.py', 'buffer_core.py', 'lookup.py', 'threading.py'):
+            return None
+        frame.f_trace_opcodes = True
+        if event == 'call':
+            last[id(frame)] = 'start'
+        if event == 'opcode':
+            before, last[id(frame)] = last[id(frame)], dis.opname[
+                frame.f_code.co_code[frame.f_lasti]]
+            is_raised = last[id(frame)] in ('PUSH_EXC_INFO', 'POP_EXCEPT')  # by what was called
+            if re.match('start|CALL|JUMP_BACKWARD|JUMP_ABS', before) and not is_raised:
+                left[0] -= 1
+                if left[0] < 0:
+                    sys.settrace(None)
+                    raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    try:
+        sys.settrace(trace)
+        buffer.lookup_transform('map', 'nobody', 0, S // 1000)
+    except (KeyboardInterrupt, LookupException):
+        pass
+    finally:
+        sys.settrace(before)
+    return left[0] < 0
+
+
+def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free():
+    """Wherever in it: another thread can insert and look up."""
+    buffer = BufferCore()
+    put(buffer, 'map', 'tool')
+    number = 0
+    while interrupted_lookup(buffer, number):
+        number += 1
+        results = []
+        thread = threading.Thread(
+            target=lambda: results.append(x_at(buffer, 'map', 'tool')), daemon=True)  # noqa: B023
+        thread.start()
+        thread.join(10.0)
+        assert results == [0.0], f'locked by Ctrl-C at place {number}'
+    assert number > 30
 
 
 def test_nobody_sees_a_half_written_state():

@@ -1,5 +1,6 @@
 """Listening to /tf and /tf_static, over DDS; what is sent comes from processes of their own."""
 
+from abc import ABC, abstractmethod
 import math
 from pathlib import Path
 import threading
@@ -22,6 +23,7 @@ from std_msgs.msg import Empty
 from dummy_arm.tf import (
     Buffer,
     BufferCore,
+    LookupException,
     StaticTransformBroadcaster,
     TFMessage,
     TransformBroadcaster,
@@ -550,6 +552,7 @@ def test_pauses_begin_short_and_grow(ros):
     tf, tf_static = (subscribe(ros.node, topic, print, QoSProfile(depth=1000), None)
                      for topic in ('/tf', '/tf_static'))
     feed = Feed(BufferCore(), tf, tf_static, Thread(), pytest.fail)
+    feed.begin()
     broadcaster = TransformBroadcaster(ros.node)
     ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
 
@@ -811,6 +814,231 @@ def test_what_a_done_callback_does_leaves_the_thread_alive(ros, listen, said):
     eventually(lambda: [line for _, line in said if 'SystemExit: of the user' in line])
     assert found == [True, True]
     published(ros, listener)
+
+
+@pytest.mark.parametrize('own_callback', [False, True])
+def test_unregister_within_a_block_of_the_buffer(ros, listen, own_callback):
+    """While messages come in: it ends at once, and so does the thread after the block."""
+    class Own(TransformListener):
+        def callback(self, data):
+            super().callback(data)
+
+    for _ in range(5):
+        buffer = Buffer(node=ros.node)
+        listener = (Own if own_callback else TransformListener)(buffer, ros.node)
+        broadcaster = TransformBroadcaster(ros.node)
+        ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)  # noqa: B023
+
+        def end():
+            with buffer.fetched():  # noqa: B023
+                broadcaster.sendTransform(made(1))  # noqa: B023
+                listener.unregister()  # noqa: B023
+            return True
+
+        assert spun(end)
+        eventually(lambda: not threads_of_listeners())
+        broadcaster.pub_tf.destroy()
+
+
+def threads_of_listeners():
+    """List the threads of listeners."""
+    return [thread for thread in threading.enumerate() if thread.name == 'tf of test']
+
+
+class Filter(TransformListener):
+    """A listener whose callbacks need what its constructor sets at its end."""
+
+    def __init__(self, *args, **kwargs):
+        """Listen, and take one's time."""
+        super().__init__(*args, **kwargs)
+        time.sleep(0.3)  # in which a thread that ran already would call the callbacks
+        self.heard = []
+
+    def static_callback(self, data):
+        """Remember, and set."""
+        self.heard += [transform.child_frame_id for transform in data.transforms]
+        super().static_callback(data)
+
+
+class AbstractFilter(Filter, ABC):
+    """The same with another metaclass."""
+
+    @abstractmethod
+    def name(self):
+        """Give a name."""
+
+
+class NamedFilter(AbstractFilter):
+    """Without a constructor of its own."""
+
+    def name(self):
+        """Give a name."""
+        return 'filter'
+
+
+class Mixin:
+    """A class whose constructor comes before the listener's."""
+
+    def __init__(self, *args, **kwargs):
+        """Listen, and take one's time."""
+        super().__init__(*args, **kwargs)
+        time.sleep(0.3)
+        self.names = []
+
+
+class MixedFilter(Mixin, TransformListener):
+    """What it needs is set by the constructor of another class."""
+
+    def static_callback(self, data):
+        """Remember, and set."""
+        self.names.append(data.transforms[0].child_frame_id)
+        super().static_callback(data)
+
+
+@pytest.mark.parametrize('kind', [Filter, NamedFilter, MixedFilter])
+def test_callbacks_of_a_subclass_are_called_after_its_constructor(ros, said, kind):
+    """A latched message waits till then; it is not lost."""
+    static = StaticTransformBroadcaster(ros.node)
+    static.sendTransform(made(child='latched'))
+    buffer = Buffer(node=ros.node)
+    listener = kind(buffer, ros.node)
+    assert buffer.lookup_transform('map', 'latched', LATEST, timeout=WAIT)
+    assert 'latched' in (listener.names if kind is MixedFilter else listener.heard)
+    assert not said
+    listener.unregister()
+
+
+@pytest.mark.parametrize('way', ['timeout', 'future', 'poll'])
+def test_a_subclass_may_wait_for_a_transform_in_its_constructor(ros, way):
+    """By a timeout, a future, or by asking again and again."""
+    StaticTransformBroadcaster(ros.node).sendTransform(made(child='latched'))
+
+    class Waiting(TransformListener):
+        def __init__(self, buffer, node):
+            self.heard = []
+            super().__init__(buffer, node)
+            arguments = 'map', 'latched', LATEST
+            if way == 'timeout':
+                self.found = buffer.lookup_transform(*arguments, timeout=WAIT)
+            elif way == 'future':
+                future = buffer.wait_for_transform_async(*arguments)
+                eventually(future.done)
+                self.found = future.result()
+            else:
+                eventually(lambda: buffer.can_transform(*arguments))
+                self.found = buffer.lookup_transform(*arguments)
+
+        def static_callback(self, data):
+            self.heard += data.transforms
+            super().static_callback(data)
+
+    listener = spun(lambda: Waiting(Buffer(node=ros.node), ros.node))
+    assert listener.found.child_frame_id == 'latched'
+    assert listener.heard
+    listener.unregister()
+
+
+def test_a_subclass_may_end_in_its_constructor(ros):
+    """Before its thread was started; nothing is left."""
+    class Ended(TransformListener):
+        def callback(self, data):
+            super().callback(data)
+
+        def __init__(self, buffer, node):
+            super().__init__(buffer, node)
+            self.unregister()
+
+    Ended(Buffer(node=ros.node), ros.node)
+    assert not threads_of_listeners()
+    eventually(lambda: not ros.node.get_subscriptions_info_by_topic('/tf'))
+
+
+class Ignoring(TransformListener):
+    """A listener that sets nothing."""
+
+    def callback(self, data):
+        """Set nothing."""
+
+
+@pytest.mark.parametrize('kind', [TransformListener, Ignoring])
+@pytest.mark.parametrize('end', ['unregister', 'destroy_node', 'other buffer'])
+def test_a_blocked_lookup_ends_when_the_last_listener_ends(ros, end, kind):
+    """With its last error, and no sooner."""
+    node = Node('ending', context=ros.context)
+    buffer = Buffer(node=node)
+    listeners = [kind(buffer, node), kind(buffer, node)]
+    results = []
+
+    def look_up():
+        with pytest.raises(LookupException) as error:
+            buffer.lookup_transform('map', 'nowhere', LATEST, timeout=WAIT)
+        results.append((time.monotonic(), str(error.value)))
+
+    thread = threading.Thread(target=look_up)
+    thread.start()
+    eventually(lambda: buffer.is_waited_for)
+    listeners[0].unregister()
+    time.sleep(0.5)
+    assert not results
+    begin = time.monotonic()
+    if end == 'unregister':
+        listeners[1].unregister()
+    elif end == 'destroy_node':
+        node.destroy_node()
+    else:
+        listeners[1].buffer = Buffer(node=node)
+    thread.join(TIMEOUT / 2)
+    assert results[0][0] < begin + TIMEOUT / 2
+    assert '"map" passed to lookupTransform argument target_frame does not exist' in results[0][1]
+    listeners[1].unregister()
+    node.destroy_node()
+
+
+def test_a_lookup_that_began_before_any_listener_waits_on(ros, sender):
+    """One that comes and goes does not end it; the next brings the transform."""
+    buffer = Buffer(node=ros.node)
+    found = []
+    thread = threading.Thread(target=lambda: found.append(
+        buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)))
+    thread.start()
+    eventually(lambda: buffer.is_waited_for)
+    TransformListener(buffer, ros.node).unregister()
+    time.sleep(0.5)
+    assert thread.is_alive()
+    listener = TransformListener(buffer, ros.node)
+    sender('map robot')
+    thread.join(TIMEOUT)
+    assert found
+    listener.unregister()
+
+
+@pytest.mark.parametrize('ending', [KeyboardInterrupt, SystemExit])
+def test_ctrl_c_in_who_ends_a_feed_is_not_swallowed(ros, ending):
+    """It is not of the listener's thread; as SystemExit of a callback that runs there."""
+    class Thread:
+        """In place of the listener's."""
+
+        is_current = wake = wake_executor = staticmethod(lambda: False)
+
+    tf, tf_static = (subscribe(ros.node, topic, print, QoSProfile(depth=10), None)
+                     for topic in ('/tf', '/tf_static'))
+    buffer = Buffer(node=ros.node)
+    feed = Feed(buffer, tf, tf_static, Thread(), pytest.fail)
+    feed.begin()
+
+    def end(_):
+        raise ending
+
+    buffer.wait_for_transform_async('map', 'robot', LATEST).add_done_callback(end)
+    broadcaster = TransformBroadcaster(ros.node)
+    ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
+    broadcaster.sendTransform(made(1))
+    eventually(lambda: buffer.can_transform('map', 'robot', LATEST))  # which tells no future
+    with pytest.raises(ending):
+        feed.end()
+    assert not buffer.is_held
+    tf.destroy()
+    tf_static.destroy()
 
 
 def ended(start, kind, *ways):

@@ -1,7 +1,8 @@
 """Waiting for data that are not there yet, in the thread that asks for them."""
 
 from collections.abc import Callable
-from threading import Condition
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from time import monotonic
 from typing import Any, TypeVar
 
@@ -14,29 +15,33 @@ _STEP = 0.2
 
 
 class BlockingWaits:
-    """The threads that wait for the data of a buffer."""
+    """
+    The threads that wait for the data of a buffer, each on a queue of its own.
+
+    Not on a Condition: Ctrl-C inside its methods can leave the buffer locked.
+    """
 
     def __init__(self, lock: Any) -> None:
         """
-        Begin with none.
+        Create without a waiting thread.
 
         :param lock: of the data; reentrant.
         """
         self._lock = lock
-        self._changed = Condition(lock)
-        self._count = 0
+        self._queues: set[SimpleQueue[None]] = set()
 
     def __bool__(self) -> bool:
-        return self._count > 0
+        return bool(self._queues)
 
     def notify(self) -> None:
-        """Have them look again."""
-        if self._count:
-            with self._changed:
-                self._changed.notify_all()
+        """Wake all threads that wait, so that they look again."""
+        for queue in tuple(self._queues):
+            if queue.empty():
+                queue.put(None)
 
-    def wait(self, timeout: float, is_alive: Callable[[], bool], on_wait: Callable[[], None],
-             lookup: Callable[..., _Answer], *arguments: Any) -> _Answer:
+    def wait(self, timeout: float, conditions: Callable[[], tuple[bool, ...]],
+             on_wait: Callable[[], None], lookup: Callable[..., _Answer], *arguments: Any
+             ) -> _Answer:
         """
         Call a lookup again and again, as data come in, until it answers or time is up.
 
@@ -44,8 +49,9 @@ class BlockingWaits:
         can come in: there it is called once.
 
         :param timeout: s.
-        :param is_alive: tells whether data may come in; a wait ends when that ends.
-        :param on_wait: is called before each lookup that is a wait, with the lock held.
+        :param conditions: return what data may depend on. The wait ends when one of them was true
+            at its begin and is no longer.
+        :param on_wait: is called before each lookup that is a wait.
         :raises TransformException: the last that the lookup raised.
         """
         try:
@@ -53,18 +59,20 @@ class BlockingWaits:
         except TransformException:
             if timeout <= 0.0 or self._lock._is_owned():
                 raise
-        deadline, was_alive = monotonic() + timeout, is_alive()
-        with self._changed:
-            self._count += 1
-            try:
-                while True:
-                    on_wait()
-                    try:
-                        return lookup(*arguments)
-                    except TransformException:
-                        left = deadline - monotonic()
-                        if left <= 0.0 or was_alive != is_alive():
-                            raise
-                    self._changed.wait(min(left, _STEP))
-            finally:
-                self._count -= 1
+        deadline, before = monotonic() + timeout, conditions()
+        queue: SimpleQueue[None] = SimpleQueue()
+        try:
+            self._queues.add(queue)
+            while True:
+                now = conditions()  # before the lookup, which then sees the last data that came
+                on_wait()
+                try:
+                    return lookup(*arguments)
+                except TransformException:
+                    left = deadline - monotonic()
+                    if left <= 0.0 or any(held and not holds for held, holds in zip(before, now)):
+                        raise
+                with suppress(Empty):
+                    queue.get(timeout=min(left, _STEP))
+        finally:
+            self._queues.discard(queue)

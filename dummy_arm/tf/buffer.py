@@ -84,8 +84,8 @@ class Buffer(BufferCore, BufferInterface):
             row = row_of(transform)
             self.insert(row[0] * SECOND + row[1], row[2], row[3], row[4:], authority, is_static)
 
-    def _is_alive(self) -> bool:
-        return bool(self._context.ok())
+    def _conditions(self) -> tuple[bool, ...]:
+        return (*super()._conditions(), bool(self._context.ok()))
 
     def on_new_data(self) -> bool:
         """Wake those who wait for a transform; tell whether a future is done now."""

@@ -127,6 +127,11 @@ class BufferCore:
         """Whether somebody waits for a transform."""
         return bool(self._waiting)
 
+    @property
+    def is_held(self) -> bool:
+        """Whether this thread holds the lock, as within a `fetched` block."""
+        return self._lookups.is_held()
+
     def add_source(self, source: Source) -> None:
         """Fetch from a source before every lookup."""
         with self.lock:
@@ -137,6 +142,7 @@ class BufferCore:
         with self.lock:
             self._lookups.sources = tuple(
                 other for other in self._lookups.sources if other is not source)
+        self._waiting.notify()  # it was the last, perhaps: then blocked lookups end
 
     def clear(self) -> None:
         """Forget all but the names of the frames and what is static."""
@@ -213,12 +219,12 @@ class BufferCore:
         return None
 
     def _waited(self, timeout: Any, lookup: Callable[..., _Answer], *arguments: Any) -> _Answer:
-        return self._waiting.wait(self._nanoseconds(timeout, 'timeout') / SECOND, self._is_alive,
-                                  self._lookups.bring_in, lookup, *arguments)
+        return self._waiting.wait(self._nanoseconds(timeout, 'timeout') / SECOND,
+                                  self._conditions, self._lookups.hurry, lookup, *arguments)
 
-    def _is_alive(self) -> bool:
-        """Tell whether data may come in; a wait ends when that ends."""
-        return True
+    def _conditions(self) -> tuple[bool, ...]:
+        """Return conditions that end a wait when they held at its begin and hold no longer."""
+        return (bool(self._lookups.sources),)
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> int:
         """

@@ -42,7 +42,7 @@ class Feed:
     def __init__(self, buffer: BufferCore, tf: Subscription, tf_static: Subscription,
                  listening: Listening, on_fault: Callable[[BaseException], None]) -> None:
         """
-        Begin to feed.
+        Create a feed; `begin` adds it to the buffer.
 
         :param listening: the thread that calls `take`.
         :param on_fault: is called with the MalformedMessage of each message that is none, and
@@ -61,12 +61,20 @@ class Feed:
         self._has_news = False  # of which nobody was told yet
         self._count = 0  # of messages since the last `take`, which was then:
         self._last = self._last_insertion = monotonic()
-        buffer.add_source(self)
+
+    def begin(self) -> None:
+        """Have the buffer call `fetch` before every lookup."""
+        self._buffer.add_source(self)
 
     def end(self) -> None:
-        """Feed no more than what has arrived."""
+        """
+        Insert what has arrived, and no more from then on.
+
+        Within a `fetched` block of this thread, what has arrived since its begin is left out.
+        """
+        is_within_block = self._buffer.is_held
         with self._buffer.lock:
-            if not self._has_ended:
+            if not self._has_ended and not is_within_block:
                 self.fetch()
             self._has_ended = True
             self._buffer.remove_source(self)
@@ -124,7 +132,11 @@ class Feed:
         """Wake those who wait for a transform; tell whether an executor has to be woken."""
         try:
             return self._buffer.on_new_data()
-        except BaseException as error:  # SystemExit of a future's callback: not of this thread
+        except BaseException as error:
+            # SystemExit of a future's callback does not end the listener's thread; but Ctrl-C, or
+            # the exit of a callback, that comes in another thread is of that thread.
+            if not isinstance(error, Exception) and not self._listening.is_current():
+                raise
             self._on_fault(error)
             return True
 

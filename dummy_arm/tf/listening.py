@@ -3,7 +3,7 @@
 import atexit
 from collections.abc import Callable
 from contextlib import suppress
-from threading import current_thread, Thread
+from threading import current_thread, Lock, Thread
 from time import monotonic
 from typing import Any
 
@@ -33,7 +33,8 @@ class Listening:
     """
 
     def __init__(self, node: Node, group: CallbackGroup, eager: Subscription, lazy: Subscription,
-                 take: Callable[[], tuple[bool, float]], on_end: Callable[[], object]) -> None:
+                 take: Callable[[], tuple[bool, float]], on_end: Callable[[], object],
+                 is_blocked: Callable[[], bool]) -> None:
         """
         Prepare the thread.
 
@@ -42,23 +43,27 @@ class Listening:
         :param lazy: is not waited for during a pause.
         :param take: takes what has arrived; tells whether there was anything, and for how long
             (s) to pause.
-        :param on_end: is called by the thread at its end.
+        :param on_end: is called by the thread at its end; or by `stop`, if it was never started.
+        :param is_blocked: return whether the calling thread holds what this thread needs to end.
         """
         self._node, self._context = node, node.context
         self._eager, self._lazy = eager, lazy
-        self._take, self._on_end = take, on_end
+        self._take, self._on_end, self._is_blocked = take, on_end, is_blocked
         self._wake = GuardCondition(None, None, context=node.context)
         self._guard = node.create_guard_condition(_nothing, group)
         # destroy_node() destroys the guard conditions of the node, and no other hook is there.
         self._guard.destroy = self._on_guard_destroyed
         self.has_ended = self._wakes_executor = False
         self._next_wake = 0.0
+        #: Acquired by whoever starts the thread, or sees to it that it is never started.
+        self._once = Lock()
         self._thread = Thread(target=self._run, name=f'tf of {node.get_name()}', daemon=True)
 
     def start(self) -> None:
-        """Start the thread."""
-        _running.add(self)
-        self._thread.start()
+        """Start the thread, unless it was started or stopped before."""
+        if self._once.acquire(blocking=False):
+            _running.add(self)
+            self._thread.start()
 
     def wake(self) -> None:
         """Have the thread take what has arrived, now."""
@@ -80,10 +85,13 @@ class Listening:
         self._node.destroy_guard_condition(self._guard)  # which calls `stop`, unless it has
 
     def stop(self) -> None:
-        """Have the thread stop, and wait for that, unless this is the thread."""
+        """Stop the thread, and wait for its end, unless that would be in vain."""
         self.has_ended = True
+        if self._once.acquire(blocking=False):
+            self._on_end()
+            return
         self.wake()
-        if not self.is_current() and self._thread.is_alive():
+        if self._thread.is_alive() and not self.is_current() and not self._is_blocked():
             self._thread.join(_ENDING)
 
     def _on_guard_destroyed(self) -> None:

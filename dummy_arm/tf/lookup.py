@@ -79,23 +79,18 @@ class Lookups:
         for origin in self.sources:
             origin.hurry()
 
-    def bring_in(self) -> None:
-        """Insert what has arrived, as `fetch`; and hurry."""
-        self.hurry()
-        self.fetch()
-
     @contextmanager
     def fetched(self) -> Iterator[None]:
         """Hold the lock, and insert what has arrived first, unless this thread has held it."""
-        fetches = self._is_outermost()
+        fetches = not self.is_held()
         with self.lock:
             if fetches:
                 self.fetch()
             yield
 
-    def _is_outermost(self) -> bool:
-        """Tell whether this thread does not hold the lock, in a lookup that was interrupted."""
-        return not self.lock._is_owned()  # type: ignore[attr-defined]
+    def is_held(self) -> bool:
+        """Return whether this thread holds the lock: in a block, or in an interrupted lookup."""
+        return bool(self.lock._is_owned())  # type: ignore[attr-defined]
 
     def clear(self) -> None:
         """Forget what moves; the frames and what is static stay."""
@@ -114,7 +109,7 @@ class Lookups:
         :returns: the time (ns), and the pose.
         :raises TransformException: when there is none.
         """
-        fetches = self.sources and self._is_outermost()  # as `fetched`, which takes longer
+        fetches = self.sources and not self.is_held()  # as `fetched`, which takes longer
         with self.lock:
             if fetches:
                 self.fetch()
@@ -189,7 +184,7 @@ class Lookups:
 
         :raises TransformException: when there is none.
         """
-        fetches = self.sources and self._is_outermost()
+        fetches = self.sources and not self.is_held()
         with self.lock:
             if fetches:
                 self.fetch()

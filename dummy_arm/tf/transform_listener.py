@@ -1,7 +1,8 @@
 """Listening to /tf and /tf_static: what comes in goes into a buffer."""
 
 from collections.abc import Callable
-from threading import RLock
+from functools import wraps
+from threading import get_ident, Lock
 from traceback import format_exception
 from typing import Any, Optional, Union
 
@@ -22,6 +23,36 @@ from dummy_arm.tf.subscribing import Misfits, subscribe, take_all
 from dummy_arm.tf.transform_stamped import message_of
 
 
+class _Callbacks:
+    """
+    What stands in a buffer for a listener that fills it by callbacks.
+
+    There is nothing to fetch from it; but the buffer knows by it that transforms may come in. If
+    the callbacks are those of a subclass, their thread does not run before the constructor of the
+    subclass has returned: unless that constructor looks up, or somebody waits for a transform.
+    """
+
+    def __init__(self, buffer: BufferCore, listening: Listening) -> None:
+        self._buffer, self._listening, self._thread_id = buffer, listening, get_ident()
+
+    def begin(self) -> None:
+        """Stand in the buffer from now on."""
+        self._buffer.add_source(self)
+
+    def end(self) -> None:
+        """Stand in the buffer no longer."""
+        self._buffer.remove_source(self)
+
+    def fetch(self) -> None:
+        """Start the thread, if it is the constructor's thread that looks up."""
+        if get_ident() == self._thread_id:
+            self._listening.start()
+
+    def hurry(self) -> None:
+        """Start the thread."""
+        self._listening.start()
+
+
 class TransformListener:
     """
     Fills a buffer with what is sent on /tf and /tf_static, as the class of this name in tf2_ros.
@@ -32,9 +63,29 @@ class TransformListener:
     woken by new data, but at most 10 times a second.
 
     It listens until `unregister()`, `node.destroy_node()` or `rclpy.shutdown()`.
+
+    A subclass may override `callback` and `static_callback`. They are called by the thread, and
+    only after the constructor of the subclass has returned; or from the moment on at which that
+    constructor looks up, or anybody waits for a transform.
     """
 
     feed_class: Callable[..., Feed] = Feed
+    #: The constructor of a subclass that starts the thread at its end.
+    _starting_constructor: Optional[Callable[..., None]] = None
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        """Have the constructor of a subclass start the thread when it returns."""
+        super().__init_subclass__(**kwargs)
+        construct = cls.__init__
+
+        @wraps(construct)
+        def construct_and_start(self: Any, *args: Any, **kwargs: Any) -> None:
+            construct(self, *args, **kwargs)
+            # Not if it was called by the constructor of a further subclass, or never called ours.
+            if type(self) is cls and hasattr(self, '_listening'):
+                self._listening.start()
+
+        cls.__init__ = cls._starting_constructor = construct_and_start  # type: ignore
 
     def __init__(self, buffer: Buffer, node: Node, *, spin_thread: bool = False,
                  qos: Optional[Union[QoSProfile, int]] = None,
@@ -62,16 +113,19 @@ class TransformListener:
         self._faults = Refusals()
         self._faults.log = get_logger('tf2_listener').warning
         self._listening = Listening(node, self.group, self.tf_static_sub, self.tf_sub,
-                                    self._take, self._close)
-        self._feed: Optional[Feed] = None
-        self._switching = RLock()
+                                    self._take, self._close, self._holds_lock)
+        self._source: Union[Feed, _Callbacks, None] = None
+        #: Held for a moment, in which no other lock is taken.
+        self._switching = Lock()
         self.buffer = buffer
-        self._listening.start()
+        if (not self._has_own_callbacks()
+                or type(self).__init__ is not type(self)._starting_constructor):
+            self._listening.start()
 
     def unregister(self) -> None:
         """Stop to listen, for good."""
         self._listening.end()
-        self._feed_into(None)
+        self._switch(None)
 
     @property
     def buffer(self) -> Any:
@@ -80,28 +134,36 @@ class TransformListener:
 
     @buffer.setter
     def buffer(self, buffer: Any) -> None:
-        with self._switching:
-            self._buffer = buffer
-            self._feed_into(buffer if self._goes_straight_into(buffer) else None)
+        self._buffer = buffer
+        if not isinstance(buffer, BufferCore):
+            self._switch(None)
+        elif self._has_own_callbacks() or _has_own_setters(buffer):
+            self._switch(_Callbacks(buffer, self._listening))
+        else:
+            self._switch(self.feed_class(
+                buffer, self.tf_sub, self.tf_static_sub, self._listening, self._on_fault))
 
-    def _feed_into(self, buffer: Optional[BufferCore]) -> None:
-        """Feed a buffer, if any, and no other any more."""
+    def _switch(self, source: Union[Feed, _Callbacks, None]) -> None:
+        """Replace the source in the buffer before by another one in its buffer."""
         with self._switching:
-            feed = self._feed
-            self._feed = None if buffer is None or self._listening.has_ended else self.feed_class(
-                buffer, self.tf_sub, self.tf_static_sub, self._listening, self._on_fault)
-            if feed is not None:
-                feed.end()
+            if self._listening.has_ended:
+                source = None
+            before, self._source = self._source, source
+        if before is not None:
+            before.end()
+        if source is not None:
+            source.begin()
+            if self._source is not source:  # another thread was faster, or has ended it
+                source.end()
 
-    def _goes_straight_into(self, buffer: Any) -> bool:
-        """Tell whether nobody has put anything of his own between the messages and the buffer."""
-        own = {TransformListener.callback, TransformListener.static_callback, BufferCore.insert,
-               *(getattr(kind, name) for kind in (BufferCore, Buffer)
-                 for name in ('set_transform', 'set_transform_static'))}
-        return isinstance(buffer, BufferCore) and all(
-            getattr(method, '__func__', None) in own for method in (
-                self.callback, self.static_callback, buffer.insert, buffer.set_transform,
-                buffer.set_transform_static))
+    def _has_own_callbacks(self) -> bool:
+        """Return whether a callback is overridden."""
+        return {getattr(self.callback, '__func__', None),
+                getattr(self.static_callback, '__func__', None)} != {
+                    TransformListener.callback, TransformListener.static_callback}
+
+    def _holds_lock(self) -> bool:
+        return isinstance(self._buffer, BufferCore) and self._buffer.is_held
 
     def callback(self, data: TFMessage) -> None:
         """Set the transforms of a message, as moving ones."""
@@ -117,8 +179,8 @@ class TransformListener:
         """Take what has arrived; tell whether there is news, and how long to pause then (s)."""
         for misfits in self._misfits:
             misfits.look()
-        feed = self._feed
-        taken = self._call_back() if feed is None else feed.take()
+        source = self._source
+        taken = source.take() if isinstance(source, Feed) else self._call_back()
         self._faults.log_all()
         return taken
 
@@ -148,8 +210,16 @@ class TransformListener:
 
     def _close(self) -> None:
         """Let go of the subscriptions."""
-        self._feed_into(None)
+        self._switch(None)
         for misfits in self._misfits:
             misfits.close()
         self.tf_sub.destroy()
         self.tf_static_sub.destroy()
+
+
+def _has_own_setters(buffer: BufferCore) -> bool:
+    """Return whether a method between the messages and the buffer is overridden."""
+    own = {BufferCore.insert, *(getattr(kind, name) for kind in (BufferCore, Buffer)
+                                for name in ('set_transform', 'set_transform_static'))}
+    return not all(getattr(method, '__func__', None) in own for method in (
+        buffer.insert, buffer.set_transform, buffer.set_transform_static))
