@@ -4,7 +4,8 @@ import os
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # before rclpy starts
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+import contextlib
 import fcntl
 from importlib.util import find_spec
 import json
@@ -12,6 +13,7 @@ import logging
 from pathlib import Path
 import pty
 import queue
+import random
 import signal
 import socket
 import struct
@@ -27,6 +29,12 @@ import pytest
 TIMEOUT = 20.0  # s; for what takes well under a second on a machine that is not overloaded
 _GRACE = 3.0  # s; for what ends in 0.2 s
 _GIVEN_UP = 3.0  # s; after 1 s Fast DDS gives up a lock of one that was killed
+
+#: The environment of programs as on a Jazzy desktop, with tf2_msgs or a stand-in.
+DESKTOP = {} if find_spec('tf2_msgs') else {'PYTHONPATH': os.pathsep.join(filter(None, (
+    str(Path(__file__).parent / 'desktop'), os.environ.get('PYTHONPATH'))))}
+#: The processes of these tests.
+_pids = {os.getpid()}
 
 
 def tool(name: str, *arguments: str) -> tuple[str, ...]:
@@ -72,8 +80,12 @@ def golden_rows(case: dict) -> list[tuple]:
 
 @pytest.fixture
 def domain_id() -> Iterator[int]:
-    """Reserve a ROS domain id, so that test runs side by side do not hear each other."""
-    for domain in range(1, 101):
+    """
+    Reserve a ROS domain id, so that test runs side by side do not hear each other.
+
+    Others than tests reserve none: see `Ros.strangers`.
+    """
+    for domain in random.sample(range(1, 101), 100):  # 1 is where others are, too
         with socket.socket() as reservation:
             try:
                 reservation.bind(('127.0.0.1', 23400 + domain))
@@ -87,11 +99,18 @@ def domain_id() -> Iterator[int]:
 class Process:
     """A program that is run by a test, in a domain; its output comes line by line."""
 
-    def __init__(self, domain: int, *arguments: str, **how: Any) -> None:
-        """Start python with the arguments."""
+    def __init__(self, domain: int, *arguments: str, environment: Mapping[str, str] = {},
+                 **how: Any) -> None:
+        """
+        Start python with the arguments, as the leader of a process group.
+
+        :param environment: variables to set.
+        """
         self._popen = subprocess.Popen(
             [sys.executable, '-u', *arguments], text=True, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, env={**os.environ, 'ROS_DOMAIN_ID': str(domain)}, **how)
+            stderr=subprocess.STDOUT, start_new_session=True,
+            env={**os.environ, 'ROS_DOMAIN_ID': str(domain), **environment}, **how)
+        _pids.add(self._popen.pid)
         self.output = ''
         self._lines: queue.Queue[str] = queue.Queue()
         self._reader = threading.Thread(target=self._read)
@@ -120,6 +139,10 @@ class Process:
         self._popen.wait(timeout)
         return time.monotonic() - start
 
+    def press_ctrl_c(self) -> None:
+        """Send SIGINT to the process and all that it has started, as a terminal does."""
+        os.killpg(self._popen.pid, signal.SIGINT)
+
     def ended(self) -> bool:
         """Tell whether it has ended."""
         return self._popen.poll() is not None
@@ -127,7 +150,8 @@ class Process:
     def exit_code(self, timeout: float = TIMEOUT) -> int:
         """Wait for the end."""
         code = self._popen.wait(timeout)
-        self._reader.join()
+        self._reader.join(timeout)
+        assert not self._reader.is_alive(), 'it has left others behind, who hold its output'
         return code
 
     def close(self) -> None:
@@ -137,8 +161,26 @@ class Process:
         except subprocess.TimeoutExpired:
             self._popen.kill()
             self._popen.wait()
+        self._end_group()
         self._reader.join()
         self._popen.stdout.close()
+
+    def has_left_others(self) -> bool:
+        """Tell whether something that the process has started goes on."""
+        try:
+            os.killpg(self._popen.pid, 0)
+        except ProcessLookupError:
+            return False
+        return True
+
+    def _end_group(self) -> None:
+        """End what the process has started, and left behind."""
+        for number in signal.SIGINT, signal.SIGKILL:
+            deadline = time.monotonic() + _GRACE
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(self._popen.pid, number)
+            while self.has_left_others() and time.monotonic() < deadline:
+                time.sleep(0.01)
 
 
 def in_a_terminal(domain, *arguments, until):
@@ -245,8 +287,31 @@ class Ros:
         """Spin until the condition holds."""
         deadline = time.monotonic() + timeout
         while not condition():
-            assert time.monotonic() < deadline, 'waited in vain'
+            assert time.monotonic() < deadline, f'waited in vain{self.told_of_strangers()}'
             self.executor.spin_once(timeout_sec=0.05)
+
+    def strangers(self) -> list[str]:
+        """
+        List what publishes TF in this domain, and is of no process that the tests have started.
+
+        Fast DDS writes the lower half of the process id into the fifth and sixth byte of a gid.
+        """
+        from rclpy.utilities import get_rmw_implementation_identifier
+        if not self.context.ok() or 'fastrtps' not in get_rmw_implementation_identifier():
+            return []
+        ours = {pid & 0xffff for pid in _pids}
+        return sorted({
+            f'{info.node_namespace.rstrip("/")}/{info.node_name} of process {pid}'
+            for topic in ('/tf', '/tf_static')
+            for info in self.node.get_publishers_info_by_topic(topic)
+            if (pid := int.from_bytes(bytes(info.endpoint_gid[4:6]), 'little')) not in ours})
+
+    def told_of_strangers(self) -> str:
+        """Tell of those, and what to do; '' where there is none."""
+        if strangers := self.strangers():
+            return (f'; in the domain {self.context.get_domain_id()} of this test, others publish '
+                    f'TF that it receives: {", ".join(strangers)}. End them')
+        return ''
 
     def close(self) -> None:
         """Destroy it all."""
@@ -261,4 +326,6 @@ def ros(domain_id: int) -> Iterator[Ros]:
     """A node in the domain of the test."""
     node = Ros(domain_id)
     yield node
+    told = node.told_of_strangers()
     node.close()
+    assert not told, told

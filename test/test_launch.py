@@ -4,7 +4,6 @@ import json
 from math import cos, sin, tan
 from pathlib import Path
 import shutil
-import signal
 import subprocess
 import sys
 
@@ -82,10 +81,11 @@ def test_the_camera_of_rviz_sees_the_whole_arm():
 
 @pytest.mark.skipif(shutil.which('ros2') is None, reason='there is no ros2, as on a Jazzy desktop')
 def test_launched(start):
-    """The arm runs as its arguments say, until Ctrl-C."""
+    """The arm runs as its arguments say, until Ctrl-C; and not any longer."""
     process = start('-c', 'import os, sys; os.execvp("ros2", ["ros2", *sys.argv[1:]])', 'launch',
                     str(ROOT / LAUNCH), 'rviz:=false', 'rate:=20', 'frame_prefix:=a/')
     line = process.line_with('publishing map -> a/base_link')
     assert 'at 20 Hz' in line
-    process.end(signal.SIGINT)
+    process.press_ctrl_c()
     assert process.exit_code() == 0
+    assert not process.has_left_others()
