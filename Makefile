@@ -9,7 +9,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: demo listen test lint bench pictures clean
+.PHONY: demo listen test test-desktop lint bench pictures clean
 
 # Ctrl-C and SIGTERM end both.
 demo: $(INSTALLED)
@@ -28,6 +28,10 @@ test: $(INSTALLED)
 	$(VENV)/bin/colcon test-result --verbose
 	@$(VENV)/bin/colcon test-result | awk '/^Summary:/ { ran = $$2 - $$8 } \
 	    END { if (ran < 1) { print "no test ran"; exit 1 } }'
+
+# As on a Jazzy desktop: with stand-ins for tf2_msgs and for the pytest plugins of launch.
+test-desktop: $(INSTALLED)
+	PYTHONPATH=test/desktop $(VENV)/bin/python -m pytest -p launch_stand_in $(PYTEST_ARGS) test
 
 lint: $(INSTALLED)
 	$(VENV)/bin/ruff check

@@ -6,16 +6,15 @@ import signal
 import sys
 import threading
 import time
-from types import SimpleNamespace
 import weakref
 
+from conftest import made_at_run_time
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 import pytest
 from rclpy.clock import Clock, ClockType
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.time import Time
-from std_srvs.srv import Trigger
 
 import dummy_arm.tf
 from dummy_arm.tf import (
@@ -636,15 +635,10 @@ def test_a_buffer_without_node_has_a_clock():
     assert type(Buffer().clock) is Clock
 
 
-def test_the_service_tells_all_frames(ros, monkeypatch):
-    """Where its type is installed; here another stands in for it."""
-    assert Buffer(node=ros.node).srv is None or dummy_arm.tf.node_hooks.FrameGraph
-    monkeypatch.setattr('dummy_arm.tf.node_hooks.FrameGraph', Trigger)
-    buffer = Buffer(node=ros.node)
-    assert buffer.srv.srv_name == 'tf2_frames'
-    buffer.set_transform(made(), 'test')
-    response = buffer.srv.callback(None, SimpleNamespace())
-    assert response.frame_yaml == buffer.all_frames_as_yaml() != '[]'
+@made_at_run_time
+def test_without_tf2_msgs_there_is_no_service(ros):
+    """Where there is, see test_desktop.py."""
+    assert Buffer(node=ros.node).srv is None
 
 
 def test_refusals_go_to_the_log_of_ros(start):

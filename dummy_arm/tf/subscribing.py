@@ -13,6 +13,7 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 from rclpy.subscription import Subscription
+from rclpy.type_support import check_is_valid_msg_type
 
 from dummy_arm.tf.message import TFMessage
 
@@ -29,6 +30,8 @@ def subscribe(node: Node, topic: str, callback: Callable[[TFMessage], None], qos
 
     :param callback: what the subscription shows as its callback; nobody calls it.
     """
+    # As create_subscription does: a generated class loads its type support only when asked to.
+    check_is_valid_msg_type(TFMessage)
     with node.handle:
         handle = _rclpy.Subscription(node.handle, TFMessage, topic, qos.get_c_qos_profile())
     return Subscription(handle, TFMessage, topic, callback, group, qos, True,

@@ -47,15 +47,25 @@ def row_of(message: TransformStamped) -> wire.Row:
 
 
 def message_of(row: wire.Row) -> TransformStamped:
-    """Build the TransformStamped of a row; by slots, at a tenth of what its constructors cost."""
+    """
+    Build the TransformStamped of a row; by slots, at a tenth of what its constructors cost.
+
+    The compiled conversion of generated messages takes what is in the slot of a float64 for a
+    float, unchecked: an int there would become another number on the wire.
+
+    :raises TypeError: when a number of the pose is none.
+    """
     message, header, stamp = _new(TransformStamped), _new(Header), _new(Time)
     transform, translation, rotation = _new(Transform), _new(Vector3), _new(Quaternion)
     message._header, message._transform = header, transform
     header._stamp = stamp
     transform._translation, transform._rotation = translation, rotation
     (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
-     translation._x, translation._y, translation._z,
-     rotation._x, rotation._y, rotation._z, rotation._w) = row
+     x, y, z, qx, qy, qz, qw) = row
+    # One by one: that takes a tenth of the time of any loop.
+    translation._x, translation._y, translation._z = float(x), float(y), float(z)
+    rotation._x, rotation._y, rotation._z = float(qx), float(qy), float(qz)
+    rotation._w = float(qw)
     return message
 
 

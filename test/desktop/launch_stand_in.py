@@ -1,0 +1,21 @@
+"""
+A pytest plugin that changes logging as launch's plugins do; `-p launch_stand_in`.
+
+launch.logging, which they import, replaces the class of loggers by one whose loggers have handlers
+of their own and do not propagate.
+"""
+
+import logging
+
+
+class LaunchLogger(logging.getLoggerClass()):
+    """A logger that keeps to itself what is logged."""
+
+    def __init__(self, *args, **kwargs):
+        """Create a logger."""
+        super().__init__(*args, **kwargs)
+        self.propagate = False
+        self.addHandler(logging.StreamHandler())
+
+
+logging.setLoggerClass(LaunchLogger)

@@ -1,0 +1,79 @@
+"""A TFMessage as rosidl generates it; converted by the compiled code of its transforms."""
+
+from collections.abc import Collection
+from os import getenv
+
+from geometry_msgs.msg import TransformStamped
+from rosidl_parser.definition import NamespacedType, UnboundedSequence
+
+
+class Metaclass_TFMessage(type):  # noqa: N801
+    """Metaclass of message 'TFMessage'."""
+
+    _CREATE_ROS_MESSAGE = None
+    _CONVERT_FROM_PY = None
+    _CONVERT_TO_PY = None
+    _DESTROY_ROS_MESSAGE = None
+    _TYPE_SUPPORT = None
+
+    @classmethod
+    def __import_type_support__(cls):
+        """Load the type support, when rclpy asks for it."""
+        from dummy_arm.tf import tf_message, type_support
+        # What has rclpy take and send objects of that class as bytes does so with these.
+        tf_message.TFMessage, tf_message._serialize = TFMessage, _serialize
+        cls._CREATE_ROS_MESSAGE = type_support.CREATE_ROS_MESSAGE
+        cls._CONVERT_FROM_PY = type_support.CONVERT_FROM_PY
+        cls._CONVERT_TO_PY = type_support.CONVERT_TO_PY
+        cls._DESTROY_ROS_MESSAGE = type_support.DESTROY_ROS_MESSAGE
+        cls._TYPE_SUPPORT = type_support.TYPE_SUPPORT
+
+
+class TFMessage(metaclass=Metaclass_TFMessage):
+    """Message class 'TFMessage'."""
+
+    __slots__ = ['_transforms', '_check_fields']
+
+    _fields_and_field_types = {'transforms': 'sequence<geometry_msgs/TransformStamped>'}
+
+    SLOT_TYPES = (
+        UnboundedSequence(NamespacedType(['geometry_msgs', 'msg'], 'TransformStamped')),)
+
+    def __init__(self, **kwargs):
+        """Create a message."""
+        self._check_fields = kwargs.pop(
+            'check_fields', getenv('ROS_PYTHON_CHECK_FIELDS', default='') == '1')
+        self.transforms = kwargs.get('transforms', [])
+
+    def __repr__(self):
+        return f'tf2_msgs.msg.TFMessage(transforms={self.transforms!r})'
+
+    def __eq__(self, other):
+        return isinstance(other, TFMessage) and self.transforms == other.transforms
+
+    @classmethod
+    def get_fields_and_field_types(cls):
+        """Get the fields' names and their types."""
+        return cls._fields_and_field_types.copy()
+
+    @property
+    def transforms(self):
+        """Message field 'transforms'."""
+        return self._transforms
+
+    @transforms.setter
+    def transforms(self, value):
+        if self._check_fields:
+            assert isinstance(value, Collection)
+            assert all(isinstance(element, TransformStamped) for element in value)
+        self._transforms = value
+
+
+def _serialize(message):
+    """Convert each transform by the code that a compiler made for it, unchecked."""
+    from rclpy.serialization import deserialize_message, serialize_message
+
+    from dummy_arm.tf import wire
+    from dummy_arm.tf.transform_stamped import row_of
+    return wire.pack(row_of(deserialize_message(serialize_message(transform), TransformStamped))
+                     for transform in message.transforms)
