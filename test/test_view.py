@@ -3,7 +3,6 @@
 import asyncio
 from contextlib import ExitStack
 import errno
-from http.client import HTTPConnection
 from itertools import pairwise
 import socket
 
@@ -294,26 +293,91 @@ def test_who_can_look():
     assert told('192.0.2.1', 8080)[0] == 'look at http://192.0.2.1:8080'
 
 
-def test_pages_of_others_are_refused():
-    """Whatever page is open in the browser cannot look, nor can it by a name for this machine."""
-    pytest.importorskip('viser')
-    from websockets.exceptions import InvalidStatus
-    from websockets.sync.client import connect
+OWN = '127.0.0.1:8080'
 
+
+@pytest.mark.parametrize(('host', 'origin'), [
+    (OWN, None), (OWN, f'http://{OWN}'), (OWN, f'HTTP://{OWN}'), ('localhost:1', None),
+    ('LocalHost:8080', 'http://localhost:8080'), ('localhost', 'http://localhost:80'),
+    ('127.1.2.3:8080', 'http://127.1.2.3:8080'), ('[::1]:8080', 'http://[::1]:8080'),
+])
+def test_own_pages_are_served(host, origin):
+    """Whoever names this machine, and tells no other origin."""
+    assert refused([host], [origin] if origin else []) == ''
+
+
+@pytest.mark.parametrize(('host', 'origin'), [
+    ('evil.example:8080', None), ('127.0.0.1.evil.example:8080', None), ('127.evil.example', None),
+    ('127.0.0.1.:8080', None), ('127.1:8080', None), ('localhost.evil.example', None),
+    ('192.0.2.1:8080', None), ('0.0.0.0:8080', None), ('[::2]:8080', None),
+    ('127.0.0.1.evil.example', 'http://127.0.0.1.evil.example'),
+    (OWN, f'https://{OWN}'), (OWN, 'http://evil.example'), (OWN, 'http://127.0.0.1'),
+    (OWN, 'http://127.0.0.1:8081'), (OWN, 'http://localhost:8080'), (OWN, 'null'), (OWN, ''),
+    (OWN, OWN), (OWN, f'http://{OWN}/'), (OWN, f'http://{OWN}?'), (OWN, f'http://me@{OWN}'),
+    (OWN, 'http://127.0.0.1:http'), (OWN, 'http://127.0.0.1:99999'), (OWN, 'http://[::1'),
+    ('', None), (':8080', None), ('localhost:x', None),
+    ('localhost:0', 'http://localhost'), ('localhost:99999', None), ('[::1', None), ('[]', None),
+    ('me@localhost', None), ('localhost/evil', None), ('evil#localhost', None),
+])
+def test_other_hosts_and_origins_are_refused(host, origin):
+    """Whatever page is open in the browser, also by a name for this machine, or malformed."""
+    why = refused([host], [origin] if origin is not None else [])
+    assert len(why.encode().splitlines()) == 1
+
+
+@pytest.mark.parametrize(('hosts', 'origins'), [
+    ([], []), ([OWN, OWN], []), ([OWN], [f'http://{OWN}'] * 2),
+])
+def test_missing_and_repeated_headers_are_refused(hosts, origins):
+    """It would not be known which one the browser means."""
+    assert 'one Host header' in refused(hosts, origins)
+
+
+def test_a_page_for_all_is_served_under_any_name():
+    """The names of the machine are not known, but other pages are refused nevertheless."""
+    assert refused(['robot:8080'], ['http://robot:8080'], is_loopback=False) == ''
+    assert refused(['robot:8080'], ['http://evil.example'], is_loopback=False)
+
+
+def refused(hosts, origins, is_loopback=True):
+    """Call `why_refused` for the headers of a request."""
+    pytest.importorskip('viser')
+    from websockets import Headers
+
+    from dummy_arm.view.server import why_refused
+    return why_refused(Headers([*(('Host', host) for host in hosts),
+                                *(('Origin', origin) for origin in origins)]), is_loopback)
+
+
+def test_a_refused_request_is_answered_by_403():
+    """Of a page or a WebSocket, with headers of any bytes."""
+    pytest.importorskip('viser')
     from dummy_arm.view.server import served
     with served('127.0.0.1') as server:
-        host = f'127.0.0.1:{server.get_port()}'
-        for origin in f'http://{host}', None:
-            with connect(f'ws://{host}', origin=origin):
-                pass
-        with (pytest.raises(InvalidStatus, match='403'),
-              connect(f'ws://{host}', origin='http://evil.example')):
-            pass
-        for name, status in (host, 200), ('localhost:1', 200), ('evil.example:8080', 403):
-            connection = HTTPConnection(host)
-            connection.request('GET', '/', headers={'Host': name})
-            assert connection.getresponse().status == status
-            connection.close()
+        own = f'127.0.0.1:{server.get_port()}'.encode()
+        socket_headers = (b'Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13'
+                          b'\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n')
+
+        def status(*headers, upgrade=b''):
+            with socket.create_connection(('127.0.0.1', server.get_port())) as connection:
+                connection.sendall(b'GET / HTTP/1.1\r\n%s%s\r\n' % (
+                    upgrade, b''.join(header + b'\r\n' for header in headers)))
+                with connection.makefile('rb') as answer:
+                    return answer.readline().split()[1]
+
+        for upgrade, accepted in (b'', b'200'), (socket_headers, b'101'):
+            assert status(b'Host: ' + own, upgrade=upgrade) == accepted
+            assert status(b'host: ' + own, b'ORIGIN: http://' + own, upgrade=upgrade) == accepted
+            for headers in (
+                    (), (b'Host: 127.0.0.1.evil.example',), (b'Host: ' + own, b'Host: ' + own),
+                    (b'Host: [::1',), (b'Host: localhost:x',), (b'Host: \xff\xfe',),
+                    (b'Host: ' + own, b'Origin: http://evil.example'),
+                    (b'Host: ' + own, b'Origin: https://' + own),
+                    (b'Host: ' + own, b'Origin: http://[::1'),
+                    (b'Host: ' + own, b'Origin: http://127.0.0.1:99999'),
+                    (b'Host: ' + own, b'Origin: \xff'),
+                    (b'Host: ' + own, *[b'Origin: http://' + own] * 2)):
+                assert status(*headers, upgrade=upgrade) == b'403', headers
 
 
 class Sent:

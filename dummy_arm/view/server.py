@@ -1,6 +1,6 @@
 """The server of the page: viser's, on an address of this machine, and nowhere else."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 import errno
 from http import HTTPStatus
@@ -23,6 +23,7 @@ except ImportError as error:
 
 PORT = 8080
 _MOST_PORTS = 100
+_DEFAULT_PORT = 80  # of http
 
 
 class Server(viser.ViserServer):
@@ -74,20 +75,50 @@ def _for_own_pages(is_loopback: bool) -> Iterator[None]:
         websockets.asyncio.server.serve = serve
 
 
-def why_refused(headers: Mapping[str, str], is_loopback: bool) -> str:
+def why_refused(headers: 'websockets.Headers', is_loopback: bool) -> str:
     """
-    Tell why a request is refused, if it is.
+    Return why a request is refused; '' if it is not.
 
-    Any page in the browser may ask a server of this machine, and tell its own origin; or let its
-    name stand for this machine (DNS rebinding).
+    Any page in the browser can send requests to a server of this machine. The browser then sends
+    the origin of that page, or, where a foreign name resolves to this machine (DNS rebinding),
+    that name as the host.
+
+    :param is_loopback: whether the page is served to this machine only.
     """
-    host, origin = headers.get('Host', ''), headers.get('Origin')
-    if origin is not None and urlsplit(origin).netloc != host:
-        return f'for pages of {host} only, not of {origin}'
-    name = urlsplit(f'//{host}').hostname or ''
-    if is_loopback and name != 'localhost' and not name.startswith('127.') and name != '::1':
-        return f'for this machine only, by localhost or 127.0.0.1, not {name}'
+    hosts, origins = headers.get_all('Host'), headers.get_all('Origin')
+    if len(hosts) != 1 or len(origins) > 1:
+        return (f'a request has one Host header and at most one Origin header, not {len(hosts)} '
+                f'and {len(origins)}')
+    own = f'http://{hosts[0]}'
+    try:
+        scheme, name, port = _origin(own)
+        if origins and _origin(origins[0]) != (scheme, name, port):
+            return f'for pages of {own!r} only, not of {origins[0]!r}'
+    except ValueError:
+        return f'malformed Host or Origin header: {", ".join(map(repr, [*hosts, *origins]))}'
+    if is_loopback and not _is_of_this_machine(name):
+        return f'for this machine only, by localhost or 127.0.0.1, not {hosts[0]!r}'
     return ''
+
+
+def _origin(url: str) -> tuple[str, str, int]:
+    """
+    Return the scheme, the name and the port of an origin, in lower case.
+
+    :raises ValueError: when it is malformed, or has more than these.
+    """
+    parts = urlsplit(url)
+    if not parts.hostname or parts.username is not None or url.lower() != (
+            f'{parts.scheme}://{parts.netloc}'.lower()):
+        raise ValueError(url)
+    return parts.scheme, parts.hostname, _DEFAULT_PORT if parts.port is None else parts.port
+
+
+def _is_of_this_machine(name: str) -> bool:
+    try:
+        return ip_address(name).is_loopback
+    except ValueError:
+        return name == 'localhost'
 
 
 def told(address: str, port: int) -> list[str]:
