@@ -5,8 +5,9 @@ from contextlib import ExitStack
 import errno
 from itertools import pairwise
 import socket
+from urllib.request import urlopen
 
-from conftest import tool, tool_without_ros
+from conftest import TIMEOUT, tool, tool_without_ros
 import numpy as np
 import pytest
 
@@ -272,13 +273,77 @@ def test_no_free_port(monkeypatch):
     from dummy_arm.command import CommandError
     from dummy_arm.view import server
 
-    def taken(*_):
-        raise OSError(errno.EADDRINUSE, 'taken')
-
-    monkeypatch.setattr(socket.socket, 'bind', taken)
+    monkeypatch.setattr(socket.socket, 'bind', refusing(errno.EADDRINUSE))
     with (pytest.raises(CommandError, match=r'ports 8080 to 8179 of 127\.0\.0\.1 are all taken'),
           server.served('127.0.0.1')):
         pass
+
+
+def refusing(number):
+    """Make a function that fails by an error of the system."""
+    def refuse(*_):
+        raise OSError(number, 'refused')
+    return refuse
+
+
+def test_the_next_free_port(capsys):
+    """Two pages without a port have one each."""
+    pytest.importorskip('viser')
+    from dummy_arm.view.server import served
+    with served('127.0.0.1') as one, served('127.0.0.1') as other:
+        ports = [one.get_port(), other.get_port()]
+    assert 8080 <= ports[0] < ports[1]
+    assert capsys.readouterr().out.splitlines() == [
+        f'look at http://127.0.0.1:{port}' for port in ports]
+
+
+def test_a_port_that_is_given(start, monkeypatch):
+    """The page is there, whatever viser is told by the environment."""
+    monkeypatch.setenv('_VISER_PORT_OVERRIDE', '1')
+    port = free_port()
+    process = start(*tool('web_view', '--port', str(port)))
+    assert process.line() == f'look at http://127.0.0.1:{port}\n'
+    with urlopen(f'http://127.0.0.1:{port}', timeout=TIMEOUT) as answer:
+        assert answer.status == 200
+
+
+def free_port():
+    """Find a port that nobody has."""
+    with socket.create_server(('127.0.0.1', 0)) as found:
+        return found.getsockname()[1]
+
+
+def test_a_port_that_is_taken(failed):
+    """It is an error, and no other port is taken instead."""
+    pytest.importorskip('viser')
+    from dummy_arm.tools.web_view import main
+    with socket.create_server(('127.0.0.1', 0)) as taken:
+        port = taken.getsockname()[1]
+        assert failed(main, '--port', str(port)) == (
+            1, f'web_view: port {port} of 127.0.0.1 is taken: end what has it, choose another, or '
+            'leave out --port, for the next that is free\n')
+
+
+@pytest.mark.parametrize('text', ['0', '-1', '65536', '8080.0', '80_80', ' 80', '', 'http', '٣',
+                                  '9' * 5000])
+def test_a_port_that_is_none(failed, text):
+    """It is refused in one line that tells the limits."""
+    from dummy_arm.tools.web_view import main
+    code, error = failed(main, '--port', text)
+    assert code == 2
+    assert len(error.splitlines()) == 1
+    assert 'from 1 to 65535' in error
+
+
+def test_a_port_that_needs_root(failed, monkeypatch):
+    """It is told that it is the port that does not do, not the address."""
+    pytest.importorskip('viser')
+    from dummy_arm.tools.web_view import main
+    monkeypatch.setattr(socket.socket, 'bind', refusing(errno.EACCES))
+    code, error = failed(main, '--port', '80')
+    assert code == 1
+    assert error == ('web_view: cannot serve at port 80 of 127.0.0.1: Permission denied; --port '
+                     'takes a port from 1024 on without root\n')
 
 
 def test_who_can_look():

@@ -8,7 +8,7 @@ from ipaddress import ip_address
 import logging
 import os
 import socket
-from typing import Any
+from typing import Any, Optional
 from urllib.parse import urlsplit
 
 from dummy_arm.command import CommandError, UsageError
@@ -27,52 +27,57 @@ _DEFAULT_PORT = 80  # of http
 
 
 class Server(viser.ViserServer):
-    """A server that cannot be asked by a page to let the internet in."""
+    """A server of pages that it serves itself; others cannot have it let the internet in."""
+
+    def __init__(self, listening: socket.socket) -> None:
+        """
+        Start the server.
+
+        :param listening: the socket at which it serves.
+        """
+        address, port, *_ = listening.getsockname()
+        is_loopback = ip_address(address).is_loopback
+        serve = websockets.asyncio.server.serve
+
+        def guarded(handler: Any, host: object = None, port: object = None, *,
+                    process_request: Callable[..., Any], **kwargs: Any) -> Any:
+            def process(connection: Any, request: Any) -> Any:
+                if why := why_refused(request.headers, is_loopback):
+                    return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
+                return process_request(connection, request)
+            # Given a port, viser would take the next one where that is taken.
+            return serve(handler, sock=listening, process_request=process, **kwargs)
+
+        websockets.asyncio.server.serve = guarded
+        try:
+            super().__init__(address, port, label='dummy_arm', verbose=False)
+        finally:
+            websockets.asyncio.server.serve = serve
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Refuse; by viser's own, everybody who looks could open a tunnel."""
 
 
 @contextmanager
-def served(host: str) -> Iterator[Server]:
+def served(host: str, port: Optional[int] = None) -> Iterator[Server]:
     """
-    Serve a page from here to the end of the block; tell where on stdout.
+    Serve a page from here to the end of the block; print where on stdout.
 
     :param host: a name or address of this machine.
-    :raises UsageError: when it is none.
-    :raises CommandError: when all ports are taken.
+    :param port: from 1 to 65535; None: 8080, or the next that is free.
+    :raises UsageError: when there is no such address here.
+    :raises CommandError: when the port or, without one, all ports are taken, or it needs root.
     """
-    family, address = _address(host)
-    port = _free_port(family, address)
+    listening = _listening(host, port)
     rich.reconfigure(quiet=True)  # viser tells by it where it serves, and when it ends
     logging.getLogger('websockets').setLevel(logging.CRITICAL)  # of those who are no browser
-    with _for_own_pages(ip_address(address).is_loopback):
-        server = Server(address, port, label='dummy_arm', verbose=False)
+    server = Server(listening)
     try:
         server.gui.configure_theme(show_share_button=False)
-        print('\n'.join(told(address, server.get_port())))
+        print('\n'.join(told(*listening.getsockname()[:2])))
         yield server
     finally:
         server.stop()
-
-
-@contextmanager
-def _for_own_pages(is_loopback: bool) -> Iterator[None]:
-    """Have a server that viser starts refuse who does not look at a page that it has served."""
-    serve = websockets.asyncio.server.serve
-
-    def guarded(*arguments: Any, process_request: Callable[..., Any], **how: Any) -> Any:
-        def process(connection: Any, request: Any) -> Any:
-            if why := why_refused(request.headers, is_loopback):
-                return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
-            return process_request(connection, request)
-        return serve(*arguments, process_request=process, **how)
-
-    websockets.asyncio.server.serve = guarded
-    try:
-        yield
-    finally:
-        websockets.asyncio.server.serve = serve
 
 
 def why_refused(headers: 'websockets.Headers', is_loopback: bool) -> str:
@@ -132,6 +137,29 @@ def told(address: str, port: int) -> list[str]:
     return lines
 
 
+def _listening(host: str, port: Optional[int]) -> socket.socket:
+    """Open the socket for `served`, with the port given or the first one free."""
+    family, address = _address(host)
+    ports = range(PORT, PORT + _MOST_PORTS) if port is None else (port,)
+    for each in ports:
+        try:
+            return socket.create_server((address, each), family=family)
+        except OSError as error:
+            if error.errno == errno.EACCES:
+                raise CommandError(
+                    f'cannot serve at port {each} of {address}: {os.strerror(errno.EACCES)}; '
+                    '--port takes a port from 1024 on without root') from None
+            if error.errno != errno.EADDRINUSE:
+                raise UsageError(
+                    f'cannot serve at {address}: {os.strerror(error.errno or 0)}; --host takes an '
+                    'address of this machine, as 127.0.0.1') from None
+    if port is None:
+        raise CommandError(f'the ports {ports[0]} to {ports[-1]} of {address} are all taken: end '
+                           'what has them, or choose another: --port N')
+    raise CommandError(f'port {port} of {address} is taken: end what has it, choose another, or '
+                       'leave out --port, for the next that is free')
+
+
 def _address(host: str) -> tuple[socket.AddressFamily, str]:
     """Find the address of a name."""
     try:
@@ -143,19 +171,3 @@ def _address(host: str) -> tuple[socket.AddressFamily, str]:
                          '127.0.0.1, or 0.0.0.0 for all that it has')
     family, *_, (address, *_) = min(found, key=lambda each: each[0] != socket.AF_INET)
     return family, str(address)
-
-
-def _free_port(family: socket.AddressFamily, address: str) -> int:
-    """Find a port that is not taken; viser would try for ever where there is no such address."""
-    for port in range(PORT, PORT + _MOST_PORTS):
-        try:
-            socket.create_server((address, port), family=family).close()
-        except OSError as error:
-            if error.errno != errno.EADDRINUSE:
-                raise UsageError(
-                    f'cannot serve at {address}: {os.strerror(error.errno or 0)}; --host takes an '
-                    'address of this machine, as 127.0.0.1; a free port is found') from None
-        else:
-            return port
-    raise CommandError(f'the ports {PORT} to {PORT + _MOST_PORTS - 1} of {address} are all taken: '
-                       'end what has them')
