@@ -18,7 +18,7 @@ setup(
     extras_require={
         'ros': ['ros-jazzy-common-interfaces', 'ros-jazzy-rclpy[fastrtps]', 'pygraphviz', 'pyyaml',
                 'tqdm'],
-        'view': ['viser>=1.1'],
+        'view': ['viser>=1.1,<1.2'],
         'bag': ['mcap', 'pygraphviz', 'rosbags', 'tqdm'],
         'bench': ['matplotlib'],
         'pictures': ['matplotlib', 'pypdfium2'],

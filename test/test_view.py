@@ -4,7 +4,10 @@ import asyncio
 from contextlib import ExitStack
 import errno
 from itertools import pairwise
+from pathlib import Path
+import re
 import socket
+from types import SimpleNamespace
 from urllib.request import urlopen
 
 from conftest import TIMEOUT, tool, tool_without_ros
@@ -445,6 +448,39 @@ def test_a_refused_request_is_answered_by_403():
                 assert status(*headers, upgrade=upgrade) == b'403', headers
 
 
+def test_a_viser_that_cannot_be_guarded(monkeypatch):
+    """It is told which one does, and nothing is served."""
+    viser = pytest.importorskip('viser')
+    import websockets.asyncio.server
+
+    from dummy_arm.command import CommandError
+    from dummy_arm.view.server import served
+    servers = []
+
+    class Serve(websockets.asyncio.server.serve):
+        """What viser has taken before it is replaced."""
+
+        async def __aenter__(self):
+            servers.append(await super().__aenter__())
+            return servers[-1]
+
+    module = SimpleNamespace(**vars(websockets))
+    module.asyncio = SimpleNamespace(server=SimpleNamespace(serve=Serve))
+    monkeypatch.setattr(viser.infra._infra, 'websockets', module)
+    with (pytest.raises(CommandError, match=(
+            rf'^viser {re.escape(viser.__version__)} does not start its server by websockets.*: '
+            r"pip install 'viser>=1\.1,<1\.2'$")), served('127.0.0.1')):
+        pass
+    assert [server.is_serving() for server in servers] == [False]
+
+
+def test_the_viser_of_an_error_is_that_of_setup_py():
+    """The remedy is what is installed with the package."""
+    pytest.importorskip('viser')
+    from dummy_arm.view.server import VISER
+    assert f"'view': ['{VISER}']" in (Path(__file__).parent.parent / 'setup.py').read_text()
+
+
 class Sent:
     """What a viewer sends: `handle.update_cb` gets it."""
 
@@ -548,7 +584,7 @@ def test_without_viser(start):
     process = start(option, block + code, *rest)
     assert process.exit_code() == 1
     assert process.output == ('web_view: viser, which makes the page, cannot be imported (No '
-                              'module named viser): pip install viser\n')
+                              "module named viser): pip install 'viser>=1.1,<1.2'\n")
 
 
 def test_without_ros(start):

@@ -13,13 +13,16 @@ from urllib.parse import urlsplit
 
 from dummy_arm.command import CommandError, UsageError
 
+#: As in setup.py; bounded above, since what is not public of viser is used here.
+VISER = 'viser>=1.1,<1.2'
+
 try:
     import rich
     import viser
     import websockets.asyncio.server
 except ImportError as error:
     raise CommandError(f'viser, which makes the page, cannot be imported ({error}): '
-                       'pip install viser') from None
+                       f"pip install '{VISER}'") from None
 
 PORT = 8080
 _MOST_PORTS = 100
@@ -34,13 +37,18 @@ class Server(viser.ViserServer):
         Start the server.
 
         :param listening: the socket at which it serves.
+        :raises CommandError: when requests would not be checked.
         """
         address, port, *_ = listening.getsockname()
         is_loopback = ip_address(address).is_loopback
         serve = websockets.asyncio.server.serve
+        is_guarded = False
 
         def guarded(handler: Any, host: object = None, port: object = None, *,
                     process_request: Callable[..., Any], **kwargs: Any) -> Any:
+            nonlocal is_guarded
+            is_guarded = True
+
             def process(connection: Any, request: Any) -> Any:
                 if why := why_refused(request.headers, is_loopback):
                     return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
@@ -53,6 +61,12 @@ class Server(viser.ViserServer):
             super().__init__(address, port, label='dummy_arm', verbose=False)
         finally:
             websockets.asyncio.server.serve = serve
+        if not is_guarded:
+            self.stop()
+            listening.close()
+            raise CommandError(
+                f'viser {viser.__version__} does not start its server by websockets.asyncio.'
+                f"server.serve, so other pages could look: pip install '{VISER}'")
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Refuse; by viser's own, everybody who looks could open a tunnel."""
