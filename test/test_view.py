@@ -512,7 +512,7 @@ def test_a_view_of_what_is_static_or_odd(view):
         buffer.insert(0 if child == 'zero' else T, parent, child, pose(x))
     for _ in range(3):
         page.update()
-    page._look_at_all(type('Client', (), {'camera': type('Camera', (), {})}))
+    page._scene.look_at(page._shown, [])
     buffer.clear()
     page.update()
     buffer.insert(1, 'map', 'early', pose(1.0))

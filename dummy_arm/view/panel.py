@@ -1,7 +1,7 @@
 """The panel beside the scene; all who look share it."""
 
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable
 from math import ceil, isfinite
 from typing import Any, Optional
 
@@ -66,7 +66,7 @@ class Panel:
     """Controls and texts."""
 
     def __init__(self, gui: viser.GuiApi, length: float,
-                 look_at_all: Callable[[viser.ClientHandle], object]) -> None:
+                 look_at_all: Callable[[viser.ClientHandle], Awaitable[object]]) -> None:
         """
         Make it.
 
@@ -89,7 +89,8 @@ class Panel:
         self.selected = Choice(gui, 'Frame', 'the frame that is told of; or click it')
         self._details = gui.add_html('')
         button = gui.add_button('Look at all')
-        button.on_click(lambda event: event.client is not None and look_at_all(event.client))
+        button.on_click(self._on_look_at_all)
+        self._look_at_all = look_at_all
 
     async def _on_time(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
@@ -98,6 +99,10 @@ class Panel:
     async def _on_names(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
             self._names_chosen = event.target.value
+
+    async def _on_look_at_all(self, event: 'viser.GuiEvent[Any]') -> None:
+        if event.client is not None:
+            await self._look_at_all(event.client)
 
     @property
     def is_paused(self) -> bool:

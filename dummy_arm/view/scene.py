@@ -11,6 +11,7 @@ import viser
 
 from dummy_arm.tools.frame_graph import visible
 from dummy_arm.view.rods import Rods, rods, TIMEOUT
+from dummy_arm.view.server import Server
 from dummy_arm.view.shown import Shown
 
 #: So many names are moved at once at most; with more, each in its turn.
@@ -33,7 +34,7 @@ _ASIDE = 0.14  # of that, to the right: what is there is behind the panel
 class Scene:
     """What is seen of frames, by all who look."""
 
-    def __init__(self, server: viser.ViserServer) -> None:
+    def __init__(self, server: Server) -> None:
         """Begin with a grid."""
         self._scene, self._server = server.scene, server
         self._scene.add_line_segments('/grid', _grid(), _GRID_COLOUR, thickness=1.0,
@@ -78,9 +79,7 @@ class Scene:
         radius = max(_SMALLEST_VIEW, np.linalg.norm(points - middle, axis=1).max())
         away = _DIRECTION / np.linalg.norm(_DIRECTION) * radius * _DISTANCE
         middle += np.cross((0.0, 0.0, 1.0), away) * _ASIDE
-        for camera in self._server.initial_camera, *(client.camera for client in clients):
-            camera.position, camera.look_at, camera.fov = middle + away, middle, _ANGLE
-            camera.far = max(_FAR, _FAR * radius)
+        self._server.turn_cameras(clients, middle + away, middle, _ANGLE, max(_FAR, _FAR * radius))
 
     def _show_rods(self, new: Rods) -> None:
         if not len(new.positions):
@@ -102,7 +101,7 @@ class Scene:
         self._rods.batched_colors = new.colors
         self._rods.visible = True
 
-    def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedMeshHandle]') -> None:
+    async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedMeshHandle]') -> None:
         with self._lock:
             if event.instance_index is not None and self._shown:
                 self._clicked = self._shown[event.instance_index % len(self._shown)]

@@ -1,15 +1,21 @@
 """The server of the page: viser's, on an address of this machine, and nowhere else."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 import errno
+from functools import partial
 from http import HTTPStatus
 from ipaddress import ip_address
 import logging
+from math import isfinite
 import os
 import socket
-from typing import Any, Optional
+from typing import Any, Optional, Union
 from urllib.parse import urlsplit
+import warnings
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dummy_arm.command import CommandError, UsageError
 
@@ -17,8 +23,18 @@ from dummy_arm.command import CommandError, UsageError
 VISER = 'viser>=1.1,<1.2'
 
 try:
+    import msgspec
     import rich
     import viser
+    from viser._messages import (
+        GuiUpdateMessage,
+        SceneNodeClickMessage,
+        SetCameraFarMessage,
+        SetCameraFovMessage,
+        SetCameraLookAtMessage,
+        SetCameraPositionMessage,
+        ViewerCameraMessage,
+    )
     import websockets.asyncio.server
 except ImportError as error:
     raise CommandError(f'viser, which makes the page, cannot be imported ({error}): '
@@ -27,10 +43,44 @@ except ImportError as error:
 PORT = 8080
 _MOST_PORTS = 100
 _DEFAULT_PORT = 80  # of http
+#: What the page sends that is needed: the panel, a camera (the first makes somebody a client of
+#: viser's), a click. What else it can send, as an upload, has no use here.
+_MESSAGES = {each.__name__: each for each in (
+    GuiUpdateMessage, ViewerCameraMessage, SceneNodeClickMessage)}
+_LONGEST_MESSAGE = 2**16  # bytes; viser's own limit is 50 MB
+
+
+class _Connection(websockets.asyncio.server.ServerConnection):
+    """A connection to a viewer, whose messages are checked before viser receives them."""
+
+    def __init__(self, accepts: Callable[[Any], bool], *args: Any, **kwargs: Any) -> None:
+        """
+        Make a connection, as websockets does.
+
+        :param accepts: returns whether a message is received.
+        """
+        self._accepts = accepts
+        super().__init__(*args, **kwargs)
+
+    async def recv(self, decode: Optional[bool] = None) -> Any:
+        """
+        Return the next message that is accepted.
+
+        The others are dropped, and the connection stays: were it closed, the page would connect
+        again and again for a message that does no harm.
+        """
+        while True:
+            message = await super().recv(decode)
+            if self._accepts(message):
+                return message
 
 
 class Server(viser.ViserServer):
-    """A server of pages that it serves itself; others cannot have it let the internet in."""
+    """
+    A server whose viewers can look at the scene and use the panel, and nothing else.
+
+    Only pages that it has served itself can connect to it.
+    """
 
     def __init__(self, listening: socket.socket) -> None:
         """
@@ -54,7 +104,10 @@ class Server(viser.ViserServer):
                     return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
                 return process_request(connection, request)
             # Given a port, viser would take the next one where that is taken.
-            return serve(handler, sock=listening, process_request=process, **kwargs)
+            return serve(handler, **{
+                **kwargs, 'sock': listening, 'process_request': process,
+                'create_connection': partial(_Connection, self.accepts),
+                'max_size': _LONGEST_MESSAGE})
 
         websockets.asyncio.server.serve = guarded
         try:
@@ -67,6 +120,64 @@ class Server(viser.ViserServer):
             raise CommandError(
                 f'viser {viser.__version__} does not start its server by websockets.asyncio.'
                 f"server.serve, so other pages could look: pip install '{VISER}'")
+
+    def accepts(self, data: Union[bytes, str]) -> bool:
+        """
+        Return True if a message of a viewer can be handed to viser.
+
+        viser sets whatever attribute a message names, to whatever value it has, and prints a
+        traceback for a message that it cannot read.
+        """
+        if isinstance(data, str):
+            return False
+        try:
+            fields = msgspec.msgpack.decode(data, type=dict[str, Any])
+            message = msgspec.convert(fields, _MESSAGES[fields.pop('type')])
+        except (ValueError, TypeError, KeyError, RecursionError):
+            return False
+        if not fields.keys() <= vars(message).keys():
+            return False
+        if isinstance(message, ViewerCameraMessage):
+            return all(map(isfinite, (
+                *message.wxyz, *message.position, *message.look_at, *message.up_direction,
+                message.fov, message.near, message.far)))
+        return not isinstance(message, GuiUpdateMessage) or self._can_set(
+            message.uuid, message.updates)
+
+    def _can_set(self, uuid: str, updates: dict[str, Any]) -> bool:
+        """Return True if an update is a value that a control of the panel can have."""
+        if 'gui' not in vars(self):  # viser makes it after it has started to serve
+            return False
+        control = self.gui._gui_input_handle_from_uuid.get(uuid)
+        if control is None or updates.keys() != {'value'}:
+            return False
+        value = updates['value']
+        if isinstance(control.value, float):
+            return type(value) in (int, float) and isfinite(value)
+        return type(value) is type(control.value) and value in getattr(
+            control, 'options', (value,))
+
+    def turn_cameras(self, clients: Iterable[viser.ClientHandle], position: NDArray[np.float64],
+                     look_at: NDArray[np.float64], fov: float, far: float) -> None:
+        """
+        Turn the cameras of clients, and that to which every camera can be reset.
+
+        viser's own `client.camera` raises on some of what a client has told of its camera, as no
+        direction upwards; here this is not used.
+
+        :param position: (3,): x, y, z (m).
+        :param look_at: (3,): the point in the middle (m).
+        :param fov: the angle from top to bottom (rad).
+        :param far: the distance up to which it sees (m).
+        """
+        camera = self.initial_camera
+        camera.position, camera.look_at, camera.fov, camera.far = position, look_at, fov, far
+        for client in clients:
+            for message in (
+                    SetCameraPositionMessage(tuple(position.tolist())),
+                    SetCameraLookAtMessage(tuple(look_at.tolist())),
+                    SetCameraFovMessage(fov), SetCameraFarMessage(far)):
+                client._websock_connection.queue_message(message)
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Refuse; by viser's own, everybody who looks could open a tunnel."""
@@ -84,6 +195,7 @@ def served(host: str, port: Optional[int] = None) -> Iterator[Server]:
     """
     listening = _listening(host, port)
     rich.reconfigure(quiet=True)  # viser tells by it where it serves, and when it ends
+    warnings.filterwarnings('ignore', 'Queued a ')  # by viser, for who has just left
     logging.getLogger('websockets').setLevel(logging.CRITICAL)  # of those who are no browser
     server = Server(listening)
     try:

@@ -10,6 +10,7 @@ from dummy_arm.view.details import details, overview
 from dummy_arm.view.panel import Panel
 from dummy_arm.view.rods import TIMEOUT
 from dummy_arm.view.scene import Scene
+from dummy_arm.view.server import Server
 from dummy_arm.view.shown import Shown, Stage
 from dummy_arm.view.source import Source
 from dummy_arm.view.trail import Trail
@@ -21,7 +22,7 @@ _SETTLING = 1.0  # s, until the frames that come first have all come
 class View:
     """A page of frames."""
 
-    def __init__(self, source: Source, server: viser.ViserServer) -> None:
+    def __init__(self, source: Source, server: Server) -> None:
         """Make the page; `update` fills it."""
         self._source, self._player = source, source.player
         self._stage = Stage(source.buffer)
@@ -89,7 +90,7 @@ class View:
             self._panel.tell(overview(shown, self._source, fixed),
                              details(shown, selected, self._source))
 
-    def _look_at_all(self, client: viser.ClientHandle) -> None:
+    async def _look_at_all(self, client: viser.ClientHandle) -> None:
         """Turn somebody's camera to all frames."""
         self._scene.look_at(self._shown, [client])
 
