@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 import shutil
 import time
 from urllib.parse import urlsplit
@@ -18,6 +19,7 @@ if CHROMIUM is None:
     pytest.skip('there is no Chromium: apt install chromium', allow_module_level=True)
 
 _TIMEOUT = 30.0  # s; drawing without a GPU takes its time
+_PAUSE = partial(time.sleep, 0.05)
 _NOTHING_BEYOND_LOOPBACK = (
     '--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1', '--disable-background-networking',
     '--disable-component-update', '--disable-sync', '--disable-quic', '--no-first-run')
@@ -45,6 +47,10 @@ _WHERE = """point => {
     const {left, top, width, height} = canvas.getBoundingClientRect();
     return [left + (1 + seen.x) / 2 * width, top + (1 - seen.y) / 2 * height];
 }"""
+
+
+_TEXTS = """() => Array.from(document.querySelectorAll('[data-text]'),
+    text => `${text.dataset.text}:\\n${text.innerText}`).join('\\n')"""
 
 
 class Scene:
@@ -96,8 +102,12 @@ class Look:
         return self.until(lambda: (scene := self.scene()).names.keys() >= {*names}
                           and (scene.begins.size or not names) and scene)
 
-    def until(self, condition, timeout=_TIMEOUT):
-        """Wait until something holds; give it."""
+    def until(self, condition, timeout=_TIMEOUT, pause=_PAUSE):
+        """
+        Wait until something holds; give it.
+
+        :param pause: what is done between one look and the next.
+        """
         deadline = time.monotonic() + timeout
         while True:
             try:
@@ -105,8 +115,17 @@ class Look:
                     return holds
             except playwright.Error:  # there is no scene yet
                 holds = None
-            assert time.monotonic() < deadline, f'waited in vain; {self.faults}'
-            time.sleep(0.05)
+            assert time.monotonic() < deadline, f'waited in vain; {self.description()}'
+            pause()
+
+    def description(self) -> str:
+        """Describe what the page shows, for a test that fails."""
+        try:
+            texts, names = self.page.evaluate(_TEXTS), self.scene().names
+        except playwright.Error as error:
+            texts, names = f'no page: {error}', {}
+        places = ', '.join(f'{name} at {place.tolist()}' for name, place in names.items())
+        return f'faults: {self.faults}\n{texts}\nnames: {places}'
 
     def value(self, key: str) -> str:
         """Read a value in the table of the selected frame."""

@@ -1,5 +1,6 @@
 """The page of web_view, looked at in a real browser."""
 
+from functools import partial
 from math import degrees
 from pathlib import Path
 import signal
@@ -154,26 +155,25 @@ def test_trees_that_change(start, ros, look):
     ros.node.create_timer(0.02, lambda: send(*edges))
     page = look(start(*VIEW))
     page.scene_with()
+    until = partial(page.until, pause=partial(ros.executor.spin_once, timeout_sec=0.05))
 
     def scene_with(*names, at=None):
-        scenes = []
+        def there():
+            scene = page.scene()
+            is_there = scene.names.keys() >= {*names} and (
+                at is None or np.allclose(scene.names[names[0]], at))
+            return is_there and scene
 
-        def is_there():
-            scenes[:] = [page.scene()]
-            places = scenes[0].names
-            return places.keys() >= {*names} and (at is None or np.allclose(places[names[0]], at))
-
-        ros.until(is_there)
-        return scenes[0]
+        return until(there)
 
     scene = scene_with('map', 'odom', 'left', 'base')
     assert np.allclose(scene.names['base'], (1.5, 0.0, 0.0))
     edges += [('world', '<b>tree</b>', 1.0)]
     scene = scene_with('world', '<b>tree</b>')
     assert np.allclose(scene.names['<b>tree</b>'], (1.0, -2.0, 0.0))
-    ros.until(lambda: 'not connected to map: world' in page.overview())
+    until(lambda: 'not connected to map: world' in page.overview())
     page.choose('Frame', '<b>tree</b>')
-    ros.until(lambda: page.value('parent') == 'world')
+    until(lambda: page.value('parent') == 'world')
     assert page.numbers('parent-translation') == [1.0, 0.0, 0.0]
     assert not page.page.query_selector('[data-value=fixed]')  # it would be the same again
     edges[2] = 'left', 'base', 0.5
@@ -183,7 +183,7 @@ def test_trees_that_change(start, ros, look):
     page.choose('Fixed frame', 'left')
     scene_with('map', at=(-3.0, 0.0, 0.0))
     page.tick('Names', False)
-    ros.until(lambda: not page.scene().names)
+    until(lambda: not page.scene().names)
 
 
 def test_a_bag_without_ros(start, look, tmp_path):
@@ -209,6 +209,20 @@ def test_a_bag_without_ros(start, look, tmp_path):
     process.end(signal.SIGINT)
     assert process.exit_code() == 0
     page.faults.clear()  # it cannot connect any more
+
+
+def test_a_wait_in_vain_tells_what_the_page_shows(start, look, tmp_path):
+    """What is wrong need not be guessed."""
+    bags = pytest.importorskip('bags')
+    path = bags.make(tmp_path / 'bag', 'mcap', bags.walk())
+    page = look(start(*tool_without_ros('web_view', '--bag', str(path))))
+    page.scene_with('map', 'odom', 'base_link')
+    page.faults.append('a fault')
+    with pytest.raises(AssertionError, match=(
+            r"(?s)waited in vain; faults: \['a fault'\]\noverview:\nbag: 3 frames\ndetails:\n"
+            r'.*in its parent odom.*names: .*odom at \[1, 2, 3\]')):
+        page.until(lambda: False, timeout=0.0)
+    page.faults.clear()
 
 
 def test_many_who_look_on_the_next_free_port(start, look):
