@@ -63,14 +63,16 @@ def test_what_is_shown():
     assert shown.fixed == 'map'
     assert shown.names == ['map', 'odom', 'other', 'base', 'world', 'tree']
     assert shown.parents == [-1, 0, 0, 1, -1, 4]
-    assert shown.poses[:, :3].tolist() == [
+    assert shown.points.tolist() == [
         [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, -2, 0], [1, -2, 0]]
+    assert shown.poses[:, :3].tolist() == [
+        [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 0], [1, 0, 0]]
     assert shown.deepest == 'base'
     assert shown.trees == {'map': 0.0, 'world': -2.0}
     assert [sorted(loop) for loop in shown.loops] == [['x', 'y']]
     assert shown.tree_of('tree') == ('world', -2.0)
     shown = Stage(buffer).look('odom')
-    assert dict(zip(shown.names, shown.poses[:, 0])) == {
+    assert dict(zip(shown.names, shown.points[:, 0])) == {
         'odom': 0, 'map': -1, 'base': 1, 'other': 0, 'world': 0, 'tree': 1}
     assert shown.deepest == 'base'  # as before: it is not by chance that it is chosen
     assert shown.tree_of('map') == ('odom', 0.0)
@@ -128,6 +130,39 @@ def test_frames_of_a_time():
     assert known(T + 5 * S // 2) == [('hand', 'right', 3, T + 2 * S), ('left', 'map', 1, 0)]
     assert known(0) == known(T + 9 * S) == [('hand', 'right', 4, T + 3 * S),
                                             ('left', 'map', 1, 0)]
+
+
+FAR = [(1e7, 0.0, 0.0), (-1e200, 1e200, 0.0), (1e308, 1e308, -1e308), (0.0, -1e154, 3.0),
+       (3e5, 4e5, -1e9), (-1.7e308, 0.0, 1.0)]
+
+
+@pytest.mark.parametrize('place', FAR)
+def test_what_is_far_is_drawn_nearer(place):
+    """At 1000 km, in the same direction; its numbers stay."""
+    buffer = BufferCore()
+    buffer.insert(T, 'map', 'near', pose(6e5, 8e5))
+    buffer.insert(T, 'map', 'far', pose(*place))
+    buffer.insert(T, 'x', 'y', pose(*place))
+    shown = Stage(buffer).look()
+    assert shown.far == ['far', 'y']
+    assert shown.points[shown.names.index('near')].tolist() == [6e5, 8e5, 0.0]
+    i, y = map(shown.names.index, ('far', 'y'))
+    assert shown.poses[i, :3].tolist() == shown.poses[y, :3].tolist() == [*place]
+    direction = np.array(place) / np.abs(place).max()
+    assert np.linalg.norm(shown.points[[i, y]], axis=1) == pytest.approx(1e6)
+    for point in shown.points[[i, y]]:  # the trees lie 2 m beside each other
+        assert point == pytest.approx(1e6 * direction / np.linalg.norm(direction), abs=2.0)
+
+
+def test_what_is_not_finite_is_not_drawn():
+    """It is told of, and what is below it, too."""
+    buffer = BufferCore()
+    for parent, child, x in (('map', 'base', 1.0), ('map', 'lost', float('inf')),
+                             ('lost', 'below', 1.0), ('map', 'a', 1e308), ('a', 'b', 1e308)):
+        buffer.insert(T, parent, child, pose(x))
+    shown = Stage(buffer).look()
+    assert {*shown.names} == {'map', 'base', 'a'}
+    assert {*shown.nowhere} == {'lost', 'below', 'b'}
 
 
 def test_rods():
@@ -257,6 +292,28 @@ def test_texts():
     text = details(shown, 'map', source)
     assert 'no parent: a root' in text
     assert '<b data-value="fixed">map</b>' in text
+
+
+def test_texts_of_what_is_far():
+    """The panel names it, with its own numbers; not what is not drawn any more."""
+    from dummy_arm.view.details import details, overview
+    buffer = BufferCore()
+    source = Known(buffer, Facts(None, None, ''))
+    buffer.insert(T, 'map', 'near', pose(1.0))
+    assert 'away' not in overview(Stage(buffer).look(), source)
+    buffer.insert(T, 'map', '<far>', pose(1e7, -2.5))
+    buffer.insert(T, '<far>', 'tip', pose(1.0))
+    buffer.insert(T, 'map', 'lost', pose(float('inf')))
+    shown = Stage(buffer).look()
+    text = overview(shown, source)
+    assert 'more than 1,000,000 m away, drawn at that distance: &lt;far&gt;, tip<' in text
+    assert 'not shown, since the translation is not finite: lost<' in text
+    assert '-translation">10000000.000  -2.500  0.000<' in details(shown, '<far>', source)
+    text = details(shown, 'tip', source)
+    assert '"parent-translation">1.000  0.000  0.000<' in text
+    assert '"fixed-translation">10000001.000  -2.500  0.000<' in text
+    shown = shown._replace(ages=np.full(len(shown.names), 20.0))
+    assert 'away' not in overview(shown, source)
 
 
 def test_an_address_that_is_none(failed):
@@ -519,6 +576,31 @@ def test_a_view_of_what_is_static_or_odd(view):
     for i in range(5):
         buffer.insert(1 + i * S // 30, 'map', 'early', pose(1.0))
         page.update()
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('place', FAR)
+def test_a_view_of_what_is_far(view, place):
+    """All that is drawn is near, and no number overflows on the way."""
+    buffer = BufferCore()
+    page = view(Known(buffer, Facts(None, None, '')))
+    for i in range(5):
+        for sign, child in (1, 'far'), (-1, 'hand'):
+            buffer.insert(T + i * S, 'map', child, pose(*(sign * x for x in place)))
+        buffer.insert(T + i * S, 'far', 'tip', pose(1.0))
+        buffer.insert(T + i * S, 'x', 'y', pose(*place))
+        page._next_texts = 0.0
+        page.update()
+    page._panel.fixed.choose('far')
+    page.update()
+    page._scene.look_at(page._shown, [])
+    camera = page._server.initial_camera
+    rods = page._scene._rods
+    for drawn in (rods.batched_positions, rods.batched_scales, page._scene._trail.points,
+                  camera.position, camera.look_at):
+        assert np.isfinite(drawn).all()
+        assert np.abs(drawn).max() < 1e8
+    assert 1e6 < camera.far < 1e12
 
 
 def test_a_view_that_stands_still(view, clock):

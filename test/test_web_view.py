@@ -211,6 +211,21 @@ def test_a_bag_without_ros(start, look, tmp_path):
     page.faults.clear()  # it cannot connect any more
 
 
+def test_a_frame_that_is_far(start, look, tmp_path):
+    """It is drawn nearer and named, and its numbers are its own."""
+    bags = pytest.importorskip('bags')
+    far = [bags.row(100 * S, 'map', 'far', (3e9, -4e9, 0, 0, 0, 0, 1)),
+           bags.row(100 * S, 'map', 'farther', (0, 1e30, 0, 0, 0, 0, 1))]
+    path = bags.make(tmp_path / 'bag', 'mcap', [*bags.walk(), ('/tf_static', 100 * S, far)])
+    page = look(start(*tool_without_ros('web_view', '--bag', str(path))))
+    scene = page.scene_with('map', 'far', 'farther', 'base_link')
+    assert np.allclose(scene.names['far'], (6e5, -8e5, 0.0))
+    assert np.allclose(scene.names['farther'], (0.0, 1e6, 0.0))
+    assert 'more than 1,000,000 m away, drawn at that distance: far, farther' in page.overview()
+    page.choose('Frame', 'far')
+    page.until(lambda: page.numbers('parent-translation') == [3e9, -4e9, 0.0])
+
+
 def test_a_wait_in_vain_tells_what_the_page_shows(start, look, tmp_path):
     """What is wrong need not be guessed."""
     bags = pytest.importorskip('bags')

@@ -14,7 +14,7 @@ from dummy_arm.tf.times import SECOND
 from dummy_arm.tools.frame_graph import visible
 from dummy_arm.tools.screen import fixed_point
 from dummy_arm.view.rods import TIMEOUT
-from dummy_arm.view.shown import Shown
+from dummy_arm.view.shown import REACH, Shown
 from dummy_arm.view.source import Source
 
 _SILENT = 1.0  # s
@@ -41,6 +41,12 @@ def overview(shown: Shown, source: Source, fixed: str = '') -> str:
     if len(shown.trees) > 1:
         others = [name for name in shown.trees if name != shown.fixed]
         lines.append(f'not connected to {_text(shown.fixed)}: {some(others, _MOST, _text)}')
+    if far := [name for name in shown.far if name not in {*gone}]:
+        lines.append(f'more than {REACH:,.0f} m away, drawn at that distance: '
+                     f'{some(far, _MOST, _text)}')
+    if shown.nowhere:
+        lines.append('not shown, since the translation is not finite: '
+                     f'{some(shown.nowhere, _MOST, _text)}')
     lines += [f'in a loop: {" → ".join(map(_text, [*loop, loop[0]]))}' for loop in shown.loops]
     return f'<div style="{_STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
 
@@ -56,7 +62,7 @@ def details(shown: Shown, name: str, source: Source) -> str:
         return f'<div style="{_STYLE}" data-text="details">{text}</div>'
     i = shown.names.index(name)
     frame = shown.frames.get(name)
-    target, y = shown.tree_of(name)
+    target, _ = shown.tree_of(name)
     rows = ''
     if frame is None:
         rows += _title('parent', '', 'no parent: a root')
@@ -68,8 +74,7 @@ def details(shown: Shown, name: str, source: Source) -> str:
             rows += _pose('parent', frame.latest, translations[0], rotations[0])
     if frame is None or frame.parent != target:
         rows += _title('fixed', target, 'in the fixed frame' if target == shown.fixed else 'in')
-        rows += _pose('fixed', shown.stamps[i], shown.poses[i, :3] - (0.0, y, 0.0),
-                      shown.poses[i, 3:])
+        rows += _pose('fixed', shown.stamps[i], shown.poses[i, :3], shown.poses[i, 3:])
     if frame is not None:
         rows += _published(frame, shown.silences[name], source)
     return f'<table style="{_STYLE}" data-text="details">{rows}</table>'

@@ -42,7 +42,7 @@ def rods(shown: Shown, size: float, selected: str = '') -> Rods:
     :param selected: the name of a frame that is drawn thicker.
     """
     count = len(shown.names)
-    translations, rotations = shown.poses[:, :3], shown.poses[:, 3:]
+    translations, rotations = shown.points, shown.poses[:, 3:]
     none = np.zeros(count)
     turns = [np.column_stack(compose((none, none, none, *rotations.T), (0.0, 0.0, 0.0, *turn))[3:])
              for turn, _ in _AXES]

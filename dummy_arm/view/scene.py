@@ -72,7 +72,7 @@ class Scene:
 
     def look_at(self, shown: Shown, clients: Iterable[viser.ClientHandle]) -> None:
         """Turn somebody's camera to all frames, and that to which everybody's can be reset."""
-        points = shown.poses[shown.ages < TIMEOUT, :3]
+        points = shown.points[shown.ages < TIMEOUT]
         if not len(points):
             return
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -108,7 +108,7 @@ class Scene:
 
     def _show_names(self, shown: Shown, size: float, with_names: bool) -> None:
         texts = _texts(shown, size) if with_names else []
-        positions = shown.poses[:, :3]
+        positions = shown.points
         while len(self._names) < len(texts):
             self._names.append(self._scene.add_label(
                 f'/names/{len(self._names)}', '', visible=False, anchor='bottom-left'))
@@ -160,7 +160,7 @@ def _texts(shown: Shown, size: float) -> list[str]:
     beside = list(range(len(texts)))
     for i, (name, parent) in enumerate(zip(shown.names, shown.parents)):
         if (parent >= 0 and shown.frames[name].is_static and texts[i] and texts[parent]
-                and np.linalg.norm(shown.poses[i, :3] - shown.poses[parent, :3]) < _NEAR * size):
+                and np.linalg.norm(shown.points[i] - shown.points[parent]) < _NEAR * size):
             beside[i] = parent
     for i, text in enumerate(texts):
         if beside[i] != i:

@@ -17,6 +17,9 @@ from dummy_arm.tools.forest import Forest
 
 #: How far apart the roots of trees are shown that nothing connects (m, along -y).
 SPACING = 2.0
+#: Frames beyond this distance from the fixed frame are drawn at this distance (m). A browser
+#: computes in float32, in which much larger numbers are infinite.
+REACH = 1e6
 
 _Value = TypeVar('_Value')
 
@@ -27,7 +30,9 @@ class Shown(NamedTuple):
     fixed: str  #: the frame in which the poses are; '' where there is none
     names: list[str]
     parents: list[int]  #: the index of each one's parent; -1 of a root
-    poses: NDArray[np.float64]  #: (n, 7): x, y, z (m) and the rotation's x, y, z, w
+    poses: NDArray[np.float64]  #: (n, 7): x, y, z (m) and the rotation's x, y, z, w, in the frame
+    #: that its tree is placed by
+    points: NDArray[np.float64]  #: (n, 3): where it is drawn: x, y, z (m), at most `REACH` away
     stamps: list[int]  #: of these (ns); 0 where all is static
     ages: NDArray[np.float64]  #: (n,): for how long it has not moved as it may have (s), since
     #: nothing was heard of it, or of another on the way to the frame that its tree is placed by
@@ -36,6 +41,8 @@ class Shown(NamedTuple):
     trees: dict[str, float]  #: the frame that each tree is placed by, and its y (m)
     deepest: str  #: in the tree of the fixed frame, that which is farthest from the root; or ''
     loops: list[list[str]]  #: frames that cannot be shown, since each is below the other
+    far: list[str]  #: those that are drawn nearer than they are
+    nowhere: list[str]  #: those that cannot be shown, since their translation is not finite
 
     def tree_of(self, name: str) -> tuple[str, float]:
         """Tell by which frame the tree of a frame is placed, and its y (m)."""
@@ -77,24 +84,30 @@ class Stage:
                 trees[root] = -SPACING * len(trees)
         placed: dict[str, Transform] = {}
         heights: list[float] = []
+        nowhere: list[str] = []
         for y, tree in zip(trees.values(), place_in_each(self._buffer, trees, until)):
             placed |= {name: transform for name, transform in tree.items()
-                       if isfinite(sum(transform.translation))}  # of infinity, NaN is kept
+                       if all(map(isfinite, transform.translation))}
+            nowhere += [name for name in tree if name not in placed]
             heights += [y] * (len(placed) - len(heights))
         index = {name: i for i, name in enumerate(placed)}
         poses = np.array([(*transform.translation, *transform.rotation)
                           for transform in placed.values()]).reshape(-1, 7)
-        poses[:, 1] += heights
+        places = poses[:, :3].copy()
+        places[:, 1] += heights
+        points = within_reach(places)
         silences = {name: self._silence(frame, until) for name, frame in frames.items()}
         ages = _ages(frames, trees, silences)
         depths = _from_above(frames, {tops.get(fixed, ''): 0}, lambda _, depth: depth + 1)
         return Shown(
             fixed, [*placed],
             [index.get(frames[name].parent, -1) if name in frames else -1 for name in placed],
-            poses, [transform.stamp for transform in placed.values()],
+            poses, points, [transform.stamp for transform in placed.values()],
             np.array([ages[name] for name in placed]), silences, frames, trees,
             max(depths.keys() & placed.keys(), key=lambda name: (depths[name], -index[name]),
-                default=''), forest.loops)
+                default=''), forest.loops,
+            [name for name, is_far in zip(placed, (points != places).any(axis=1)) if is_far],
+            nowhere)
 
     def _silence(self, frame: Frame, until: int) -> float:
         """Compute how long nothing was heard of a frame (s)."""
@@ -108,6 +121,19 @@ class Stage:
             self._heard[frame.name] = frame.latest, now
             return 0.0
         return now - since
+
+
+def within_reach(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Move what is farther than `REACH` from the origin to that distance, in the same direction.
+
+    :param points: (..., 3): x, y, z (m), finite.
+    """
+    largest = np.abs(points).max(axis=-1, keepdims=True, initial=1.0)
+    ratios = np.linalg.norm(points / largest, axis=-1, keepdims=True)  # no square overflows
+    near: NDArray[np.float64] = points * np.minimum(
+        1.0, REACH / largest / np.maximum(ratios, 1.0))
+    return near
 
 
 def _ages(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, float]

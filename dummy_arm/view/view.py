@@ -11,7 +11,7 @@ from dummy_arm.view.panel import Panel
 from dummy_arm.view.rods import TIMEOUT
 from dummy_arm.view.scene import Scene
 from dummy_arm.view.server import Server
-from dummy_arm.view.shown import Shown, Stage
+from dummy_arm.view.shown import Shown, Stage, within_reach
 from dummy_arm.view.source import Source
 from dummy_arm.view.trail import Trail
 
@@ -78,9 +78,8 @@ class View:
             i = shown.names.index(name)
             target, y = shown.tree_of(name)
             if shown.ages[i] < TIMEOUT:
-                offset = np.array([0.0, y, 0.0])
-                self._lines = offset + self._trail.draw(
-                    target, name, shown.stamps[i], shown.poses[i, :3] - offset)
+                self._lines = within_reach(np.array([0.0, y, 0.0]) + self._trail.draw(
+                    target, name, shown.stamps[i], shown.poses[i, :3]))
 
     def _tell(self, now: float, fixed: str, selected: str) -> None:
         """Tell of the frames, now and then, unless that is told already."""
