@@ -4,7 +4,7 @@ import os
 
 os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # before rclpy starts
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 import contextlib
 import fcntl
 from importlib.util import find_spec
@@ -44,21 +44,33 @@ def tool(name: str, *arguments: str) -> tuple[str, ...]:
 
 ARM = tool('dummy_arm')
 
-#: Code by which a program finds neither rclpy nor a message package.
-WITHOUT_ROS = (
-    'import sys\n'
-    'class Blocked:\n'
-    '    def find_spec(self, name, *_):\n'
-    '        if name.split(".")[0] in ("rclpy", "geometry_msgs", "std_msgs", "tf2_msgs",\n'
-    '                                  "builtin_interfaces", "sensor_msgs"):\n'
-    '            raise ModuleNotFoundError(f"No module named {name!r}", name=name)\n'
-    'sys.meta_path.insert(0, Blocked())\n')
+ROS = ('rclpy', 'geometry_msgs', 'std_msgs', 'tf2_msgs', 'builtin_interfaces', 'sensor_msgs')
+
+
+def without(modules: Iterable[str]) -> str:
+    """Give code by which a program does not find modules, as if they were not installed."""
+    return (
+        'import sys\n'
+        'class Blocked:\n'
+        '    def find_spec(self, name, *_):\n'
+        f'        if name.split(".")[0] in {tuple(modules)!r}:\n'
+        '            raise ModuleNotFoundError(f"No module named {name!r}", name=name)\n'
+        'sys.meta_path.insert(0, Blocked())\n')
+
+
+WITHOUT_ROS = without(ROS)
+
+
+def tool_without(modules: Iterable[str], name: str, *arguments: str) -> tuple[str, ...]:
+    """Give the arguments of python that run a command where modules are not installed."""
+    _, code, *rest = tool(name, *arguments)
+    return '-c', without(modules) + code, *rest
 
 
 def tool_without_ros(name: str, *arguments: str) -> tuple[str, ...]:
     """Give the arguments of python that run a command where there is no ROS."""
-    _, code, *rest = tool(name, *arguments)
-    return '-c', WITHOUT_ROS + code, *rest
+    return tool_without(ROS, name, *arguments)
+
 
 made_at_run_time = pytest.mark.skipif(
     find_spec('tf2_msgs') is not None,
@@ -184,11 +196,15 @@ class Process:
 
 
 def in_a_terminal(domain, *arguments, until):
-    """Run a command in a terminal of 80 columns until what it wrote has something; give that."""
+    """
+    Run python in a terminal of 80 columns until what it wrote has something; give that.
+
+    :param arguments: of python, as `tool` gives them.
+    """
     reading, writing = pty.openpty()
     fcntl.ioctl(writing, termios.TIOCSWINSZ, struct.pack('4H', 24, 80, 0, 0))
     process = subprocess.Popen(
-        [sys.executable, *tool(*arguments)], stdout=writing, stderr=writing, stdin=writing,
+        [sys.executable, *arguments], stdout=writing, stderr=writing, stdin=writing,
         env={**os.environ, 'ROS_DOMAIN_ID': str(domain)})
     os.close(writing)
     deadline = time.monotonic() + 2 * TIMEOUT

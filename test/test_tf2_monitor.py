@@ -276,7 +276,7 @@ def test_in_place_on_a_terminal(ros):
     StaticTransformBroadcaster(ros.node).sendTransform(
         [message_of((0, 0, 'map', f'frame_{i:02}_{"long" * 20}', *STILL)) for i in range(30)])
     written = in_a_terminal(
-        ros.context.get_domain_id(), 'tf2_monitor',
+        ros.context.get_domain_id(), *tool('tf2_monitor'),
         until=lambda written: written.count('frame_05') > 1)
     first, second = [screen.splitlines() for screen in written.split('\x1b[H\x1b[2J')
                      if 'frame_05' in screen][:2]

@@ -10,7 +10,7 @@ import socket
 from types import SimpleNamespace
 from urllib.request import urlopen
 
-from conftest import TIMEOUT, tool, tool_without_ros
+from conftest import TIMEOUT, tool, tool_without, tool_without_ros
 import numpy as np
 import pytest
 
@@ -659,14 +659,10 @@ def test_a_stray_stamp_does_not_stretch_a_bag():
 
 def test_without_viser(start):
     """It is told what is missing."""
-    block = ('import sys\nclass B:\n    def find_spec(self, name, *_):\n'
-             '        if name == "viser": raise ModuleNotFoundError("No module named viser")\n'
-             'sys.meta_path.insert(0, B())\n')
-    option, code, *rest = tool('web_view')
-    process = start(option, block + code, *rest)
+    process = start(*tool_without(['viser'], 'web_view'))
     assert process.exit_code() == 1
     assert process.output == ('web_view: viser, which makes the page, cannot be imported (No '
-                              "module named viser): pip install 'viser>=1.1,<1.2'\n")
+                              "module named 'viser'): pip install 'viser>=1.1,<1.2'\n")
 
 
 def test_without_ros(start):

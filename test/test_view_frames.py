@@ -10,7 +10,7 @@ import time
 from xml.etree import ElementTree
 
 from builtin_interfaces.msg import Time
-from conftest import in_a_terminal, tool, tool_without_ros
+from conftest import in_a_terminal, ROS, tool, tool_without, tool_without_ros
 import pytest
 from rosgraph_msgs.msg import Clock
 
@@ -319,15 +319,57 @@ def test_a_bar_and_a_live_tree_on_a_terminal(ours, ros):
     """The bar is gone in the end."""
     ours(('map', 'base'))
     domain = ros.context.get_domain_id()
-    bar = in_a_terminal(domain, 'view_frames', '--text', '-t', str(HEARD),
+    bar = in_a_terminal(domain, *tool('view_frames', '--text', '-t', str(HEARD)),
                         until=lambda _: False)
     assert 'listening to /tf and /tf_static' in bar
     assert bar.split('map\r\n')[0].count('\r') > 10
     assert '└── base' in bar.split('listening')[-1]
-    live = in_a_terminal(domain, 'view_frames', '--watch',
+    live = in_a_terminal(domain, *tool('view_frames', '--watch'),
                          until=lambda written: written.count('└── base') > 1)
     assert live.count('└── base') > 1
     assert live.count('\x1b[H') > 1
+
+
+def test_without_tqdm_there_is_no_bar(ours, ros):
+    """On a terminal; all else is as with it."""
+    ours(('map', 'base'))
+    written = in_a_terminal(
+        ros.context.get_domain_id(),
+        *tool_without(['tqdm'], 'view_frames', '--text', '-t', str(HEARD)), until=lambda _: False)
+    assert '└── base' in written
+    assert 'listening' not in written
+    assert 'Traceback' not in written
+
+
+def test_without_tqdm_a_bag_is_read(start, tmp_path):
+    """With nothing said of it."""
+    bags = pytest.importorskip('bags')
+    bag = str(bags.make(tmp_path / 'bag', 'mcap', bags.walk()))
+    process = start(*tool_without(['tqdm', *ROS], 'view_frames', '--text', '--bag', bag))
+    assert process.exit_code() == 0
+    assert process.output.startswith('map\n└── odom ')
+
+
+@pytest.mark.parametrize(('module', 'partial'), [('rosbags', []), ('mcap', ['--partial'])])
+def test_without_a_reader_of_bags_a_command_says_so(start, tmp_path, module, partial):
+    """In one line, with the remedy."""
+    bags = pytest.importorskip('bags')
+    bag = str(bags.make(tmp_path / 'bag', 'mcap', bags.walk()))
+    process = start(*tool_without([module, *ROS], 'view_frames', '--text', '--bag', bag, *partial))
+    assert process.exit_code() == 1
+    assert re.fullmatch(f'view_frames: .* cannot be imported .*{module}.*: pip install '
+                        f'.*{module}.*\n', process.output)
+
+
+def test_without_pygraphviz_a_command_says_so(start, tmp_path):
+    """In one line, with the remedy; the graph is there, to be drawn elsewhere."""
+    bags = pytest.importorskip('bags')
+    bag = str(bags.make(tmp_path / 'bag', 'mcap', bags.walk()))
+    process = start(*tool_without(['pygraphviz', *ROS], 'view_frames', '--bag', bag), cwd=tmp_path)
+    assert process.exit_code() == 1
+    assert re.fullmatch('view_frames: pygraphviz, which draws, cannot be imported .*: '
+                        'pip install pygraphviz; .*\n', process.output)
+    assert (tmp_path / 'frames.gv').exists()
 
 
 @pytest.mark.parametrize('kind', ['db3', 'mcap', 'bag'])

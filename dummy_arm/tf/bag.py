@@ -5,9 +5,9 @@ from collections.abc import Iterable, Iterator
 import logging
 import os
 from pathlib import Path
-import sys
 from typing import Any, Optional, Union
 
+from dummy_arm.progress import progress
 from dummy_arm.tf.bag_content import BagError, Content, Stream
 from dummy_arm.tf.bag_records import records
 from dummy_arm.tf.buffer_core import BufferCore
@@ -24,7 +24,7 @@ _MOST_BYTES = 500_000
 def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namespace: str = '',
          partial: bool = False) -> BufferCore:
     """
-    Read the transforms of a bag; on a terminal, with a progress bar.
+    Read the transforms of a bag; on a terminal with a progress bar, where tqdm is installed.
 
     :param path: a bag of rosbag2 (its directory, or a file .mcap or .db3), or a .bag of ROS 1.
     :param cache_time: how long transforms are kept, as BufferCore has it; None: all are kept.
@@ -44,8 +44,9 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
 
     readers: dict[tuple[bool, Form], MessageReader] = {}
     count = 0
-    with _progress(path) as bar:
-        content = Content(namespace, partial, bar)
+    with progress(1.0, desc=f'reading {path.name}',
+                  bar_format='{desc} {bar} {percentage:.0f} %') as show:
+        content = Content(namespace, partial, show)
         for gathered in _gathered(records(path, content), cache_time is not None):
             for stream, messages in gathered.items():
                 key = stream.is_static, stream.form
@@ -90,13 +91,3 @@ def _gathered(records: Iterable[tuple[Stream, bytes]], in_order: bool
         messages.append(data)
         size += len(data)
     yield gathered
-
-
-def _progress(path: Path) -> Any:
-    try:
-        from tqdm import tqdm
-    except ImportError as error:
-        raise BagError(f'tqdm cannot be imported ({error}): pip install tqdm') from None
-    return tqdm(desc=f'reading {path.name}', total=1.0, leave=False,
-                bar_format='{desc} {bar} {percentage:.0f} %',
-                disable=not (sys.stderr and sys.stderr.isatty()))

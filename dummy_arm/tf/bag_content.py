@@ -1,8 +1,9 @@
 """What a bag has of TF, as reading it shows."""
 
+from collections.abc import Callable
 from pathlib import Path
 import re
-from typing import Any, NamedTuple, Optional
+from typing import NamedTuple, Optional
 
 from dummy_arm.interruption import heed
 from dummy_arm.tf.hints import some
@@ -29,18 +30,18 @@ class Stream(NamedTuple):
 class Content:
     """The topics of a bag, what is wrong with it, and how far it has been read."""
 
-    def __init__(self, namespace: str, partial: bool, bar: Any) -> None:
+    def __init__(self, namespace: str, partial: bool, show: Callable[[float], object]) -> None:
         """
         Begin to read.
 
         :param namespace: of the topics.
         :param partial: what is wrong is noted, not raised.
-        :param bar: tqdm's, from 0 to 1.
+        :param show: is called with how much has been read, from 0 to 1.
         """
         self._namespace = ''.join(f'/{part}' for part in namespace.split('/') if part)
         self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
         self._types: dict[str, str] = {}
-        self._bar = bar
+        self._show = show
         self.partial = partial
         #: What is wrong with its files; of many things, the first.
         self.damage: list[str] = []
@@ -56,7 +57,7 @@ class Content:
     def advance(self, part: float) -> None:
         """Show how far it has been read; raise KeyboardInterrupt when a signal has come."""
         heed()
-        self._bar.update(part - self._bar.n)
+        self._show(part)
 
     def meet(self, path: Path, error: Exception) -> None:
         """

@@ -12,7 +12,7 @@ from typing import Any, Optional
 
 from dummy_arm.interruption import has_come, heed
 from dummy_arm.tf import wire
-from dummy_arm.tf.bag_content import Content, NOT_RECORDED, Stream
+from dummy_arm.tf.bag_content import BagError, Content, NOT_RECORDED, Stream
 from dummy_arm.tf.bag_files import decompressed, kind_of, log_of, storage_files, zstd
 
 _Records = Iterator[tuple[Stream, bytes]]
@@ -37,6 +37,9 @@ def records(path: Path, content: Content) -> _Records:
                 whole = _decompressed(file, directory) if file.suffix == '.zstd' else file
                 for stream, data in _READERS[kind_of(whole)](whole, content):
                     yield stream, decompressed(data)
+            except ImportError as error:
+                raise BagError(f'what reads damaged bags cannot be imported ({error}): '
+                               'pip install mcap rosbags') from None
             except Exception as error:  # of three libraries, and of many types
                 content.meet(file, error)
 

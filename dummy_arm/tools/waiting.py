@@ -1,12 +1,10 @@
 """Waiting, with a progress bar on a terminal."""
 
 from collections.abc import Callable
-import sys
 import time
 
-from tqdm import tqdm
-
 from dummy_arm.interruption import sleep
+from dummy_arm.progress import progress
 
 _STEP = 0.05  # s
 _BAR = '{desc} {bar} {n:.1f} of {total:g} s'
@@ -22,9 +20,8 @@ def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False)
     :raises KeyboardInterrupt: when a signal comes.
     """
     begin = time.monotonic()
-    with tqdm(desc=what, total=seconds, bar_format=_BAR, leave=False,
-              disable=not sys.stderr.isatty()) as bar:
+    with progress(seconds, desc=what, bar_format=_BAR) as show:
         while not (holds := bool(until())) and (passed := time.monotonic() - begin) < seconds:
-            bar.update(passed - bar.n)
+            show(passed)
             sleep(min(_STEP, seconds - passed))
     return holds
