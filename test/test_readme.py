@@ -1,5 +1,6 @@
 """The README's programs, and the examples."""
 
+import json
 from pathlib import Path
 import re
 import signal
@@ -84,3 +85,27 @@ def test_links_lead_to_files(page):
     """Relative ones, of the pages that are read on disk."""
     links = re.findall(r'\]\((?!http)([^)#]+)\)', (ROOT / page).read_text())
     assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_names_that_are_missing_are_those_that_it_tells():
+    """Of tf2_ros and tf2_py, and of the quaternion functions of tf_transformations."""
+    import dummy_arm.tf
+    from dummy_arm.tf import rotations
+    api = json.loads((ROOT / 'test' / 'data' / 'tf2_api.json').read_text())
+    text = (ROOT / 'README.md').read_text()
+    told, of_rotations = (text.split(f'`{module}` has the ')[1].split('\n\n')[0]
+                          for module in ('dummy_arm.tf', 'dummy_arm.tf.rotations'))
+    names = {name for package in ('tf2_ros', 'tf2_py') for name in api[package]}
+    missing = {name for name in names if not hasattr(dummy_arm.tf, name)}
+    assert missing == {'BufferClient', 'LookupTransform', 'LookupTransformGoal',
+                       'LookupTransformResult', 'FrameGraph', 'FrameGraphSrvRequest',
+                       'FrameGraphSrvResponse'}
+    missing_methods = {name for name in api['tf2_py']['BufferCore']
+                       if not hasattr(dummy_arm.tf.Buffer, name)}
+    assert missing_methods == {'lookupVelocityCore', 'lookupVelocityFullCore'}
+    for name in 'BufferClient', 'LookupTransform', 'FrameGraph', *missing_methods:
+        assert f'`{name}`' in told
+    quaternion_functions = {name for name in api['tf_transformations'] if 'quaternion' in name}
+    assert {name for name in quaternion_functions if not hasattr(rotations, name)} == {
+        'random_quaternion'}
+    assert '`random_quaternion`' in of_rotations

@@ -3,6 +3,7 @@
 import sys
 import threading
 import time
+from types import SimpleNamespace
 
 from conftest import TIMEOUT, tool
 import pytest
@@ -160,3 +161,22 @@ def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_me
     assert not mixed
     for subscription in subscriptions:
         subscription.destroy()
+
+
+def test_the_names_that_are_kept_are_bounded(ros, listener, monkeypatch):
+    """Publishers come and go; those that are there, and the last that were, have names."""
+    monkeypatch.setattr(senders, '_MOST_NAMES', 10)
+    gids = [bytes([i] * 16) for i in range(100)]
+
+    def look(i):
+        """Have two publishers: one that stays, and one that goes next time."""
+        monkeypatch.setattr(ros.node, 'get_publishers_info_by_topic', lambda _: [
+            SimpleNamespace(endpoint_gid=gid, node_name='node', node_namespace=f'/{gid[0]}')
+            for gid in (gids[0], gids[i])])
+        return listener.names_of([gids[i].hex()])
+
+    for i in range(1, 100):
+        assert look(i) == {gids[i].hex(): f'/{i}/node'}
+    names = listener.names_of(gid.hex() for gid in gids)
+    assert [i for i, gid in enumerate(gids) if names[gid.hex()] != UNKNOWN] == [
+        0, *range(91, 100)]

@@ -124,6 +124,19 @@ def test_what_waited_to_be_discovered_is_not_late():
     assert streams_of(traffic)['odom', '/a'].summary.maximum_delay == pytest.approx(3600.3, 1e-3)
 
 
+def test_what_is_kept_of_publishers_is_bounded(monkeypatch):
+    """They come and go; the last are known, so that their delays are counted."""
+    monkeypatch.setattr('dummy_arm.tools.traffic._MOST_PUBLISHERS', 10)
+    traffic = Traffic(time.time_ns)
+    now = time.time_ns()
+    for i in range(100):
+        for late in 0, 300 * MS:
+            traffic.observe([sent(f'/{i}', now + late, ('map', f'frame_{i}'), stamp=now)], False)
+    assert len(traffic._since) == 10
+    found = streams_of(traffic)
+    assert all(found[f'frame_{i}', f'/{i}'].summary for i in range(100))
+
+
 def test_time_that_is_set_back():
     """What was before is forgotten; what was on its way then is not counted."""
     times = [1000 * S]

@@ -22,6 +22,8 @@ UNKNOWN = 'unknown sender'
 _TAKE_FAILED = 401  # RCL_RET_SUBSCRIPTION_TAKE_FAILED: there is no message
 _GID_SIZE = 16
 _BETWEEN_LOOKS = 0.5  # s
+#: The names of so many publishers are kept, those that are gone included.
+_MOST_NAMES = 10_000
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node is not discovered yet
 
 
@@ -168,7 +170,11 @@ class SenderListener(TransformListener):
         return super()._take()
 
     def _look(self) -> None:
-        """Learn the names of the publishers that there are; those of others stay known."""
+        """
+        Learn the names of the publishers that there are.
+
+        Those of publishers that are gone stay known, up to a number; the oldest are forgotten.
+        """
         present = set()
         for topic in {self.tf_sub.topic_name, self.tf_static_sub.topic_name}:
             for info in self.node.get_publishers_info_by_topic(topic):
@@ -177,3 +183,7 @@ class SenderListener(TransformListener):
                 if info.node_name != _UNKNOWN_NODE:
                     self._names[gid] = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
         self.present = frozenset(present)
+        if (surplus := len(self._names) - _MOST_NAMES) > 0:
+            gone = [gid for gid in tuple(self._names) if gid not in present]
+            for gid in gone[:surplus]:
+                self._names.pop(gid, None)

@@ -19,6 +19,8 @@ WINDOW = 10
 _SETTLING = SECOND // 5
 #: So many streams are told apart at most.
 _MOST = 100_000
+#: Of so many publishers it is known when the first message came in.
+_MOST_PUBLISHERS = 10_000
 
 
 class Summary(NamedTuple):
@@ -170,6 +172,8 @@ class Traffic:
             heard.moves = True
         # The first had to wait until their sender was discovered.
         since = self._since.setdefault(message.gid, message.received)
+        if len(self._since) > _MOST_PUBLISHERS:
+            del self._since[next(iter(self._since))]
         if offset is None or message.received < max(since + _SETTLING, self._set_back):
             return
         arrival = message.received + offset
