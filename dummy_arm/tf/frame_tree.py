@@ -1,7 +1,6 @@
 """The tree of frames: who is whose parent at a time; the paths through it, as tf2 finds them."""
 
 from collections.abc import Iterator
-from itertools import takewhile
 from typing import Optional
 
 from dummy_arm.tf import hints
@@ -170,13 +169,13 @@ class FrameTree:
 
     def _ancestors(self, frame: str) -> Iterator[tuple[str, str]]:
         """Follow the newest parents of a frame: (child, parent), …; for ever in a loop."""
-        while (history := self.histories[frame]) and (parent := history.parent_at(0)):
+        while (history := self.histories[frame]) and (parent := history.newest_parent()):
             yield frame, parent
             frame = parent
 
     def root(self, frame: str) -> str:
         """Find the frame without parent above a frame; in a loop, any of its frames."""
-        return self._lineage(frame)[-1]
+        return [*self._lineage(frame)][-1]
 
     def is_plain(self, frame: str) -> bool:
         """Tell whether all ancestors that a frame has at any time are without loop, and few."""
@@ -216,7 +215,7 @@ class FrameTree:
     def as_string(self) -> str:
         """Write tf2's list of the frames and their newest parents, a line each."""
         return ''.join(
-            f'Frame {name} exists with parent {history.parent_at(0) or "NO_PARENT"}.\n'
+            f'Frame {name} exists with parent {history.newest_parent() or "NO_PARENT"}.\n'
             for name, history in self.histories.items() if history is not None)
 
     def _extrapolation(self, frame: str, time: int, target: str, source: str
@@ -243,31 +242,38 @@ class FrameTree:
         and it names the edge above the frame at which the walk stopped.
         """
         above_source, above_target = self._lineage(source), self._lineage(target)
-        common = {*above_source}.intersection(above_target)
-        if not common:
-            cleared = [name for name in (above_source[-1], above_target[-1])
-                       if (history := self.histories[name]) is not None and not len(history)]
-            if cleared:
-                return hints.cleared(cleared[0])
-            return hints.roots(target, above_target[-1], source, above_source[-1])
-        gaps = {name: history.distance_to(time) for lineage in (above_source, above_target)
-                for name in takewhile(lambda name: name not in common, lineage)
-                if isinstance(history := self.histories[name], History)}
-        frame = max(gaps, key=gaps.__getitem__, default=stopped_at)
-        if not gaps.get(frame):
-            frame = stopped_at
-        history = self.histories[frame]
+        worst, widest = stopped_at, 0
+        is_connected = False
+        for lineage, other in (above_source, above_target), (above_target, above_source):
+            for frame in lineage:
+                if frame in other:
+                    is_connected = True
+                    break
+                history = self.histories[frame]
+                if isinstance(history, History) and (gap := history.distance_to(time)) > widest:
+                    worst, widest = frame, gap
+        if not is_connected:
+            return self._why_unconnected(target, [*above_target][-1], source, [*above_source][-1])
+        history = self.histories[worst]
         assert isinstance(history, History)
-        return hints.extrapolation(frame, history, time)
+        return hints.extrapolation(worst, history, time)
 
-    def _lineage(self, frame: str) -> list[str]:
+    def _why_unconnected(self, target: str, target_root: str, source: str, source_root: str
+                         ) -> str:
+        """Return the hint for two frames whose newest ancestors end in two frames."""
+        for root in source_root, target_root:
+            if (history := self.histories[root]) is not None and not len(history):
+                return hints.cleared(root)
+        return hints.roots(target, target_root, source, source_root)
+
+    def _lineage(self, frame: str) -> dict[str, None]:
         """List a frame and its ancestors, by their newest parents; in a loop, once round."""
         lineage = {frame: None}
-        for _, parent in self._ancestors(frame):
-            if parent in lineage:
-                break
+        while ((history := self.histories[frame]) is not None
+               and (parent := history.newest_parent()) and parent not in lineage):
             lineage[parent] = None
-        return [*lineage]
+            frame = parent
+        return lineage
 
     def _unconnected(self, target: str, source: str) -> ConnectivityException:
         return ConnectivityException(

@@ -225,9 +225,21 @@ class History:
         except NoPose:
             return None
 
+    def newest_parent(self) -> Optional[str]:
+        """Return the parent in the newest sample; None without any."""
+        samples = self.place[0]
+        if len(samples.stamps) == samples.start:
+            return None
+        return self.all_parents[0] if self.parents is None else self.parents[-1]
+
     def distance_to(self, time: int) -> int:
         """Return how far a time (ns) is outside of the samples (ns); 0 within, or without any."""
-        return max(0, self.oldest - time, time - self.latest) if len(self) else 0
+        samples = self.place[0]
+        if len(samples.stamps) == samples.start:
+            return 0
+        if time > samples.latest:
+            return time - samples.latest
+        return max(0, samples.stamps[samples.start] - time)
 
     def why_not(self, time: int) -> str:
         """Tell in tf2's words why there is no pose at a time (ns); '' without any sample."""

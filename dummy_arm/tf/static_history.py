@@ -32,6 +32,10 @@ class StaticHistory:
         """Read the pose."""
         return self.pose
 
+    def newest_parent(self) -> str:
+        """Return the parent."""
+        return self.all_parents[0]
+
     def parent_at(self, time: int) -> str:
         """Tell the parent."""
         return self.all_parents[0]
