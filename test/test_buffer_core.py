@@ -622,6 +622,7 @@ def interrupted_lookup(buffer, number):
         return trace
 
     before = sys.gettrace()
+    sys._getframe().f_trace_opcodes = True  # else Python 3.12 traces those of no frame
     try:
         sys.settrace(trace)
         buffer.lookup_transform('map', 'nobody', 0, S // 1000)
