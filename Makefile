@@ -31,7 +31,7 @@ test: $(INSTALLED)
 
 # As on a Jazzy desktop: with stand-ins for tf2_msgs and for the pytest plugins of launch.
 test-desktop: $(INSTALLED)
-	PYTHONPATH=test/desktop $(VENV)/bin/python -m pytest -p launch_stand_in $(PYTEST_ARGS) test
+	PYTHONPATH=$(CURDIR)/test/desktop $(VENV)/bin/python -m pytest -p launch_stand_in $(PYTEST_ARGS) test
 
 lint: $(INSTALLED)
 	$(VENV)/bin/ruff check

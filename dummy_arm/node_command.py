@@ -73,8 +73,8 @@ def spun_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
                 while not ends.is_set():
                     executor.spin_once(timeout_sec=_LONGEST_WAIT)
             except BaseException as error:
-                errors.append(error)
                 if not ends.is_set():
+                    errors.append(error)
                     interrupt_main()  # else the command would go on with data that are old
 
         thread = Thread(target=spin, name=f'spin of {name}')

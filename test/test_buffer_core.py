@@ -593,19 +593,20 @@ def test_waits_for_data_from_another_thread():
     assert not buffer.can_transform_full('a', T, 'b', T + 1, 'a', timeout=S // 100)
 
 
-def interrupted_lookup(buffer, number):
+def interrupted_lookup(buffer, lookup, number):
     """
     Look up and wait, with Ctrl-C at the place of a number among those where it can come.
 
     Python heeds signals at the start of a function, after a call and at a jump back.
 
-    :returns: whether there are as many places.
+    :returns: the KeyboardInterrupt; None: there are not as many places.
     """
     left, last = [number], {}
 
     def trace(frame, event, _):
         if event == 'call' and Path(frame.f_code.co_filename).name not in (
-                'blocking_waits.py', 'buffer_core.py', 'lookup.py', 'threading.py'):
+                'blocking_waits.py', 'buffer_core.py', 'lookup.py', 'contextlib.py',
+                'threading.py'):
             return None
         frame.f_trace_opcodes = True
         if event == 'call':
@@ -625,27 +626,32 @@ def interrupted_lookup(buffer, number):
     sys._getframe().f_trace_opcodes = True  # else Python 3.12 traces those of no frame
     try:
         sys.settrace(trace)
-        buffer.lookup_transform('map', 'nobody', 0, S // 1000)
-    except (KeyboardInterrupt, LookupException):
-        pass
+        getattr(buffer, lookup[0])(*lookup[1:], S // 1000)
+    except KeyboardInterrupt as error:
+        return error
+    except LookupException:
+        return None
     finally:
         sys.settrace(before)
-    return left[0] < 0
+    return None
 
 
-def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free():
-    """Wherever in it: another thread can insert and look up."""
+@pytest.mark.parametrize('lookup', [
+    ('lookup_transform', 'map', 'nobody', 0),
+    ('lookup_transform_full', 'map', T, 'nobody', T, 'map')], ids=lambda lookup: lookup[0])
+def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free(lookup):
+    """Wherever in it, and though the exception is kept: another thread can look up."""
     buffer = BufferCore()
     put(buffer, 'map', 'tool')
     number = 0
-    while interrupted_lookup(buffer, number):
+    while interrupt := interrupted_lookup(buffer, lookup, number):
         number += 1
         results = []
         thread = threading.Thread(
             target=lambda: results.append(x_at(buffer, 'map', 'tool')), daemon=True)  # noqa: B023
         thread.start()
         thread.join(10.0)
-        assert results == [0.0], f'locked by Ctrl-C at place {number}'
+        assert results == [0.0], f'locked by Ctrl-C at place {number}: {interrupt!r}'
     assert number > 30
 
 

@@ -817,27 +817,30 @@ def test_what_a_done_callback_does_leaves_the_thread_alive(ros, listen, said):
 
 
 @pytest.mark.parametrize('own_callback', [False, True])
-def test_unregister_within_a_block_of_the_buffer(ros, listen, own_callback):
+@pytest.mark.parametrize('way', ['unregister', 'destroy_node'])
+def test_an_end_within_a_block_of_the_buffer(ros, way, own_callback):
     """While messages come in: it ends at once, and so does the thread after the block."""
     class Own(TransformListener):
         def callback(self, data):
             super().callback(data)
 
     for _ in range(5):
-        buffer = Buffer(node=ros.node)
-        listener = (Own if own_callback else TransformListener)(buffer, ros.node)
+        node = Node('test', context=ros.context, namespace='/own')
+        buffer = Buffer(node=node)
+        listener = (Own if own_callback else TransformListener)(buffer, node)
         broadcaster = TransformBroadcaster(ros.node)
         ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)  # noqa: B023
 
         def end():
             with buffer.fetched():  # noqa: B023
                 broadcaster.sendTransform(made(1))  # noqa: B023
-                listener.unregister()  # noqa: B023
+                (listener.unregister if way == 'unregister' else node.destroy_node)()  # noqa: B023
             return True
 
         assert spun(end)
         eventually(lambda: not threads_of_listeners())
         broadcaster.pub_tf.destroy()
+        node.destroy_node()
 
 
 def threads_of_listeners():
@@ -895,13 +898,33 @@ class MixedFilter(Mixin, TransformListener):
         super().static_callback(data)
 
 
-@pytest.mark.parametrize('kind', [Filter, NamedFilter, MixedFilter])
-def test_callbacks_of_a_subclass_are_called_after_its_constructor(ros, said, kind):
-    """A latched message waits till then; it is not lost."""
+class PlainFilter(TransformListener):
+    """A filter without a constructor, as a base beside another."""
+
+    def static_callback(self, data):
+        """Set."""
+        super().static_callback(data)
+
+
+class BothFilters(PlainFilter, Filter):
+    """Its constructor is that of its second base."""
+
+
+@pytest.mark.parametrize('another_waits', [False, True])
+@pytest.mark.parametrize('kind', [Filter, NamedFilter, MixedFilter, BothFilters])
+def test_callbacks_of_a_subclass_are_called_after_its_constructor(ros, said, kind, another_waits):
+    """A latched message waits till then, and so does another thread; it is not lost."""
     static = StaticTransformBroadcaster(ros.node)
     static.sendTransform(made(child='latched'))
-    buffer = Buffer(node=ros.node)
+    buffer, waiting = Buffer(node=ros.node), None
+    if another_waits:
+        waiting = threading.Thread(
+            target=buffer.lookup_transform, args=('map', 'latched', LATEST, WAIT))
+        waiting.start()
+        eventually(lambda: buffer.is_waited_for)
     listener = kind(buffer, ros.node)
+    if waiting is not None:
+        waiting.join()
     assert buffer.lookup_transform('map', 'latched', LATEST, timeout=WAIT)
     assert 'latched' in (listener.names if kind is MixedFilter else listener.heard)
     assert not said
@@ -951,6 +974,61 @@ def test_a_subclass_may_end_in_its_constructor(ros):
     Ended(Buffer(node=ros.node), ros.node)
     assert not threads_of_listeners()
     eventually(lambda: not ros.node.get_subscriptions_info_by_topic('/tf'))
+
+
+def test_a_subclass_whose_constructor_fails_listens_no_more(ros):
+    """Nor are its callbacks called, with what it has not set."""
+    class Failing(TransformListener):
+        def callback(self, data):
+            self.nothing.append(data)
+
+        def __init__(self, buffer, node):
+            super().__init__(buffer, node)
+            raise ZeroDivisionError
+
+    buffer = Buffer(node=ros.node)
+    with pytest.raises(ZeroDivisionError):
+        Failing(buffer, ros.node)
+    assert not threads_of_listeners()
+    eventually(lambda: not ros.node.get_subscriptions_info_by_topic('/tf'))
+
+
+def test_a_signal_handler_may_end_a_listener_that_gets_another_buffer(ros):
+    """Wherever it interrupts that; the buffer gets nothing more."""
+    class Interrupted:
+        """The listener's thread; who asks whether it has ended is interrupted."""
+
+        def __init__(self, listening):
+            self._listening = listening
+
+        def __getattr__(self, name):
+            if name == 'has_ended' and listener._listening is self:
+                listener._listening = self._listening
+                listener.unregister()
+                return False  # as it was before
+            return getattr(self._listening, name)
+
+    listener = TransformListener(Buffer(node=ros.node), ros.node)
+    other = Buffer(node=ros.node)
+    listener._listening = Interrupted(listener._listening)
+
+    def switch():
+        listener.buffer = other
+        return True
+
+    assert spun(switch)
+    assert not other._lookups.sources
+    eventually(lambda: not threads_of_listeners())
+
+
+def test_a_listener_that_gets_its_own_buffer_again_goes_on(ros, sender):
+    """A lookup that waits does not end."""
+    buffer = Buffer(node=ros.node)
+    listener = TransformListener(buffer, ros.node)
+    sources = buffer._lookups.sources
+    listener.buffer = buffer
+    assert buffer._lookups.sources is sources
+    listener.unregister()
 
 
 class Ignoring(TransformListener):

@@ -219,6 +219,31 @@ def edges_between(target, source, parents):
     return {*up(target)} ^ {*up(source)}
 
 
+@settings(max_examples=300, deadline=None)
+@given(st.lists(inserts, min_size=1, max_size=30), st.data())
+def test_the_edge_that_an_error_names_is_short_where_frames_change_their_parents(data, more):
+    """By what it tells, as the list of frames has it."""
+    buffer = BufferCore(2 * S)
+    for stamp, parent, child, xyz, xyzw, is_static in data:
+        buffer.insert(stamp, parent, child, (*xyz, *xyzw), is_static=is_static)
+    frames, at = st.sampled_from(FRAMES), more.draw(times.filter(bool))
+    error = None
+    try:
+        buffer.lookup_transform(more.draw(frames), more.draw(frames), at)
+    except ExtrapolationException as raised:
+        error = str(raised)
+    except TransformException:
+        pass
+    if error is not None and (hint := HINT.search(error)):
+        parent, child, verb, seconds, _ = hint.groups()
+        (frame,) = [frame for frame in buffer.frames() if frame.name == child]
+        assert frame.parent == parent
+        assert round(float(seconds) * S) == (
+            at - frame.latest if verb == 'ends' else frame.oldest - at) > 0
+    else:
+        assert error is None or ' is in the tree of root ' in error
+
+
 HINT = re.compile(
     r"\. The edge '(\w+)' -> '(\w+)' (ends|begins) (\d+\.\d{9}) s (before|after) that time\.$")
 

@@ -51,7 +51,7 @@ class BlockingWaits:
         :param timeout: s.
         :param conditions: return what data may depend on. The wait ends when one of them was true
             at its begin and is no longer.
-        :param on_wait: is called before each lookup that is a wait.
+        :param on_wait: is called before each lookup of a wait.
         :raises TransformException: the last that the lookup raised.
         """
         try:

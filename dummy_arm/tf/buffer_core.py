@@ -89,9 +89,7 @@ class BufferCore:
         :raises ValueError: when the pose is of another length.
         :raises OverflowError: when a stamp is no int64.
         """
-        if self._lookups.sources:
-            with self._lookups.fetched():  # what was sent before comes in before
-                pass
+        self._lookups.update()  # what was sent before comes in before
         taken = self._intake.insert(stamp, frame_id, child_frame_id, pose, authority, is_static)
         self._intake.refusals.log_all()
         if taken:
@@ -142,7 +140,7 @@ class BufferCore:
         with self.lock:
             self._lookups.sources = tuple(
                 other for other in self._lookups.sources if other is not source)
-        self._waiting.notify()  # it was the last, perhaps: then blocked lookups end
+        self._waiting.notify()  # if it was the last, blocked lookups end
 
     def clear(self) -> None:
         """Forget all but the names of the frames and what is static."""

@@ -70,12 +70,16 @@ class Feed:
         """
         Insert what has arrived, and no more from then on.
 
-        Within a `fetched` block of this thread, what has arrived since its begin is left out.
+        Within a block in which this thread holds the lock, what has arrived since its begin is
+        left out: the block sees one state.
         """
         is_within_block = self._buffer.is_held
         with self._buffer.lock:
-            if not self._has_ended and not is_within_block:
-                self.fetch()
+            if not self._has_ended:
+                if is_within_block:
+                    self._insert_all()  # what was taken before
+                else:
+                    self.fetch()
             self._has_ended = True
             self._buffer.remove_source(self)
             has_news, self._has_news = self._has_news, False

@@ -169,13 +169,19 @@ class FrameTree:
 
     def _ancestors(self, frame: str) -> Iterator[tuple[str, str]]:
         """Follow the newest parents of a frame: (child, parent), …; for ever in a loop."""
-        while (history := self.histories[frame]) and (parent := history.newest_parent()):
+        while (history := self.histories[frame]) and (parent := history.parent_at(0)):
             yield frame, parent
             frame = parent
 
     def root(self, frame: str) -> str:
         """Find the frame without parent above a frame; in a loop, any of its frames."""
-        return [*self._lineage(frame)][-1]
+        seen = {frame}
+        for _, parent in self._ancestors(frame):
+            frame = parent
+            if frame in seen:
+                break
+            seen.add(frame)
+        return frame
 
     def is_plain(self, frame: str) -> bool:
         """Tell whether all ancestors that a frame has at any time are without loop, and few."""
@@ -215,7 +221,7 @@ class FrameTree:
     def as_string(self) -> str:
         """Write tf2's list of the frames and their newest parents, a line each."""
         return ''.join(
-            f'Frame {name} exists with parent {history.newest_parent() or "NO_PARENT"}.\n'
+            f'Frame {name} exists with parent {history.parent_at(0) or "NO_PARENT"}.\n'
             for name, history in self.histories.items() if history is not None)
 
     def _extrapolation(self, frame: str, time: int, target: str, source: str
@@ -241,22 +247,45 @@ class FrameTree:
         covering the time (ns); where all of these cover it, the frames had other parents then,
         and it names the edge above the frame at which the walk stopped.
         """
-        above_source, above_target = self._lineage(source), self._lineage(target)
+        from_source, from_target, meeting = self._ways_up(source, target)
+        if meeting is None:
+            return self._why_unconnected(target, [*from_target][-1], source, [*from_source][-1])
         worst, widest = stopped_at, 0
-        is_connected = False
-        for lineage, other in (above_source, above_target), (above_target, above_source):
-            for frame in lineage:
-                if frame in other:
-                    is_connected = True
+        for way in from_source, from_target:
+            for frame in way:
+                if frame == meeting:
                     break
-                history = self.histories[frame]
-                if isinstance(history, History) and (gap := history.distance_to(time)) > widest:
+                gap = self.histories[frame].distance_to(time)  # type: ignore[union-attr]
+                if gap > widest:
                     worst, widest = frame, gap
-        if not is_connected:
-            return self._why_unconnected(target, [*above_target][-1], source, [*above_source][-1])
         history = self.histories[worst]
         assert isinstance(history, History)
         return hints.extrapolation(worst, history, time)
+
+    def _ways_up(self, source: str, target: str
+                 ) -> tuple[dict[str, None], dict[str, None], Optional[str]]:
+        """
+        Follow the newest parents of two frames, in turn, until they meet.
+
+        :returns: the frames on both ways, each from its first frame on; and that in which they
+            meet, or None.
+        """
+        ways: tuple[dict[str, None], dict[str, None]] = {source: None}, {target: None}
+        ends: list[Optional[str]] = [source, target]
+        turn = 0
+        while ends[0] or ends[1]:
+            if end := ends[turn]:
+                history = self.histories[end]
+                parent = None if history is None else history.newest_parent()
+                if parent in ways[turn]:  # a loop
+                    parent = None
+                if parent:
+                    ways[turn][parent] = None
+                    if parent in ways[1 - turn]:
+                        return *ways, parent
+                ends[turn] = parent
+            turn = 1 - turn
+        return *ways, None
 
     def _why_unconnected(self, target: str, target_root: str, source: str, source_root: str
                          ) -> str:
@@ -265,15 +294,6 @@ class FrameTree:
             if (history := self.histories[root]) is not None and not len(history):
                 return hints.cleared(root)
         return hints.roots(target, target_root, source, source_root)
-
-    def _lineage(self, frame: str) -> dict[str, None]:
-        """List a frame and its ancestors, by their newest parents; in a loop, once round."""
-        lineage = {frame: None}
-        while ((history := self.histories[frame]) is not None
-               and (parent := history.newest_parent()) and parent not in lineage):
-            lineage[parent] = None
-            frame = parent
-        return lineage
 
     def _unconnected(self, target: str, source: str) -> ConnectivityException:
         return ConnectivityException(

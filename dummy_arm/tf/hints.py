@@ -41,7 +41,7 @@ def extrapolation(frame: str, history: History, time: int) -> str:
     """Name the edge above a frame that does not cover a time (ns), and by how much."""
     if not len(history):
         return cleared(frame)
-    edge = f'{history.newest_parent()!r} -> {frame!r}'
+    edge = f'{history.parent_at(0)!r} -> {frame!r}'
     if time > history.latest:
         return f' The edge {edge} ends {seconds(time - history.latest)} before that time.'
     return f' The edge {edge} begins {seconds(history.oldest - time)} after that time.'

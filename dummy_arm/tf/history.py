@@ -227,10 +227,9 @@ class History:
 
     def newest_parent(self) -> Optional[str]:
         """Return the parent in the newest sample; None without any."""
-        samples = self.place[0]
-        if len(samples.stamps) == samples.start:
-            return None
-        return self.all_parents[0] if self.parents is None else self.parents[-1]
+        if self.parents is not None:
+            return self.parents[-1]
+        return self.all_parents[0] if self.all_parents else None
 
     def distance_to(self, time: int) -> int:
         """Return how far a time (ns) is outside of the samples (ns); 0 within, or without any."""

@@ -82,11 +82,20 @@ class Lookups:
     @contextmanager
     def fetched(self) -> Iterator[None]:
         """Hold the lock, and insert what has arrived first, unless this thread has held it."""
-        fetches = not self.is_held()
+        self.update()
         with self.lock:
-            if fetches:
-                self.fetch()
             yield
+
+    def update(self) -> None:
+        """
+        Insert what has arrived, unless this thread holds the lock.
+
+        Lookups call this and then take the lock themselves: Ctrl-C as a block of `fetched` begins
+        would leave it locked for as long as somebody keeps the exception.
+        """
+        if self.sources and not self.is_held():
+            with self.lock:
+                self.fetch()
 
     def is_held(self) -> bool:
         """Return whether this thread holds the lock: in a block, or in an interrupted lookup."""
@@ -94,7 +103,8 @@ class Lookups:
 
     def clear(self) -> None:
         """Forget what moves; the frames and what is static stay."""
-        with self.fetched():  # so that nothing that was sent before comes in after this
+        self.update()  # so that nothing that was sent before comes in after this
+        with self.lock:
             self.tree.clear()
             self._changed()
 
@@ -134,7 +144,8 @@ class Lookups:
 
         :param fixed: the frame in which things stay where they are between the two times.
         """
-        with self.fetched():
+        self.update()
+        with self.lock:
             frame_names.check_for_lookup(
                 self.tree, target_frame=target, source_frame=source, fixed_frame=fixed)
             _, fixed_from_source = self.pose(fixed, source, source_time)
@@ -149,8 +160,7 @@ class Lookups:
         :param times: (n,).
         :returns: (n, 7), NaN where there is none, and (n,) whether there is one.
         """
-        with self.fetched():
-            pass
+        self.update()
         order = np.argsort(times, kind='stable')  # which makes searching in histories fast
         poses = np.empty((len(times), 7))
         known = np.zeros(len(times), np.bool_)
@@ -198,7 +208,8 @@ class Lookups:
     def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                    ) -> None:
         """Check that there is what `pose_full` gives."""
-        with self.fetched():
+        self.update()
+        with self.lock:
             frame_names.check_for_can(
                 self.tree, target_frame=target, source_frame=source, fixed_frame=fixed)
             self.check(target, fixed, target_time)
@@ -207,7 +218,8 @@ class Lookups:
     def chain(self, target: str, target_time: int, source: str, source_time: int, fixed: str
               ) -> list[str]:
         """List the frames from a source by way of the fixed frame to a target, without detour."""
-        with self.fetched():
+        self.update()
+        with self.lock:
             self.check_full(target, target_time, source, source_time, fixed)
             there = self._frames(fixed, source, source_time)
             back = self._frames(fixed, target, target_time)
@@ -224,7 +236,8 @@ class Lookups:
 
     def latest_common_time(self, target: str, source: str) -> int:
         """Find the latest time (ns) that all frames between two know of; 0 when nothing moves."""
-        with self.fetched():
+        self.update()
+        with self.lock:
             for name in target, source:
                 frame_names.check(name, 'get_latest_common_time', self.tree)
             return self.tree.latest_common_time(target, source)

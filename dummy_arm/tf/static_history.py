@@ -36,6 +36,10 @@ class StaticHistory:
         """Return the parent."""
         return self.all_parents[0]
 
+    def distance_to(self, time: int) -> int:
+        """Return 0: it covers all times."""
+        return 0
+
     def parent_at(self, time: int) -> str:
         """Tell the parent."""
         return self.all_parents[0]

@@ -1,8 +1,8 @@
 """Listening to /tf and /tf_static: what comes in goes into a buffer."""
 
 from collections.abc import Callable
-from functools import wraps
-from threading import get_ident, Lock
+from functools import partial, wraps
+from threading import get_ident, RLock
 from traceback import format_exception
 from typing import Any, Optional, Union
 
@@ -25,32 +25,30 @@ from dummy_arm.tf.transform_stamped import message_of
 
 class _Callbacks:
     """
-    What stands in a buffer for a listener that fills it by callbacks.
+    The source of a buffer that a listener fills by callbacks.
 
     There is nothing to fetch from it; but the buffer knows by it that transforms may come in. If
     the callbacks are those of a subclass, their thread does not run before the constructor of the
-    subclass has returned: unless that constructor looks up, or somebody waits for a transform.
+    subclass has returned, unless that constructor looks up or waits for a transform.
     """
 
     def __init__(self, buffer: BufferCore, listening: Listening) -> None:
         self._buffer, self._listening, self._thread_id = buffer, listening, get_ident()
 
     def begin(self) -> None:
-        """Stand in the buffer from now on."""
+        """Add this to the sources of the buffer."""
         self._buffer.add_source(self)
 
     def end(self) -> None:
-        """Stand in the buffer no longer."""
+        """Remove this from the sources of the buffer."""
         self._buffer.remove_source(self)
 
     def fetch(self) -> None:
-        """Start the thread, if it is the constructor's thread that looks up."""
+        """Start the listener's thread, if it is the constructor that looks up or waits."""
         if get_ident() == self._thread_id:
             self._listening.start()
 
-    def hurry(self) -> None:
-        """Start the thread."""
-        self._listening.start()
+    hurry = fetch
 
 
 class TransformListener:
@@ -64,9 +62,9 @@ class TransformListener:
 
     It listens until `unregister()`, `node.destroy_node()` or `rclpy.shutdown()`.
 
-    A subclass may override `callback` and `static_callback`. They are called by the thread, and
-    only after the constructor of the subclass has returned; or from the moment on at which that
-    constructor looks up, or anybody waits for a transform.
+    A subclass may override `callback` and `static_callback`. The thread calls them after the
+    constructor of the subclass has returned; or as soon as that constructor looks up a transform
+    in the buffer, or waits for one.
     """
 
     feed_class: Callable[..., Feed] = Feed
@@ -76,13 +74,21 @@ class TransformListener:
     def __init_subclass__(cls, **kwargs: Any) -> None:
         """Have the constructor of a subclass start the thread when it returns."""
         super().__init_subclass__(**kwargs)
-        construct = cls.__init__
+        own = cls.__dict__.get('__init__')
 
-        @wraps(construct)
+        @wraps(cls.__init__)
         def construct_and_start(self: Any, *args: Any, **kwargs: Any) -> None:
-            construct(self, *args, **kwargs)
-            # Not if it was called by the constructor of a further subclass, or never called ours.
-            if type(self) is cls and hasattr(self, '_listening'):
+            construct = partial(own, self) if own else super(cls, self).__init__
+            if type(self) is not cls:  # this is called by the constructor of a further subclass
+                construct(*args, **kwargs)
+                return
+            try:
+                construct(*args, **kwargs)
+            except BaseException:
+                if hasattr(self, '_listening'):
+                    self.unregister()
+                raise
+            if hasattr(self, '_listening'):  # else TransformListener's constructor was not called
                 self._listening.start()
 
         cls.__init__ = cls._starting_constructor = construct_and_start  # type: ignore
@@ -115,8 +121,10 @@ class TransformListener:
         self._listening = Listening(node, self.group, self.tf_static_sub, self.tf_sub,
                                     self._take, self._close, self._holds_lock)
         self._source: Union[Feed, _Callbacks, None] = None
-        #: Held for a moment, in which no other lock is taken.
-        self._switching = Lock()
+        #: Held for a moment, in which no other lock is taken; reentrant, since a signal handler or
+        #: the garbage collector may end the listener just then.
+        self._switching = RLock()
+        self._buffer: Any = None
         self.buffer = buffer
         if (not self._has_own_callbacks()
                 or type(self).__init__ is not type(self)._starting_constructor):
@@ -134,6 +142,8 @@ class TransformListener:
 
     @buffer.setter
     def buffer(self, buffer: Any) -> None:
+        if buffer is self._buffer:
+            return
         self._buffer = buffer
         if not isinstance(buffer, BufferCore):
             self._switch(None)
@@ -144,7 +154,7 @@ class TransformListener:
                 buffer, self.tf_sub, self.tf_static_sub, self._listening, self._on_fault))
 
     def _switch(self, source: Union[Feed, _Callbacks, None]) -> None:
-        """Replace the source in the buffer before by another one in its buffer."""
+        """Remove the present source from its buffer, and add another one to its own."""
         with self._switching:
             if self._listening.has_ended:
                 source = None
@@ -153,7 +163,7 @@ class TransformListener:
             before.end()
         if source is not None:
             source.begin()
-            if self._source is not source:  # another thread was faster, or has ended it
+            if self._source is not source or self._listening.has_ended:  # meanwhile
                 source.end()
 
     def _has_own_callbacks(self) -> bool:

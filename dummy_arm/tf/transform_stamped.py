@@ -53,7 +53,7 @@ def message_of(row: wire.Row) -> TransformStamped:
     The compiled conversion of generated messages takes what is in the slot of a float64 for a
     float, unchecked: an int there would become another number on the wire.
 
-    :raises TypeError: when a number of the pose is none.
+    :raises TypeError: or ValueError, when a value of the pose cannot become a float.
     """
     message, header, stamp = _new(TransformStamped), _new(Header), _new(Time)
     transform, translation, rotation = _new(Transform), _new(Vector3), _new(Quaternion)

@@ -60,7 +60,7 @@ def port_number(text: str) -> int:
     """
     Read a port of an argument.
 
-    :raises argparse.ArgumentTypeError: when it is none.
+    :raises argparse.ArgumentTypeError: when it is not one.
     """
     if not (re.fullmatch('[0-9]{1,5}', text) and 1 <= int(text) <= _LAST_PORT):
         raise ArgumentTypeError(f'{text!r} is no port: that is a number from 1 to {_LAST_PORT}')

@@ -43,8 +43,8 @@ except ImportError as error:
 PORT = 8080
 _MOST_PORTS = 100
 _DEFAULT_PORT = 80  # of http
-#: What the page sends that is needed: the panel, a camera (the first makes somebody a client of
-#: viser's), a click. What else it can send, as an upload, has no use here.
+#: The messages of the page that are needed: the panel, a camera (the first makes somebody a client
+#: of viser's), a click. What else it can send, as an upload, has no use here.
 _MESSAGES = {each.__name__: each for each in (
     GuiUpdateMessage, ViewerCameraMessage, SceneNodeClickMessage)}
 _LONGEST_MESSAGE = 2**16  # bytes; viser's own limit is 50 MB
@@ -119,7 +119,8 @@ class Server(viser.ViserServer):
             listening.close()
             raise CommandError(
                 f'viser {viser.__version__} does not start its server by websockets.asyncio.'
-                f"server.serve, so other pages could look: pip install '{VISER}'")
+                'server.serve, so requests of other pages could not be refused: '
+                f"pip install '{VISER}'")
 
     def accepts(self, data: Union[bytes, str]) -> bool:
         """
