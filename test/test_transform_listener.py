@@ -1021,7 +1021,7 @@ def test_a_signal_handler_may_end_a_listener_that_gets_another_buffer(ros):
     eventually(lambda: not threads_of_listeners())
 
 
-def test_a_listener_that_gets_its_own_buffer_again_goes_on(ros, sender):
+def test_a_listener_that_gets_its_own_buffer_again_goes_on(ros):
     """A lookup that waits does not end."""
     buffer = Buffer(node=ros.node)
     listener = TransformListener(buffer, ros.node)
