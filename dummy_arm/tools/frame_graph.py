@@ -6,6 +6,7 @@ import os
 
 from dummy_arm.command import CommandError
 from dummy_arm.tf.frames import Frame, quoted
+from dummy_arm.tf.texts import visible
 from dummy_arm.tf.times import display, in_seconds
 from dummy_arm.tools.forest import frequency
 
@@ -56,11 +57,6 @@ def _label(text: str) -> str:
                                ('\n', '\\n')):
         text = text.replace(character, written)
     return text
-
-
-def visible(text: str) -> str:
-    """Write what cannot be seen or would move the cursor as Python does."""
-    return ''.join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def draw(dot: str, form: str) -> bytes:

@@ -5,7 +5,7 @@ from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.command import Parser, run, UsageError
 from dummy_arm.interruption import sleep
-from dummy_arm.tools.frame_graph import visible
+from dummy_arm.tf.texts import visible
 from dummy_arm.tools.screen import padded, show, width, wrapped
 from dummy_arm.tools.traffic import Stream, Traffic, WINDOW
 

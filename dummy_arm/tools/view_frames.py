@@ -10,10 +10,11 @@ from typing import Optional
 from dummy_arm.command import CommandError, number, Parser, run, UsageError
 from dummy_arm.interruption import sleep
 from dummy_arm.tf.frames import Frame
+from dummy_arm.tf.texts import visible
 from dummy_arm.tf.times import display, in_seconds
 from dummy_arm.tools.bag_options import add_bag_options, read_bag
 from dummy_arm.tools.forest import Forest, frequency
-from dummy_arm.tools.frame_graph import as_dot, draw, visible
+from dummy_arm.tools.frame_graph import as_dot, draw
 from dummy_arm.tools.screen import padded, show, width, wrapped
 from dummy_arm.tools.waiting import wait
 
