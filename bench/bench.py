@@ -15,6 +15,7 @@ os.environ.setdefault('ROS_DOMAIN_ID', '97')
 
 import bags
 from geometry_msgs.msg import TransformStamped
+import hostile
 import listening
 import lookups
 from measure import best, Row
@@ -46,6 +47,8 @@ def main() -> None:
     table(listening.over_dds())
     table(bags.rows(u))
     table(bags.memory())
+    table(hostile.rows())
+    table(hostile.memory())
     table(viewing.placing())
     table(viewing.showing())
     table(sending.rows(rclpy.create_node('bench'), u))

@@ -16,6 +16,7 @@ from dummy_arm.arm import Arm, Wave
 from dummy_arm.command import Parser, run, UsageError
 from dummy_arm.node_command import run_node
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
+from dummy_arm.tf.texts import logged
 
 MAP = 'map'
 CLOCK_PATIENCE = 5.0  # s
@@ -158,9 +159,9 @@ class DummyArm(Node):
         if self._start_ns is None:
             self._start_ns = now_ns
             (base, _), *_ = self._joints.edges
-            chain = ' -> '.join((base, *(child for _, child in self._joints.edges)))
+            chain = ' -> '.join(map(logged, (base, *(child for _, child in self._joints.edges))))
             self.get_logger().info(
-                f'publishing {MAP} -> {base} on /tf_static and {chain} on /tf at '
+                f'publishing {MAP} -> {logged(base)} on /tf_static and {chain} on /tf at '
                 f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
         t = self._seconds(now_ns)
         if t < self._t:  # the clock went back: the limits stay as they were set

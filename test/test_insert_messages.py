@@ -148,7 +148,8 @@ def test_malformed_messages_are_told_and_the_others_inserted():
 
 def test_the_memory_for_layouts_is_bounded(monkeypatch):
     """A peer that sends ever new names does not fill it; old streams are learnt again."""
-    monkeypatch.setattr('dummy_arm.tf.message_reader._MOST_EDGES', 10)
+    monkeypatch.setattr('dummy_arm.tf.message_reader._MOST_BYTES', 10 * len(
+        wire.pack([(T, 0, 'a', 'b', *STILL)])))
     reader = MessageReader(fail)
     for i in range(100):
         reader.read([wire.pack([(T, 0, 'a', f'b{i}', *STILL)])])

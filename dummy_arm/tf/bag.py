@@ -22,7 +22,7 @@ _MOST_BYTES = 500_000
 
 
 def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namespace: str = '',
-         partial: bool = False) -> BufferCore:
+         partial: bool = False, max_samples: Optional[int] = None) -> BufferCore:
     """
     Read the transforms of a bag; on a terminal with a progress bar, where tqdm is installed.
 
@@ -30,13 +30,14 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     :param cache_time: how long transforms are kept, as BufferCore has it; None: all are kept.
     :param namespace: the topics are `/tf` and `/tf_static` in this namespace.
     :param partial: of a bag that was cut off or is damaged, take what can be read, and warn.
+    :param max_samples: how many transforms are kept, as BufferCore has it; None: all.
     :returns: a buffer with them; the authority of a frame is the node that sent it, where that was
         recorded: in ROS 1.
     :raises BagError: when it is no bag, is damaged, or has no TF.
     :raises OSError: when it is not there, or not readable.
     """
     path = Path(path)
-    buffer = BufferCore(_FOR_EVER if cache_time is None else cache_time)
+    buffer = BufferCore(_FOR_EVER if cache_time is None else cache_time, max_samples=max_samples)
     faults: Counter[str] = Counter()
 
     def on_malformed(error: MalformedMessage) -> None:

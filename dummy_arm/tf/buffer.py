@@ -35,7 +35,7 @@ class Buffer(BufferCore, BufferInterface):
     _nanoseconds = staticmethod(nanoseconds)
 
     def __init__(self, cache_time: Optional[Duration] = None, node: Optional[Node] = None, *,
-                 max_frames: int = 100_000) -> None:
+                 max_frames: int = 100_000, max_samples: Optional[int] = 10_000_000) -> None:
         """
         Begin empty.
 
@@ -43,13 +43,14 @@ class Buffer(BufferCore, BufferInterface):
         :param node: its executor is woken when an async wait is over; a jump of its clock back by
             a second or more, or a change of its clock, clears the buffer; where tf2_msgs is
             installed, its service `tf2_frames` tells all frames.
-        :param max_frames: how many frames there may be; transforms with more are refused.
+        :param max_frames: as BufferCore has it.
+        :param max_samples: as BufferCore has it.
         """
+        self._waits = Waits(node)
         BufferCore.__init__(self, 10 * SECOND if cache_time is None else cache_time,
-                            max_frames=max_frames)
+                            max_frames=max_frames, max_samples=max_samples)
         BufferInterface.__init__(self)
         self._intake.refusals.log = get_logger('tf2_buffer').warning
-        self._waits = Waits(node)
         self._context = get_default_context() if node is None else node.context
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:

@@ -36,25 +36,31 @@ class BufferCore:
 
     _nanoseconds: Callable[..., int] = staticmethod(nanoseconds_or_int)
 
-    def __init__(self, cache_time: Any = 10 * SECOND, *, max_frames: int = 100_000) -> None:
+    def __init__(self, cache_time: Any = 10 * SECOND, *, max_frames: int = 100_000,
+                 max_samples: Optional[int] = 10_000_000) -> None:
         """
         Begin empty.
 
         :param cache_time: a duration, as times are given; what is that much older than the
             newest transform of its frame is forgotten.
         :param max_frames: how many frames there may be; transforms with more are refused.
-        :raises ValueError: when it is negative.
+        :param max_samples: how many transforms of moving frames are kept at most, some 60 bytes
+            each. When there are more, a frame that gets one drops its oldest. Of one frame, at
+            most 10 000 are kept per second of cache time. None: neither limit holds.
+        :raises ValueError: when the cache time is negative, or max_samples is less than 1.
         """
         cache_time = nanoseconds_or_int(cache_time, 'cache_time')
         if cache_time < 0:
             raise ValueError(f'cache_time must not be negative, got {cache_time} ns')
+        if max_samples is not None and max_samples < 1:
+            raise ValueError(f'max_samples must be at least 1, or None, got {max_samples}')
         self._lookups = Lookups(cache_time)
         #: Held while the data are looked at or changed; reentrant.
         self.lock = self._lookups.lock
         #: By `with`: what has arrived by now is there, and nothing more to the end of the block.
         self.fetched = self._lookups.fetched
         self._waiting = BlockingWaits(self.lock)
-        self._intake = Intake(self._lookups, max_frames)
+        self._intake = Intake(self._lookups, max_frames, max_samples)
 
     def set_transform(self, transform: Transform, authority: str = 'default_authority') -> bool:
         """
@@ -235,7 +241,8 @@ class BufferCore:
     def frames(self, until: int = 0) -> list[Frame]:
         """List the frames with a parent, in the order of their naming; of a time (ns), or now."""
         with self.fetched():
-            return self._lookups.tree.frames(until)
+            states = self._lookups.tree.states(until)
+        return [Frame(name, *state) for name, state in states]
 
     def all_frames_as_yaml(self) -> str:
         """Write tf2's YAML of all frames; '[]' when none was ever named."""
@@ -245,7 +252,8 @@ class BufferCore:
     def all_frames_as_string(self) -> str:
         """Write a line for every frame, with its parent."""
         with self.fetched():
-            return self._lookups.tree.as_string()
+            edges = self._lookups.tree.newest_edges()
+        return frames.as_string(edges)
 
 
 def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from typing import Optional
+from weakref import ref
 
 import numpy as np
 
@@ -36,7 +37,7 @@ def in_common(histories: Sequence[Optional[History]], may_begin: bool) -> Option
         samples.poses_of(0)[samples.start:] for samples, _ in (
             history.place for history in moving)], axis=1).tobytes()
     common.latest, common.authority = first.latest, first.authority
+    common.histories = list(map(ref, moving))
     for column, history in enumerate(moving):
-        history.place[0].abandoned = True
         history.place = common, column * POSE_BYTES
     return common

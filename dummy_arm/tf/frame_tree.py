@@ -9,8 +9,8 @@ from dummy_arm.tf.exceptions import (
     ExtrapolationException,
     LookupException,
 )
-from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.history import History, Pose
+from dummy_arm.tf.frames import as_string
+from dummy_arm.tf.history import History, Pose, State
 from dummy_arm.tf.path import Path
 from dummy_arm.tf.static_history import AnyHistory, StaticHistory
 
@@ -59,16 +59,17 @@ class FrameTree:
         history = histories.setdefault(child, None)
         histories.setdefault(parent, None)
         if is_static:
-            if isinstance(history, StaticHistory) and history.all_parents == (parent,):
+            if isinstance(history, StaticHistory) and history.only_parent == parent:
                 history.pose, history.authority = pose, authority
                 return True, False
             histories[child] = StaticHistory(parent, pose, authority)
             return True, True
         if not isinstance(history, History):
             histories[child] = history = History(self.cache_time)
-        parents_before = history.all_parents
+        before = history.all_parents
+        number = len(before)
         taken = history.insert(stamp, parent, pose, authority)
-        return taken, history.all_parents != parents_before
+        return taken, history.all_parents is not before or len(before) > number
 
     def clear(self) -> None:
         """Forget what moves; the frames and what is static stay."""
@@ -197,16 +198,19 @@ class FrameTree:
     def _append(self, chain: list[str], frame: str) -> None:
         chain.append(frame)
         if len(chain) > MAX_GRAPH_DEPTH:
-            raise LookupException(
-                f'The tf tree is invalid because it contains a loop.\n{self.as_string()}\n'
-                + hints.loop(chain))
+            edges, chain = self.newest_edges(), chain[:]  # the text is written without the lock
+            raise LookupException.hinting(
+                'The tf tree is invalid because it contains a loop.\n',
+                lambda: f'{as_string(edges)}\n{hints.loop(chain)}')
 
-    def frames(self, until: int = 0) -> list[Frame]:
-        """List the frames that have a parent, in the order of their naming; as `parents`."""
-        return [
-            Frame(name, parent, history.authority, history.is_static, *history.known_at(until),
-                  history.oldest)
-            for name, parent, history in self.parents(until)]
+    def states(self, until: int = 0) -> list[tuple[str, State]]:
+        """
+        List what is known of the frames that have a parent, in the order of their naming.
+
+        :param until: a time (ns): no newer than then; 0: of all.
+        """
+        return [(name, state) for name, history in self.histories.items()
+                if history is not None and (state := history.state(until)) is not None]
 
     def parents(self, until: int = 0) -> Iterator[tuple[str, str, AnyHistory]]:
         """
@@ -218,11 +222,10 @@ class FrameTree:
             if history is not None and (parent := history.parent_at(min(until, history.latest))):
                 yield name, parent, history
 
-    def as_string(self) -> str:
-        """Write tf2's list of the frames and their newest parents, a line each."""
-        return ''.join(
-            f'Frame {name} exists with parent {history.parent_at(0) or "NO_PARENT"}.\n'
-            for name, history in self.histories.items() if history is not None)
+    def newest_edges(self) -> list[tuple[str, Optional[str]]]:
+        """List the frames that had a parent, and their newest parents; None: since cleared."""
+        return [(name, history.newest_parent()) for name, history in self.histories.items()
+                if history is not None]
 
     def _extrapolation(self, frame: str, time: int, target: str, source: str
                        ) -> ExtrapolationException:

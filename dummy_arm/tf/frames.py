@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 import re
-from typing import NamedTuple
+from typing import NamedTuple, Optional
 
 from dummy_arm.tf.times import display, in_seconds
 
@@ -32,6 +32,12 @@ class Frame(NamedTuple):
     def buffer_length(self) -> float:
         """The time from the oldest to the newest transform (s)."""
         return in_seconds(self.latest - self.oldest)
+
+
+def as_string(edges: Iterable[tuple[str, Optional[str]]]) -> str:
+    """Write tf2's list of frames and their parents, a line each."""
+    return ''.join(f'Frame {name} exists with parent {parent or "NO_PARENT"}.\n'
+                   for name, parent in edges)
 
 
 def as_yaml(frames: Iterable[Frame]) -> str:

@@ -5,9 +5,11 @@ from difflib import get_close_matches
 from functools import lru_cache
 
 from dummy_arm.tf.history import History
+from dummy_arm.tf.texts import abbreviated, LONGEST
 from dummy_arm.tf.times import SECOND
 
-_SHOWN = 5
+#: So many names are shown at most, and searched for near ones.
+SHOWN, SEARCHED = 5, 1000
 
 
 @lru_cache(maxsize=8)  # a program that waits asks again and again
@@ -15,10 +17,20 @@ def nearest(name: str, known: tuple[str, ...], what: str = 'frames') -> str:
     """Name those whose names are nearest to one that does not exist, or some others."""
     if not known:
         return 'No transform has been received yet.'
-    close = get_close_matches(name, known, _SHOWN)
+    close = get_close_matches(name, searched(known), SHOWN) if len(name) <= LONGEST else []
     if close:
         return f'Nearest known: {_listed(close)}.'
-    return f'Known {what}: {some(known, _SHOWN, repr)}.'
+    return f'Known {what}: {some(known, SHOWN, quoted)}.'
+
+
+def searched(known: Sequence[str]) -> list[str]:
+    """Return those of many names that are compared with one: more of them would take seconds."""
+    return [name for name in known[:SEARCHED] if len(name) <= LONGEST]
+
+
+def quoted(name: str) -> str:
+    """Return a name in quotes, a long one abbreviated."""
+    return repr(abbreviated(name))
 
 
 def some(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) -> str:
@@ -28,20 +40,20 @@ def some(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) ->
 
 
 def _listed(names: Sequence[str]) -> str:
-    return ', '.join(map(repr, names))
+    return ', '.join(map(quoted, names))
 
 
 def roots(target: str, target_root: str, source: str, source_root: str) -> str:
     """Name the roots of two trees."""
-    return (f' {target!r} is in the tree of root {target_root!r}, '
-            f'{source!r} in that of root {source_root!r}.')
+    return (f' {quoted(target)} is in the tree of root {quoted(target_root)}, '
+            f'{quoted(source)} in that of root {quoted(source_root)}.')
 
 
 def extrapolation(frame: str, history: History, time: int) -> str:
     """Name the edge above a frame that does not cover a time (ns), and by how much."""
     if not len(history):
         return cleared(frame)
-    edge = f'{history.parent_at(0)!r} -> {frame!r}'
+    edge = f'{quoted(history.newest_parent() or "")} -> {quoted(frame)}'
     if time > history.latest:
         return f' The edge {edge} ends {seconds(time - history.latest)} before that time.'
     return f' The edge {edge} begins {seconds(history.oldest - time)} after that time.'
@@ -49,7 +61,7 @@ def extrapolation(frame: str, history: History, time: int) -> str:
 
 def cleared(frame: str) -> str:
     """Name a frame whose history was cleared, so that its parent is not known."""
-    return f' Nothing is known of {frame!r} since the buffer was cleared.'
+    return f' Nothing is known of {quoted(frame)} since the buffer was cleared.'
 
 
 def loop(chain: Sequence[str]) -> str:
@@ -58,7 +70,7 @@ def loop(chain: Sequence[str]) -> str:
     before = [i for i, frame in enumerate(chain[:-1]) if frame == last]
     if not before:
         return f'There is none, but more than {len(chain) - 1} edges in a row.'
-    return f'The loop: {" -> ".join(map(repr, reversed(chain[before[-1]:])))}.'
+    return f'The loop: {" -> ".join(map(quoted, reversed(chain[before[-1]:])))}.'
 
 
 def seconds(duration: int) -> str:

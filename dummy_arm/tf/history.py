@@ -11,8 +11,12 @@ from dummy_arm.tf.wire import POSE_BYTES
 #: x, y, z (m) and the rotation's x, y, z, w.
 Pose = tuple[float, float, float, float, float, float, float]
 
+#: What is known of a frame: its newest parent, who sent that, whether it is static, the number of
+#: samples, the newest and the oldest stamp (ns).
+State = tuple[str, str, bool, int, int, int]
+
 #: So many samples of one stamp are kept at most; the first and the last of them matter.
-_MOST_OF_ONE_STAMP = 100
+MOST_OF_ONE_STAMP = 100
 _pack_pose = struct.Struct('7d').pack
 _read_pose = struct.Struct('7d').unpack_from
 
@@ -26,11 +30,13 @@ class History:
     The samples of a frame that moves, no older than a cache time before the newest.
 
     `place` is where they lie: Samples, of this frame or in common with others, and the offset of
-    its pose in a row (bytes). `all_parents` has each parent once; only while there are several,
-    `parents` has that of each sample.
+    its pose in a row (bytes). `only_parent` is the parent in all samples; '' while there are
+    several, or no sample. Only while there are several, `parents` has the parent of each sample.
+    `all_parents` has each parent once, as a key; it is another dict, or longer, whenever there are
+    others.
     """
 
-    __slots__ = ('__weakref__', 'all_parents', 'cache_time', 'parents', 'place')
+    __slots__ = ('__weakref__', 'all_parents', 'cache_time', 'only_parent', 'parents', 'place')
 
     is_static = False
 
@@ -41,8 +47,9 @@ class History:
         :param cache_time: ns.
         """
         self.cache_time = cache_time
+        self.only_parent = ''
         self.parents: Optional[list[str]] = None
-        self.all_parents: tuple[str, ...] = ()
+        self.all_parents: dict[str, None] = {}
         self.place = Samples(), 0
 
     def __len__(self) -> int:
@@ -65,22 +72,41 @@ class History:
         samples = self.place[0]
         return samples.stamps[samples.start] if len(self) else 0
 
-    def known_at(self, time: int) -> tuple[int, int]:
-        """Tell how many samples there were at a time (ns; 0: now), and the newest stamp then."""
-        if not 0 < time < self.latest:
-            return len(self), self.latest
-        samples, newest = self.place[0], self.find(time)
-        return newest - samples.start + 1, samples.stamps[newest]
+    def state(self, until: int) -> Optional[State]:
+        """
+        Return what is known of the frame at a time (ns; 0: now).
+
+        :returns: None when no sample is that old.
+        """
+        samples = self.place[0]
+        stamps, start = samples.stamps, samples.start
+        newest = len(stamps) - 1
+        if newest < start:
+            return None
+        if until and until < stamps[newest]:
+            try:
+                newest = self.find(until)
+            except NoPose:
+                return None
+        return (self.parent_of(newest), samples.authority, False, newest - start + 1,
+                stamps[newest], stamps[start])
 
     def own_samples(self) -> Samples:
-        """Give the samples, from now on not in common with others."""
-        samples, offset = self.place
-        if samples.row == POSE_BYTES:
-            return samples
-        own = samples.column(offset, samples.start, len(samples.stamps))
-        samples.abandoned = True
-        self.place = own, 0
-        return own
+        """
+        Return the samples, from now on not in common with others.
+
+        The others get their own, too: what is in common would fill the memory as long as one has
+        it.
+        """
+        samples = self.place[0]
+        if samples.row > POSE_BYTES:
+            samples.regular = NO_STAMPS  # nothing more comes into them, even if Ctrl-C comes now
+            for reference in samples.histories:
+                history = reference()
+                if history is not None and history.place[0] is samples:
+                    history.place = samples.column(
+                        history.place[1], samples.start, len(samples.stamps)), 0
+        return self.place[0]
 
     def insert(self, stamp: int, parent: str, pose: Pose, authority: str) -> bool:
         """
@@ -97,7 +123,7 @@ class History:
             if position:
                 earliest = stamps[-1] - self.cache_time
                 if stamps[samples.start] < earliest:
-                    self._expire(earliest)
+                    self.drop_before(bisect_left(stamps, earliest, samples.start))
                 if stamp < earliest:
                     return False
                 position = bisect_right(stamps, stamp, samples.start)
@@ -107,15 +133,15 @@ class History:
                         samples.authority = authority
                         return True
                     samples.regular = NO_STAMPS
-                    if position - first >= _MOST_OF_ONE_STAMP:
+                    if position - first >= MOST_OF_ONE_STAMP:
                         position -= 1
                         if self.parents is not None:
                             del self.parents[position]
                         samples.delete(position, 1)
             else:
-                self.all_parents = (parent,)
+                self.only_parent, self.all_parents = parent, {parent: None}
             samples.authority = authority
-            if self.parents is not None or self.all_parents != (parent,):
+            if self.parents is not None or self.only_parent != parent:
                 self._insert_parent(position, parent)
             samples.poses[position * POSE_BYTES:position * POSE_BYTES] = _pack_pose(*pose)
             stamps.insert(position, stamp)
@@ -128,16 +154,16 @@ class History:
 
     def _has(self, first: int, end: int, parent: str, pose: Pose) -> bool:
         """Tell whether a sample is there, among those of its stamp."""
-        return any(self.pose(i) == pose and self.parent_of(i) == parent
+        return any(self.parent_of(i) == parent and self.pose(i) == pose
                    for i in range(first, end))
 
     def _insert_parent(self, position: int, parent: str) -> None:
-        samples = self.place[0]
         if self.parents is None:
+            samples = self.place[0]
             samples.regular = NO_STAMPS
-            self.parents = [*self.all_parents] * len(samples.stamps)
-        if parent not in self.all_parents:
-            self.all_parents = (*self.all_parents, parent)
+            self.parents = [self.only_parent] * len(samples.stamps)
+        self.only_parent = ''
+        self.all_parents[parent] = None
         self.parents.insert(position, parent)
 
     def _mend_parents(self, position: int) -> None:
@@ -147,11 +173,11 @@ class History:
             if surplus > 0:
                 del self.parents[position:position + surplus]
 
-    def _expire(self, earliest: int) -> None:
-        """Forget the samples before a time (ns)."""
+    def drop_before(self, start: int) -> None:
+        """Forget the samples before an index."""
         samples = self.place[0]
         try:
-            removed = samples.expire(earliest)
+            removed = samples.drop_before(start)
         except BaseException:
             self._mend_parents(1)
             raise
@@ -161,9 +187,11 @@ class History:
         if self.parents is not None:
             del self.parents[1:1 + removed]
             self.parents[0] = self.parents[1]
-            self.all_parents = tuple(set(self.parents))
-            if len(self.all_parents) == 1:
-                self.parents = None
+            left = dict.fromkeys(self.parents)
+            if len(left) < len(self.all_parents):
+                self.all_parents = left
+            if len(left) == 1:
+                (self.only_parent,), self.parents = left, None
         if self.parents is None and len(samples.regular) < len(stamps) == len(set(stamps)):
             samples.regular = stamps
 
@@ -216,7 +244,7 @@ class History:
 
     def parent_of(self, index: int) -> str:
         """Tell the parent in a sample."""
-        return self.all_parents[0] if self.parents is None else self.parents[index]
+        return self.only_parent if self.parents is None else self.parents[index]
 
     def parent_at(self, time: int) -> Optional[str]:
         """Tell the parent at a time (ns; 0: the newest); None when nothing is known of it."""
@@ -227,9 +255,7 @@ class History:
 
     def newest_parent(self) -> Optional[str]:
         """Return the parent in the newest sample; None without any."""
-        if self.parents is not None:
-            return self.parents[-1]
-        return self.all_parents[0] if self.all_parents else None
+        return (self.only_parent if self.parents is None else self.parents[-1]) or None
 
     def distance_to(self, time: int) -> int:
         """Return how far a time (ns) is outside of the samples (ns); 0 within, or without any."""

@@ -1,9 +1,11 @@
 """What goes into a buffer: checked and normalised, or refused in tf2's words."""
 
 from array import array
+from collections.abc import Sequence
 from math import isfinite, nan
 from operator import index
 import struct
+import sys
 from typing import Optional
 from weakref import ref
 
@@ -11,29 +13,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dummy_arm.tf.common_samples import in_common
-from dummy_arm.tf.history import History, Pose
+from dummy_arm.tf.history import History, MOST_OF_ONE_STAMP, Pose
 from dummy_arm.tf.lookup import Lookups
 from dummy_arm.tf.message_reader import Edges, nothing, Run
 from dummy_arm.tf.normalization import normalize_poses, normalized
-from dummy_arm.tf.refusals import problems, Refusals, too_many_frames, too_old
+from dummy_arm.tf.refusals import (
+    has_long_name,
+    problems,
+    Refusals,
+    too_long_name,
+    too_many_frames,
+    too_many_samples,
+    too_many_samples_of_a_frame,
+    too_old,
+)
 from dummy_arm.tf.samples import Samples
+from dummy_arm.tf.times import SECOND
 
 _INT64 = 1 << 63
+#: So many samples of a frame are kept for a second of cache time.
+_PER_SECOND = 10_000
 _unpack_pose = struct.Struct('7d').unpack
 
 
 class Intake:
     """Puts transforms into the tree of frames."""
 
-    def __init__(self, lookups: Lookups, max_frames: int) -> None:
+    def __init__(self, lookups: Lookups, max_frames: int, max_samples: Optional[int]) -> None:
         """
         Begin.
 
         :param max_frames: how many frames there may be; transforms with more are refused.
+        :param max_samples: how many samples there may be, of all frames; None: any number, of one
+            frame, too.
         """
         self.refusals = Refusals()
         self._lookups = lookups
         self._max_frames = max_frames
+        self._max_samples = sys.maxsize if max_samples is None else max_samples
+        #: Of one frame.
+        self._most = sys.maxsize if max_samples is None else max(
+            MOST_OF_ONE_STAMP, _PER_SECOND * lookups.tree.cache_time // SECOND)
+        #: So many samples may come in until all are counted again; and have come since then.
+        self._room = self._max_samples
+        self._uncounted = 0
 
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
@@ -52,20 +75,71 @@ class Intake:
         if not (isfinite(x) and isfinite(y) and isfinite(z)):
             pose = (nan, nan, nan, *pose[3:])  # as tf2 answers, although it takes infinity
         with self._lookups.lock:
-            if not self._has_room(parent, child):
-                self.refusals.tell_once('too many frames', too_many_frames(
-                    child, self._max_frames, authority))
+            frames = self._lookups.tree.histories
+            if not (child in frames and parent in frames) and not self._takes_names(
+                    parent, child, authority):
                 return False
             if self._lookups.insert(stamp, parent, child, pose, authority, is_static):
+                if not is_static:
+                    history = frames[child]
+                    assert isinstance(history, History)
+                    self._room -= 1
+                    if self._room < 0 or len(history) > self._most:
+                        self._drop_oldest([history], 1, child, authority)
                 return True
         self.refusals.tell(too_old(child, stamp, authority))
         return False
 
-    def _has_room(self, parent: str, child: str) -> bool:
+    def _takes_names(self, parent: str, child: str, authority: str) -> bool:
+        """Return whether two names, at least one of them new, may become frames."""
+        if has_long_name(parent) or has_long_name(child):
+            self.refusals.tell(too_long_name(parent, child, authority))
+            return False
         frames = self._lookups.tree.histories
-        return ((child in frames and parent in frames)
-                or len(frames) + (child not in frames) + (parent not in frames)
-                <= self._max_frames)
+        if len(frames) + (child not in frames) + (parent not in frames) > self._max_frames:
+            self.refusals.tell_once('too many frames', too_many_frames(
+                child, self._max_frames, authority))
+            return False
+        return True
+
+    def _drop_oldest(self, histories: Sequence[History], added: int, child: str, authority: str
+                     ) -> None:
+        """
+        Drop the oldest samples of frames that have got new ones, as far as there are too many.
+
+        :param histories: those of the frames; several of them have their samples in common.
+        :param added: the number of samples that each has got.
+        :param child: the first of the frames, for the log.
+        """
+        number, first = len(histories), histories[0]
+        surplus = len(first) - self._most
+        if surplus > 0:
+            self._drop(histories, surplus)
+            self.refusals.tell_once('frame', too_many_samples_of_a_frame(
+                child, self._most, authority))
+        if self._room >= 0:
+            return
+        # To count takes a moment for every frame, so while the buffer is full it is done now and
+        # then only, and a sample that comes in between takes the place of another.
+        self._uncounted += added * number
+        surplus = added
+        if 8 * self._uncounted >= len(self._lookups.tree.histories):
+            self._uncounted = 0
+            self._room = self._max_samples - sum(
+                len(history) for history in self._lookups.tree.histories.values()
+                if isinstance(history, History))
+            surplus = min(added, -(self._room // number))
+        surplus = min(surplus, len(first) - 1)
+        if surplus > 0:
+            self._drop(histories, surplus)
+            self.refusals.tell_once('buffer', too_many_samples(
+                child, self._max_samples, authority))
+
+    def _drop(self, histories: Sequence[History], count: int) -> None:
+        """Drop the oldest samples of frames; of one, or of some that have them in common."""
+        first = histories[0]
+        first.drop_before(first.place[0].start + count)
+        self._room += count * len(histories)
 
     def insert_run(self, run: Run, authority: str) -> None:
         """
@@ -93,20 +167,29 @@ class Intake:
         stamps = run.stamps[begin:begin + count]
         cache_time = self._lookups.tree.cache_time
         common = edges.common()
-        if edges.found_in is not self._lookups.version or common is None or common.abandoned:
+        if edges.found_in is not self._lookups.version or common is None:
             common = self._find(edges, stamps[0])
         if common is not None:
             if common.append(stamps, poses.tobytes(), authority, cache_time):
+                self._room -= count * number
+                if self._room < 0 or len(common.stamps) - common.start > self._most:
+                    histories = [found() for found in edges.found]
+                    self._drop_oldest(histories, count, edges.children[0], authority)
                 return
             if count > 1:
                 for i in range(count):
                     self._append(run, begin + i, poses[i:i + 1], authority)
                 return
         for i, found in enumerate(edges.found):
-            if (history := found()) is None or not history.own_samples().append(
+            history = found()
+            if history is None or not history.own_samples().append(
                     stamps, poses[:, i].tobytes(), authority, cache_time):
                 self._insert_each(run, range(
                     begin * number + i, (begin + count) * number, number), authority)
+                continue
+            self._room -= count
+            if self._room < 0 or len(history) > self._most:
+                self._drop_oldest([history], count, edges.children[i], authority)
 
     def _find(self, edges: Edges, stamp: int) -> Optional[Samples]:
         """
@@ -126,7 +209,7 @@ class Intake:
         histories = self._lookups.tree.histories
         found = [
             history if isinstance(history := histories.get(child), History)
-            and history.all_parents == (parent,) else None
+            and history.only_parent == parent else None
             for parent, child in zip(edges.parents, edges.children)]
         common = in_common(found, may_begin)
         if common is None and is_found:

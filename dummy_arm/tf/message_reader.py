@@ -2,14 +2,16 @@
 
 from array import array
 from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
 from typing import Any, Optional, Protocol, Union
 
 from dummy_arm.tf import wire
+from dummy_arm.tf.refusals import has_long_name
 from dummy_arm.tf.times import SECOND
 from dummy_arm.tf.wire import Layout, MalformedMessage, Row
 
-#: So many edges may lie in the layouts that are kept, all together.
-_MOST_EDGES = 100_000
+#: The layouts that are kept are those of messages of at most so many bytes, added up.
+_MOST_BYTES = 10_000_000
 #: A run ends with so many transforms: longer arrays would not stay in the caches.
 _LONG = 1000
 
@@ -88,7 +90,7 @@ class MessageReader:
         """
         self._on_malformed, self._form = on_malformed, form
         self._known: dict[_Key, Edges] = {}
-        self._count = 0  # of the edges in them
+        self._size = 0  # of the messages (bytes)
 
     def read(self, messages: Iterable[bytes], only_rows: bool = False
              ) -> list[Union[list[Row], Run]]:
@@ -149,18 +151,18 @@ class MessageReader:
     def _learn(self, key: _Key, data: bytes, rows: list[Row]) -> None:
         """Keep the layout of a message."""
         pairs = [row[2:4] for row in rows]
-        if not pairs:
+        if not pairs or any(map(has_long_name, chain(*pairs))):  # the latter are refused
             return
         layout = self._form.Layout(pairs)
         edges = Edges(layout, pairs)
         # A frame twice in a message would not keep its order in a run.
         if (layout.size <= len(data) and layout.read(data) is not None
                 and len(edges.names) == len(pairs)):
-            if self._count > _MOST_EDGES:
+            if self._size > _MOST_BYTES:
                 self._known.clear()
-                self._count = 0
+                self._size = 0
             if key not in self._known:
-                self._count += len(pairs)
+                self._size += len(data)
             self._known[key] = edges
 
 

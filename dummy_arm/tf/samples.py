@@ -5,6 +5,7 @@ from bisect import bisect_left
 from functools import cache
 import struct
 from typing import Any
+from weakref import ref
 
 import numpy as np
 
@@ -21,12 +22,12 @@ class Samples:
     A pose is 7 float64: x, y, z (m) and the rotation's x, y, z, w. Rows before `start` have
     expired; they are removed many at a time. `regular` is `stamps`, but empty while two of them
     are the same or the parents differ. `latest` is the newest stamp, or 0. `recent` is where the
-    last lookup was, as a hint for the next. Samples that were common are `abandoned` once one of
-    their frames has its own: nothing more comes into them.
+    last lookup was, as a hint for the next. `histories` refers to the histories of the frames, if
+    there are several.
     """
 
-    __slots__ = ('__weakref__', 'abandoned', 'authority', 'latest', 'poses', 'read_two',
-                 'recent', 'regular', 'row', 'stamps', 'start')
+    __slots__ = ('__weakref__', 'authority', 'histories', 'latest', 'poses', 'read_two', 'recent',
+                 'regular', 'row', 'stamps', 'start')
 
     def __init__(self, frames: int = 1) -> None:
         """
@@ -42,7 +43,7 @@ class Samples:
         self.regular = self.stamps
         self.start = self.recent = self.latest = 0
         self.authority = ''
-        self.abandoned = False
+        self.histories: list[ref[Any]] = []
 
     def append(self, stamps: 'array[int]', poses: bytes, authority: str, cache_time: int) -> bool:
         """
@@ -73,23 +74,26 @@ class Samples:
         return True
 
     def expire(self, earliest: int) -> int:
+        """Forget the rows before a time (ns); else as `drop_before`."""
+        return self.drop_before(bisect_left(self.stamps, earliest, self.start))
+
+    def drop_before(self, start: int) -> int:
         """
-        Forget the rows before a time (ns).
+        Forget the rows before an index.
 
         :returns: how many were removed from memory, as `delete` does, from the second on: the
             first stays, so that the others move into their place, and the memory is used again.
         """
-        stamps = self.stamps
-        self.start = expired = bisect_left(stamps, earliest, self.start)
-        if expired <= 16 or expired * 5 <= len(stamps):
+        self.start = start
+        if start <= 16 or start * 5 <= len(self.stamps):
             return 0
         self.start = 1
         try:
-            self.delete(1, expired - 1)
+            self.delete(1, start - 1)
         except BaseException:
             self.mend(1)
             raise
-        return expired - 1
+        return start - 1
 
     def delete(self, begin: int, count: int) -> None:
         """Remove rows from memory."""

@@ -2,14 +2,14 @@
 
 from typing import Union
 
-from dummy_arm.tf.history import History, Pose
+from dummy_arm.tf.history import History, Pose, State
 from dummy_arm.tf.samples import Samples
 
 
 class StaticHistory:
     """A pose that holds at all times."""
 
-    __slots__ = ('all_parents', 'authority', 'pose')
+    __slots__ = ('authority', 'only_parent', 'pose')
 
     is_static = True
     parents = None
@@ -19,14 +19,19 @@ class StaticHistory:
 
     def __init__(self, parent: str, pose: Pose, authority: str) -> None:
         """Keep what is given."""
-        self.all_parents, self.pose, self.authority = (parent,), pose, authority
+        self.only_parent, self.pose, self.authority = parent, pose, authority
+
+    @property
+    def all_parents(self) -> tuple[str]:
+        """The parent."""
+        return (self.only_parent,)
 
     def __len__(self) -> int:
         return 1
 
-    def known_at(self, time: int) -> tuple[int, int]:
-        """Tell how many poses there are, and that there is no stamp."""
-        return 1, 0
+    def state(self, until: int) -> State:
+        """Return what is known of the frame, at any time."""
+        return self.only_parent, self.authority, True, 1, 0, 0
 
     def pose_at(self, time: int) -> Pose:
         """Read the pose."""
@@ -34,7 +39,7 @@ class StaticHistory:
 
     def newest_parent(self) -> str:
         """Return the parent."""
-        return self.all_parents[0]
+        return self.only_parent
 
     def distance_to(self, time: int) -> int:
         """Return 0: it covers all times."""
@@ -42,7 +47,7 @@ class StaticHistory:
 
     def parent_at(self, time: int) -> str:
         """Tell the parent."""
-        return self.all_parents[0]
+        return self.only_parent
 
 
 AnyHistory = Union[History, StaticHistory]

@@ -18,6 +18,11 @@ def visible(text: str) -> str:
         c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
+def visible_lines(text: str) -> str:
+    """Return a text of several lines, each as `visible` returns it."""
+    return '\n'.join(map(visible, text.split('\n')))
+
+
 def abbreviated(text: str, longest: int = LONGEST) -> str:
     """
     Return a text of at most some characters, with the middle replaced by three dots.

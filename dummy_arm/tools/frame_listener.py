@@ -10,7 +10,7 @@ from rclpy.time import Time
 
 from dummy_arm.tf import Buffer
 from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.hints import nearest, some
+from dummy_arm.tf.hints import nearest, quoted, searched, some
 from dummy_arm.tf.senders import Observe, SenderListener
 
 _SHOWN = 20
@@ -73,6 +73,7 @@ class FrameListener:
         missing = [name for name in (target, source) if name not in known]
         if len(missing) == 2:
             why = f'{why} {source!r} does not exist either.'
-        known.sort(key=lambda name: -max(
+        near = sorted(searched(known), key=lambda name: -max(
             SequenceMatcher(None, name, other).ratio() for other in missing or [target, source]))
-        return f'{why} Frames here, the nearest names first: {some(known, _SHOWN, repr)}.'
+        listed = list(dict.fromkeys((*near, *known)))
+        return f'{why} Frames here, the nearest names first: {some(listed, _SHOWN, quoted)}.'

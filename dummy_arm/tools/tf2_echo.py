@@ -11,6 +11,7 @@ from dummy_arm.command import CommandError, number, Parser, run, UsageError
 from dummy_arm.interruption import sleep
 from dummy_arm.tf import Transform, TransformException
 from dummy_arm.tf.rotations import euler_from_quaternion
+from dummy_arm.tf.texts import logged, visible_lines
 from dummy_arm.tf.times import SECOND
 from dummy_arm.tools.bag_options import add_bag_options, read_bag
 from dummy_arm.tools.screen import fixed_point
@@ -97,7 +98,8 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
         listening = FrameListener(node)
         while why := listening.why_not(source_frame, target_frame, time):
             node.get_logger().info(
-                f'Waiting for transform {source_frame} ->  {target_frame}: {why}')
+                f'Waiting for transform {logged(source_frame)} ->  {logged(target_frame)}: '
+                f'{visible_lines(why)}')
             next_word = monotonic() + _BETWEEN_WORDS
             while monotonic() < next_word and not listening.buffer.can_transform(
                     source_frame, target_frame, Time(nanoseconds=time)):
@@ -111,8 +113,10 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
                 if once:
                     return 0
             except TransformException as error:
-                print(f'Failure at {listening.now() / SECOND:.3f}\nException thrown:{error}\n'
-                      f'The current list of frames is:\n{listening.buffer.all_frames_as_string()}')
+                frames = listening.buffer.all_frames_as_string()
+                print(visible_lines(
+                    f'Failure at {listening.now() / SECOND:.3f}\nException thrown:{error}\n'
+                    f'The current list of frames is:\n{frames}'))
             sleep(1.0 / hertz)
 
 

@@ -1,0 +1,92 @@
+"""What a hostile peer costs at most: time with the lock held, and memory."""
+
+from collections.abc import Iterator
+import subprocess
+import sys
+from time import perf_counter
+
+from measure import best, Row
+import numpy as np
+
+from dummy_arm.tf import BufferCore, TransformException, wire
+from dummy_arm.tf.message_reader import MessageReader
+
+_POSE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+_S = 10**9
+_PARENTS, _FRAMES = 20_000, 100_000
+
+
+def _fail(error: wire.MalformedMessage) -> None:
+    raise error
+
+
+def rows() -> Iterator[Row]:
+    """Measure what is linear, so that it is over soon."""
+    message = wire.pack((1, 1000 * i, f'parent_{i}', 'child', *_POSE) for i in range(_PARENTS))
+    begin = perf_counter()
+    BufferCore().insert_messages([message], MessageReader(_fail))
+    yield (f'{_PARENTS} transforms of one frame, each with another parent, in one message',
+           f'{perf_counter() - begin:.2f} s', '')
+    buffer = BufferCore()
+    for i in range(_FRAMES - 1):
+        buffer.insert(_S, 'map', f'frame_{i}', _POSE)
+    tree = buffer._lookups.tree
+    held = best(tree.states)
+    listed = best(buffer.frames)
+    yield f'frames() of {_FRAMES} frames', f'{listed * 1e3:.0f} ms', f'{held * 1e3:.0f} ms locked'
+    begin = perf_counter()
+    try:
+        buffer.lookup_transform('map', 'frame_x')
+    except TransformException as error:
+        raised = perf_counter() - begin
+        str(error)
+    yield (f'error about an unknown frame among {_FRAMES}, with its text',
+           f'{(perf_counter() - begin) * 1e3:.0f} ms', f'{raised * 1e3:.0f} ms locked')
+
+
+def memory() -> Iterator[Row]:
+    """Measure the memory of buffers that are as full as their limits allow."""
+    for what, *arguments in (
+            ('a buffer with 110 frames, full of samples', 110, 10_000_000 // 110 + 1, 5),
+            (f'a buffer with {_FRAMES} frames, full of samples', _FRAMES - 1, 101, 12),
+            (f'a buffer with {_FRAMES} frames, names of 1024 bytes, 4 bytes a character',
+             _FRAMES - 1, 1, 1021)):
+        size, number = subprocess.run(
+            [sys.executable, __file__, *map(str, arguments)], stdout=subprocess.PIPE, text=True,
+            check=True).stdout.split()
+        yield what, f'{size} MiB', f'{number} samples'
+
+
+def status(field: str) -> float:
+    """Read an amount of memory of this process from its status (MiB)."""
+    with open('/proc/self/status') as lines:
+        (line,) = (line for line in lines if line.startswith(field))
+    return int(line.split()[1]) / 1024
+
+
+def fill(frames: int, samples: int, length: int) -> None:
+    """
+    Fill a buffer; print how much memory that took at most (MiB), and the number of samples.
+
+    :param frames: the number of frames beside their parent.
+    :param samples: the number of samples that come for each of them.
+    :param length: that of their names (characters); one of many needs four bytes.
+    """
+    begin = '' if length < 100 else '\U0001f600'
+    together = 110
+    packets = [
+        wire.Packet([('map', f'{begin}{j:0{length - len(begin)}}')
+                     for j in range(i, min(i + together, frames))])
+        for i in range(0, frames, together)]
+    before = status('VmRSS')
+    buffer, reader = BufferCore(), MessageReader(_fail)
+    for number in range(samples):
+        for i, packet in enumerate(packets):
+            poses = np.tile(_POSE, (min(together, frames - i * together), 1))
+            buffer.insert_messages([packet.pack(_S + 1000 * number, poses)], reader)
+    peak = status('VmHWM')
+    print(f'{peak - before:.0f} {sum(frame.length for frame in buffer.frames())}')
+
+
+if __name__ == '__main__':
+    fill(*map(int, sys.argv[1:]))

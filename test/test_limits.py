@@ -1,0 +1,480 @@
+"""What a broken or hostile peer cannot do: fill the memory, hold the lock, reach the terminal."""
+
+from difflib import SequenceMatcher
+import math
+import re
+import signal
+
+from conftest import tool
+from hypothesis import given, settings
+from hypothesis import strategies as st
+import pytest
+
+from dummy_arm.tf import BufferCore, hints, TFMessage, TransformException, wire, wire_ros1
+from dummy_arm.tf.frame_tree import FrameTree
+from dummy_arm.tf.frames import as_string, Frame
+from dummy_arm.tf.message_reader import MessageReader
+from dummy_arm.tf.texts import abbreviated, logged, visible, visible_lines
+
+S = 1_000_000_000
+T = 1_700_000_000 * S
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def pose(x):
+    """Return a pose without rotation."""
+    return (float(x), *STILL[1:])
+
+
+def fail(error):
+    """Accept no malformed message."""
+    raise error
+
+
+def by_calls(buffer, stamps, children, parent='map'):
+    """Insert transforms one by one; x counts the stamps."""
+    for x, stamp in enumerate(stamps):
+        for child in children:
+            buffer.insert(stamp, parent, child, pose(x))
+
+
+def by_messages(buffer, stamps, children, parent='map'):
+    """Insert the same as messages, each with all children."""
+    buffer.insert_messages(
+        [wire.pack([(*divmod(stamp, S), parent, child, *pose(x)) for child in children])
+         for x, stamp in enumerate(stamps)], MessageReader(fail))
+    buffer.on_new_data()
+
+
+def by_a_message(buffer, stamps, children, parent='map'):
+    """Insert the same as one message."""
+    buffer.insert_messages(
+        [wire.pack([(*divmod(stamp, S), parent, child, *pose(x))
+                    for x, stamp in enumerate(stamps) for child in children])],
+        MessageReader(fail))
+    buffer.on_new_data()
+
+
+WAYS = [by_calls, by_messages, by_a_message]
+
+
+def lengths(buffer):
+    """Return the number of samples of each frame."""
+    return {frame.name: frame.length for frame in buffer.frames()}
+
+
+def texts(logs):
+    """Return what was logged."""
+    return [record.getMessage() for record in logs]
+
+
+class Counted(str):
+    """A name that counts how often it is compared."""
+
+    __slots__ = ()
+    count = 0
+
+    def __eq__(self, other):
+        Counted.count += 1
+        return str.__eq__(self, other)
+
+    __hash__ = str.__hash__
+
+
+@pytest.mark.parametrize('step', [1, -1])
+def test_ever_new_parents_of_a_child_take_linear_time(step):
+    """The number of comparisons grows with the number of transforms, not with its square."""
+    tree = FrameTree(10 * S)
+    number = 1000
+    Counted.count = 0
+    for i in range(number):
+        tree.insert(T + i * step * 1000, Counted(f'parent_{i}'), 'child', STILL, '', False)
+    assert Counted.count < 3 * number
+    history = tree.histories['child']
+    assert [history.parent_of(i) for i in range(number)] == [
+        f'parent_{i}' for i in range(number)[::step]]
+    assert list(history.all_parents) == [f'parent_{i}' for i in range(number)]
+
+
+def test_a_parent_that_expired_is_forgotten():
+    """And the last one that is left is the only one again; lookups follow."""
+    buffer = BufferCore(S)
+    for i in range(100):
+        buffer.insert(T + i * S // 100, 'odd' if i % 2 else 'even', 'child', pose(i))
+    history = buffer._lookups.tree.histories['child']
+    assert set(history.all_parents) == {'odd', 'even'}
+    assert buffer.can_transform('even', 'child', T + 50 * S // 100)
+    for i in range(100, 320):
+        buffer.insert(T + i * S // 100, 'odd', 'child', pose(i))
+    assert set(history.all_parents) == {'odd'}
+    assert history.only_parent == 'odd'
+    assert history.parents is None
+    assert buffer.lookup_transform('odd', 'child', T + 3 * S).translation[0] == 300.0
+
+
+@pytest.mark.parametrize('insert', WAYS)
+def test_a_frame_keeps_10000_samples_per_second_of_cache_time(insert, logs):
+    """The newest ones; the limit is logged once for all frames."""
+    buffer = BufferCore(S // 20)
+    stamps = [T + i for i in range(1200)]
+    insert(buffer, stamps, ['a', 'b'])
+    assert lengths(buffer) == {'a': 500, 'b': 500}
+    assert buffer.lookup_transform('map', 'a', T + 700).translation[0] == 700.0
+    assert buffer.lookup_transform('map', 'b', T + 1199).translation[0] == 1199.0
+    with pytest.raises(TransformException, match='extrapolation into the past'):
+        buffer.lookup_transform('map', 'a', T + 699)
+    (text,) = texts(logs)
+    assert text.startswith('TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
+                           '"a" from authority "default_authority"')
+    assert 'of a frame, 500 are kept' in text
+
+
+@pytest.mark.parametrize('insert', WAYS)
+def test_what_is_dropped_is_freed(insert):
+    """However often: the memory holds little more than what is kept."""
+    buffer = BufferCore(S // 20)
+    for round_ in range(10):
+        insert(buffer, [T + round_ * 1000 + i for i in range(1000)], ['a', 'b', 'c'])
+    places = {id(place): place for place, _ in (
+        buffer._lookups.tree.histories[name].place for name in 'abc')}
+    assert sum(len(place.poses) for place in places.values()) < 3 * 500 * 56 * 1.3
+
+
+def test_a_frame_with_many_parents_keeps_as_many_parents_as_samples():
+    """Also when they are dropped because there are too many."""
+    buffer = BufferCore(S // 20)
+    for i in range(3000):
+        buffer.insert(T + i, f'parent_{i % 700}', 'child', pose(i))
+    history = buffer._lookups.tree.histories['child']
+    assert len(history) == 500
+    assert len(history.parents) == len(history.place[0].stamps) < 650
+    for i in (2500, 2750, 2999):
+        assert buffer.lookup_transform(f'parent_{i % 700}', 'child', T + i).translation[0] == i
+
+
+@pytest.mark.parametrize('insert', WAYS)
+def test_an_hour_at_100_hz_is_kept(insert, logs):
+    """Every sample of it, in a buffer with an hour of cache time."""
+    buffer = BufferCore(3600 * S)
+    insert(buffer, [T + i * S // 100 for i in range(360_001)], ['tool'])
+    assert lengths(buffer) == {'tool': 360_001}
+    assert not logs
+
+
+@pytest.mark.parametrize('insert', WAYS)
+def test_the_frame_that_gets_a_sample_drops_its_oldest(insert, logs):
+    """When the buffer has as many as it may have; the others keep theirs. It is logged once."""
+    buffer = BufferCore(max_samples=10)
+    insert(buffer, [T + i for i in range(5)], ['a'])
+    insert(buffer, [T + i for i in range(5)], ['b'])
+    assert not logs
+    insert(buffer, [T + 100 + i for i in range(3)], ['a'])
+    assert lengths(buffer) == {'a': 5, 'b': 5}
+    assert [frame.oldest - T for frame in buffer.frames()] == [3, 0]
+    assert buffer.lookup_transform('map', 'a', T + 102).translation[0] == 2.0
+    insert(buffer, [T + 200], ['b'])
+    assert [frame.oldest - T for frame in buffer.frames()] == [3, 1]
+    (text,) = texts(logs)
+    assert text.startswith(
+        'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "a" from authority ')
+    assert 'the buffer has 10, and no more are kept (max_samples of the buffer)' in text
+
+
+@pytest.mark.parametrize('insert', WAYS)
+def test_a_new_frame_has_a_place_in_a_full_buffer(insert):
+    """One sample of it, always the newest."""
+    buffer = BufferCore(max_samples=10)
+    insert(buffer, [T + i for i in range(10)], ['a'])
+    insert(buffer, [T, T + 5], ['new'])
+    assert lengths(buffer) == {'a': 10, 'new': 1}
+    assert buffer.lookup_transform('map', 'new').stamp == T + 5
+
+
+@pytest.mark.parametrize('insert', WAYS)
+def test_a_buffer_is_full_no_longer_when_samples_have_expired(insert):
+    """The old ones of one frame make room for another."""
+    buffer = BufferCore(S, max_samples=10)
+    insert(buffer, [T + i for i in range(8)], ['a'])
+    insert(buffer, [T + i for i in range(2)], ['b'])
+    insert(buffer, [T + 10 * S, T + 10 * S + 1], ['a'])
+    insert(buffer, [T + 2 + i for i in range(5)], ['b'])
+    assert lengths(buffer) == {'a': 2, 'b': 7}
+
+
+samples = st.lists(st.tuples(
+    st.sampled_from(WAYS), st.integers(0, 100), st.integers(1, 5),
+    st.lists(st.sampled_from([f'frame_{i}' for i in range(12)]), min_size=1, max_size=12,
+             unique=True)), max_size=40)
+
+
+@given(samples)
+@settings(deadline=None, max_examples=50)
+def test_a_buffer_has_no_more_samples_than_allowed(inserted):
+    """But one for each frame; and of every frame it has the newest."""
+    buffer = BufferCore(S, max_samples=20)
+    newest = {}
+    for insert, begin, number, children in inserted:
+        insert(buffer, [T + begin * 1000 + i for i in range(number)], children)
+        for child in children:
+            newest[child] = max(newest.get(child, 0), T + begin * 1000 + number - 1)
+        found = buffer.frames()
+        assert {frame.name: frame.latest for frame in found} == newest
+        assert sum(frame.length for frame in found) <= 20 + len(found)
+
+
+def test_no_limit_of_samples():
+    """Is None: neither of the buffer nor of a frame."""
+    buffer = BufferCore(S // 20, max_samples=None)
+    by_messages(buffer, [T + i for i in range(1200)], ['a'])
+    assert lengths(buffer) == {'a': 1200}
+    for wrong in 0, -1:
+        with pytest.raises(ValueError, match=f'max_samples must be at least 1, or None, got '
+                                             f'{wrong}'):
+            BufferCore(max_samples=wrong)
+
+
+def test_frames_that_are_parted_leave_nothing_in_common():
+    """Else a silent frame would keep in memory what the others had in common with it."""
+    buffer = BufferCore()
+    children = [f'frame_{i}' for i in range(20)]
+    by_messages(buffer, [T + i for i in range(1000)], children)
+    histories = [buffer._lookups.tree.histories[child] for child in children]
+    assert len({id(history.place[0]) for history in histories}) == 1
+    buffer.insert(T + 5000, 'map', 'frame_3', STILL)
+    assert len({id(history.place[0]) for history in histories}) == 20
+    assert {len(history.place[0].poses) for history in histories} == {1000 * 56, 1001 * 56}
+    assert [frame.length for frame in buffer.frames()] == [
+        1001 if i == 3 else 1000 for i in range(20)]
+
+
+LONG = [('x' * 1024, True), ('x' * 1025, False), ('é' * 512, True), ('é' * 513, False),
+        ('\U0001f600' * 256, True), ('\U0001f600' * 257, False), ('\udc80' * 342, False)]
+
+
+@pytest.mark.parametrize('is_static', [False, True])
+@pytest.mark.parametrize(('name', 'is_taken'), LONG)
+def test_a_name_may_have_1024_bytes(name, is_taken, is_static, logs):
+    """Of UTF-8, a parent's as a child's; a leading slash does not count."""
+    for number, edge in enumerate([('map', f'/{name}'), (f'/{name}', 'tool')]):
+        buffer = BufferCore()
+        logs.clear()
+        assert buffer.insert(T, *edge, STILL, 'somebody', is_static) is is_taken
+        assert bool(buffer.frames()) is is_taken
+        if not is_taken:
+            size = len(name.encode('utf-8', 'surrogatepass'))
+            (text,) = texts(logs)
+            assert re.fullmatch(
+                r'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id ".*" from authority '
+                rf'"somebody" because its {"frame_id" if number else "child_frame_id"} has {size} '
+                'bytes: no more than 1024 are allowed', text)
+            assert len(text) < 900
+
+
+@pytest.mark.parametrize('form', [wire, wire_ros1])
+def test_names_of_messages_that_are_too_long_are_not_kept(form, logs):
+    """Neither as frames, nor as the layout of a stream."""
+    buffer, reader = BufferCore(), MessageReader(fail, form)
+    rows = [(1, 2, 'map', 'x' * 1_000_000, *STILL), (1, 2, 'map', 'tool', *STILL)]
+    data = wire.pack(rows) if form is wire else ros1(rows)
+    buffer.insert_messages([data] * 3, reader)
+    buffer.on_new_data()
+    assert lengths(buffer) == {'tool': 1}
+    assert not reader._known
+    (text,) = texts(logs)
+    assert 'has 1000000 bytes' in text
+    assert '(1000000 characters)' in text
+
+
+def ros1(rows):
+    """Pack a message as ROS 1 does."""
+    packed = len(rows).to_bytes(4, 'little')
+    for sec, nanosec, *names, x, y, z, qx, qy, qz, qw in rows:
+        packed += wire_ros1.struct.pack('<III', 0, sec, nanosec)
+        for name in names:
+            packed += len(name).to_bytes(4, 'little') + name.encode()
+        packed += wire_ros1.struct.pack('<7d', x, y, z, qx, qy, qz, qw)
+    return packed
+
+
+HOSTILE = '\x1b[2J\r\n\x07' + 'x' * 200 + '\udc80\u202e'
+NAN = (math.nan, *STILL[1:])
+
+
+@pytest.mark.parametrize(('cause', 'parent', 'child', 'bad', 'stamp'), [
+    ('TF_SELF_TRANSFORM', HOSTILE, HOSTILE, STILL, T),
+    ('TF_NO_FRAME_ID', '', HOSTILE, STILL, T),
+    ('TF_NO_CHILD_FRAME_ID', HOSTILE, '', STILL, T),
+    ('TF_NAN_INPUT', 'map', HOSTILE, NAN, T),
+    ('TF_DENORMALIZED_QUATERNION', 'map', HOSTILE, (0.0,) * 7, T),
+    ('TF_OLD_DATA', 'map', HOSTILE, STILL, T - 100 * S),
+    ('TF_TOO_MANY_FRAMES', 'map', f'new{HOSTILE}', STILL, T),
+    ('TF_LONG_FRAME_ID', 'map', HOSTILE * 10, STILL, T),
+    ('TF_TOO_MANY_SAMPLES', 'map', HOSTILE, STILL, None),
+    ('TF_FULL_BUFFER', 'map', HOSTILE, STILL, None)])
+def test_a_log_line_escapes_and_cuts_names(cause, parent, child, bad, stamp, logs):
+    """Of frames and of who sent them: nothing but tf2's own line break reaches the terminal."""
+    buffer = BufferCore(S // 50, max_frames=2, max_samples=150 if 'FULL' in cause else 1000)
+    buffer.insert(T, 'map', HOSTILE, STILL)
+    for i in range(300):
+        buffer.insert(T + i if stamp is None else stamp, parent, child, bad, HOSTILE)
+    text = next(text for text in texts(logs) if text.startswith(cause))
+    assert all(line.isprintable() for line in text.split('\n'))
+    assert text.count('\n') == (cause == 'TF_OLD_DATA')
+    assert r'\x1b[2J\r\n\x07' in text
+    assert f'...{"x" * 46}\\udc80\\u202e ({len(HOSTILE)} characters)' in text
+    assert len(text) < 900
+
+
+def test_logs_of_rclpy_take_lone_surrogates(logs):
+    """Which cannot be encoded, so that rclpy's logger would raise in the listener's thread."""
+    from dummy_arm.tf import Buffer
+    buffer = Buffer()
+    for _ in range(2):
+        assert not buffer.insert(T, 'map\udc80', 'map\udc80', STILL)
+
+
+def test_texts():
+    """Names are escaped as Python does, and cut in the middle."""
+    assert visible('tool') == 'tool'
+    assert visible('a\tb\x1b[31m\udcff\u200b√') == r'a\tb\x1b[31m\udcff\u200b√'
+    assert visible_lines('a\x00\nb\x7f') == '\n'.join((r'a\x00', r'b\x7f'))
+    assert abbreviated('x' * 100) == logged('x' * 100) == 'x' * 100
+    assert abbreviated('left_front_wheel', 11) == 'left...heel'
+    assert logged(f'begin{"x" * 3000}end') == (
+        f'begin{"x" * 44}...{"x" * 45}end (3008 characters)')
+
+
+@pytest.fixture
+def compared(monkeypatch):
+    """Return the lists of names among which near ones are searched."""
+    lists = []
+
+    def get_close_matches(name, names, number):
+        lists.append(names)
+        return [other for other in names if other.startswith(name)][:number]
+
+    monkeypatch.setattr(hints, 'get_close_matches', get_close_matches)
+    hints.nearest.cache_clear()
+    yield lists
+    hints.nearest.cache_clear()
+
+
+def why(buffer, name):
+    """Return the text of the error for an unknown frame."""
+    with pytest.raises(TransformException) as raised:
+        buffer.lookup_transform('map', name)
+    return str(raised.value)
+
+
+def test_near_names_are_searched_among_1000(compared):
+    """To compare an unknown name with a hundred thousand would take seconds."""
+    buffer = BufferCore()
+    for i in range(3000):
+        buffer.insert(T, 'map', f'frame_{i}', STILL, is_static=True)
+    assert why(buffer, 'fr').endswith(
+        "Nearest known: 'frame_0', 'frame_1', 'frame_2', 'frame_3', 'frame_4'.")
+    assert why(buffer, 'tool').endswith(
+        "Known frames: 'frame_0', 'map', 'frame_1', 'frame_2', 'frame_3' and 2996 more.")
+    assert [len(names) for names in compared] == [1000, 1000]
+
+
+def test_long_names_are_neither_compared_nor_shown_in_full(compared):
+    """To compare two of them takes milliseconds."""
+    buffer = BufferCore()
+    for i in range(10):
+        buffer.insert(T, 'map', f'{"x" * 500}{i}', STILL, is_static=True)
+    text = why(buffer, 'tool')
+    first, *others = (f"'{'x' * 49}...{'x' * 47}{i}'" for i in range(4))
+    assert text.endswith(f"Known frames: {first}, 'map', {', '.join(others)} and 6 more.")
+    why(buffer, 'y' * 500)
+    assert compared == [['map']]
+
+
+class Watched:
+    """Notes whether the lock of a buffer is held when something is written."""
+
+    def __init__(self, buffer, work):
+        self.buffer, self.work, self.held = buffer, work, []
+
+    def __call__(self, *arguments):
+        """Write it."""
+        self.held.append(self.buffer.is_held)
+        return self.work(*arguments)
+
+
+def test_frames_are_listed_without_the_lock(monkeypatch):
+    """It is held only while the numbers are copied."""
+    buffer = BufferCore()
+    by_messages(buffer, [T, T + 1], ['a', 'b'])
+    watched = Watched(buffer, Frame.__new__)
+    monkeypatch.setattr(Frame, '__new__', lambda *arguments: watched(*arguments))
+    assert [tuple(frame) for frame in buffer.frames()] == [
+        (name, 'map', 'default_authority', False, 2, T + 1, T) for name in 'ab']
+    assert watched.held == [False, False]
+
+
+def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
+    """That which is asked for, and that in the error about a loop."""
+    buffer = BufferCore()
+    for parent, child in ('map', 'a'), ('c', 'b'), ('b', 'c'):
+        buffer.insert(T, parent, child, STILL)
+    watched = Watched(buffer, as_string)
+    monkeypatch.setattr('dummy_arm.tf.frames.as_string', watched)
+    monkeypatch.setattr('dummy_arm.tf.frame_tree.as_string', watched)
+    listed = ('Frame a exists with parent map.\nFrame b exists with parent c.\n'
+              'Frame c exists with parent b.\n')
+    assert buffer.all_frames_as_string() == listed
+    with buffer.fetched(), pytest.raises(TransformException) as raised:
+        buffer.lookup_transform('a', 'b')
+    assert watched.held == [False]  # nothing of it is written before somebody reads it
+    assert listed in str(raised.value)
+    assert watched.held == [False, False]
+
+
+
+def test_frames_of_tf2_echo_are_compared_with_1000(ros, monkeypatch):
+    """When it says which frames there are, the nearest names first."""
+    from dummy_arm.tools import frame_listener
+    compared = []
+
+    def matcher(_, name, other):
+        compared.append(name)
+        return SequenceMatcher(None, name, other)
+
+    monkeypatch.setattr(frame_listener, 'SequenceMatcher', matcher)
+    listening = frame_listener.FrameListener(ros.node)
+    for i in range(3000):
+        listening.buffer.insert(T, 'map', f'frame_{i}', STILL, is_static=True)
+    text = listening.why_not('map', 'frame_x')
+    assert "the nearest names first: 'frame_0', 'frame_1'" in text
+    assert text.endswith(' and 2981 more.')
+    assert len(compared) == 1000
+
+
+def test_traffic_of_frames_with_long_names_is_not_counted():
+    """Of a hundred thousand frames at most, whose names fit into the memory."""
+    from dummy_arm.tf.senders import Sent
+    from dummy_arm.tools.traffic import Traffic
+    traffic = Traffic(lambda: T)
+    message = Sent(wire.pack([(1, 2, 'map', name, *STILL) for name in ('x' * 1025, 'tool')]))
+    message.gid, message.received = 'gid', T
+    traffic.observe([message], False)
+    streams = traffic.streams(lambda gids: dict.fromkeys(gids, '/node'), ['gid'])
+    assert [stream.frame for stream in streams] == ['tool', '']
+
+
+def test_tf2_echo_escapes_what_others_named(ros, start):
+    """The frames of a loop are in the error, and all are listed; one line of the log each."""
+    process = start(*tool('tf2_echo', 'map', 'tool\x1b[31m'))
+    publisher = ros.node.create_publisher(TFMessage, '/tf', 10)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    rows = [(1, 0, 'map', 'tool\x1b[31m', *STILL), (1, 0, 'a\x1b[2J', 'b\x07', *STILL)]
+    publisher.publish(wire.pack(rows))
+    process.line_with('At time 1.0')
+    publisher.publish(wire.pack([(1, 0, 'b\x07', 'a\x1b[2J', *STILL),
+                                 (2, 0, 'a\x1b[2J', 'tool\x1b[31m', *STILL)]))
+    process.line_with('Exception thrown')
+    process.line_with(r'Frame b\x07 exists with parent a\x1b[2J.')
+    process.end(signal.SIGINT)
+    assert '\x1b[2J' not in process.output
+    assert '\x07' not in process.output
