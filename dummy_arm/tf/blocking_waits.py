@@ -33,6 +33,10 @@ class BlockingWaits:
     def __bool__(self) -> bool:
         return bool(self._queues)
 
+    def forget(self) -> None:
+        """Forget all threads that wait: this is in a process that was forked, without them."""
+        self._queues.clear()
+
     def notify(self) -> None:
         """Wake all threads that wait, so that they look again."""
         for queue in tuple(self._queues):

@@ -88,6 +88,16 @@ class Buffer(BufferCore, BufferInterface):
     def _conditions(self) -> tuple[bool, ...]:
         return (*super()._conditions(), bool(self._context.ok()))
 
+    def _begin_fork(self) -> None:
+        super()._begin_fork()
+        self._waits.lock.acquire()
+
+    def _end_fork(self, is_child: bool) -> None:
+        if is_child:
+            self._waits.forget_all()
+        self._waits.lock.release()
+        super()._end_fork(is_child)
+
     def on_new_data(self) -> bool:
         """Wake those who wait for a transform; tell whether a future is done now."""
         super().on_new_data()

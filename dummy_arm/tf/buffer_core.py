@@ -1,7 +1,11 @@
 """The buffer: all that was published, looked up by frame and by time, as tf2 answers; no ROS."""
 
 from collections.abc import Callable, Iterable
+from functools import partial
+import os
+from threading import RLock
 from typing import Any, Optional, TypeVar, Union
+from weakref import WeakValueDictionary
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,6 +22,13 @@ from dummy_arm.tf.times import int64_times, nanoseconds_or_int, SECOND
 from dummy_arm.tf.transform import Transform
 
 _Answer = TypeVar('_Answer')
+
+#: Every buffer, by its id.
+_buffers: 'WeakValueDictionary[int, BufferCore]' = WeakValueDictionary()
+#: Held while the process forks.
+_forking = RLock()
+#: The buffers whose locks are held for a fork.
+_forked: list['BufferCore'] = []
 
 
 class BufferCore:
@@ -61,6 +72,7 @@ class BufferCore:
         self.fetched = self._lookups.fetched
         self._waiting = BlockingWaits(self.lock)
         self._intake = Intake(self._lookups, max_frames, max_samples)
+        _buffers[id(self)] = self
 
     def set_transform(self, transform: Transform, authority: str = 'default_authority') -> bool:
         """
@@ -147,6 +159,24 @@ class BufferCore:
             self._lookups.sources = tuple(
                 other for other in self._lookups.sources if other is not source)
         self._waiting.notify()  # if it was the last, blocked lookups end
+
+    def _begin_fork(self) -> None:
+        """Have no other thread change the data while the process forks."""
+        self.lock.acquire()
+
+    def _end_fork(self, is_child: bool) -> None:
+        """
+        Let others change the data again.
+
+        :param is_child: whether this is the new process. It has one thread, and the middleware
+            does not work there: lookups answer from the data as of the fork.
+        """
+        if is_child:
+            for source in self._lookups.sources:
+                source.abandon()
+            self._lookups.sources = ()
+            self._waiting.forget()
+        self.lock.release()
 
     def clear(self) -> None:
         """Forget all but the names of the frames and what is static."""
@@ -254,6 +284,28 @@ class BufferCore:
         with self.fetched():
             edges = self._lookups.tree.newest_edges()
         return frames.as_string(edges)
+
+
+def _before_fork() -> None:
+    """Take the locks of all buffers: in the child, nobody would release those of other threads."""
+    _forking.acquire()
+    buffers = list(_buffers.values())
+    for buffer in buffers:
+        buffer._lookups.update()  # the child cannot
+    for buffer in buffers:
+        buffer._begin_fork()
+        _forked.append(buffer)
+
+
+def _after_fork(is_child: bool) -> None:
+    while _forked:
+        _forked.pop()._end_fork(is_child)
+    _forking.release()
+
+
+if hasattr(os, 'register_at_fork'):  # not on Windows
+    os.register_at_fork(before=_before_fork, after_in_parent=partial(_after_fork, False),
+                        after_in_child=partial(_after_fork, True))
 
 
 def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:

@@ -86,6 +86,10 @@ class Feed:
         if has_news:
             self._wake_waiting()
 
+    def abandon(self) -> None:
+        """Take and insert nothing more: this is in a process that was forked."""
+        self._has_ended = True
+
     def fetch(self) -> None:
         """Insert what has arrived on /tf; on /tf_static too, if its thread itself looks up."""
         with suppress(InvalidHandle, _rclpy.RCLError):  # when the listener ends just now

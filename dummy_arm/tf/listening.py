@@ -3,6 +3,7 @@
 import atexit
 from collections.abc import Callable
 from contextlib import suppress
+import os
 from threading import current_thread, Lock, Thread
 from time import monotonic
 from typing import Any
@@ -90,8 +91,10 @@ class Listening:
         if self._once.acquire(blocking=False):
             self._on_end()
             return
+        if not self._thread.is_alive():  # as in a process that was forked
+            return
         self.wake()
-        if self._thread.is_alive() and not self.is_current() and not self._is_blocked():
+        if not self.is_current() and not self._is_blocked():
             self._thread.join(_ENDING)
 
     def _on_guard_destroyed(self) -> None:
@@ -140,6 +143,10 @@ class Listening:
 
 def _nothing() -> None:
     """Have an executor return from a wait, and do nothing more."""
+
+
+if hasattr(os, 'register_at_fork'):  # not on Windows
+    os.register_at_fork(after_in_child=_running.clear)
 
 
 @atexit.register

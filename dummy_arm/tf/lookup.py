@@ -28,6 +28,9 @@ class Source(Protocol):
     def hurry(self) -> None:
         """From now on, and as long as somebody waits, bring in what arrives at once."""
 
+    def abandon(self) -> None:
+        """Bring in nothing more: this is in a process that was forked, without its threads."""
+
 
 class Lookups:
     """

@@ -50,6 +50,9 @@ class _Callbacks:
 
     hurry = fetch
 
+    def abandon(self) -> None:
+        """Do nothing: in a process that was forked, there is no such thread."""
+
 
 class TransformListener:
     """

@@ -69,10 +69,10 @@ class Waits:
         :param node: whose executor is woken when a wait is over.
         """
         self._node = node
-        self._lock = RLock()
+        self.lock = RLock()
         self._futures: WeakSet[TransformFuture] = WeakSet()
         self._kept: set[TransformFuture] = set()
-        self._changed = Condition(self._lock)
+        self._changed = Condition(self.lock)
         self._deadlines: list[_Deadline] = []
         self._numbers = count()
         self._thread: Optional[Thread] = None
@@ -89,7 +89,7 @@ class Waits:
         :param what: what is waited for, for that error.
         """
         future = TransformFuture(self, lookup, what)
-        with self._lock:
+        with self.lock:
             self._futures.add(future)
         try:
             transform = lookup()
@@ -105,13 +105,13 @@ class Waits:
 
     def keep(self, future: TransformFuture) -> None:
         """Keep a future that somebody waits for, until it is done."""
-        with self._lock:
+        with self.lock:
             if future in self._futures:
                 self._kept.add(future)
 
     def forget(self, future: TransformFuture) -> bool:
         """Forget a future; tell whether it was waiting still."""
-        with self._lock:
+        with self.lock:
             waited = future in self._futures
             self._futures.discard(future)
             self._kept.discard(future)
@@ -119,9 +119,17 @@ class Waits:
         future.lookup = _nothing  # rclpy may hold the future on: not the buffer with it
         return waited
 
+    def forget_all(self) -> None:
+        """Forget all futures: this is in a process that was forked, where no data come in."""
+        self._node = self._thread = None
+        self._futures.clear()
+        self._kept.clear()
+        self._deadlines.clear()
+        self._changed = Condition(self.lock)
+
     def check(self) -> bool:
         """Look for answers, now that there are new data; tell whether there were any."""
-        with self._lock:
+        with self.lock:
             futures = list(self._futures)
         return sum(map(self._try, futures)) > 0
 
@@ -155,7 +163,7 @@ class Waits:
 
     def _end_after(self, future: TransformFuture, timeout: float) -> None:
         """See to it that a wait ends after a timeout (s)."""
-        with self._lock:
+        with self.lock:
             if len(self._deadlines) > 2 * len(self._futures) + 10:
                 self._deadlines = [entry for entry in self._deadlines if self._waits(entry)]
                 heapq.heapify(self._deadlines)
@@ -170,13 +178,13 @@ class Waits:
         return entry[3]() in self._futures
 
     def _notify(self, _: Any) -> None:
-        with self._lock:
+        with self.lock:
             self._changed.notify_all()
 
     def _watch_deadlines(self) -> None:
         """End the waits whose time is up, as long as there are any that may have to be ended."""
         while True:
-            with self._lock:
+            with self.lock:
                 while self._deadlines and not self._waits(self._deadlines[0]):
                     heapq.heappop(self._deadlines)
                 if not self._deadlines:
