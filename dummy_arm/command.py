@@ -11,6 +11,7 @@ import sys
 from typing import Any, NoReturn, Optional
 
 from dummy_arm.interruption import note_signals
+from dummy_arm.tf.texts import visible
 
 
 class UsageError(ValueError):
@@ -44,7 +45,7 @@ class Parser(argparse.ArgumentParser):
             if near and name.startswith('--') and message.startswith('unrecognized'):
                 message = f'{message} (did you mean {near[0]}?)'
         usage = ' '.join(self.format_usage().split())
-        self.exit(2, f'{self.prog}: {message}; {usage}\n')
+        self.exit(2, f'{self.prog}: {visible(message)}; {usage}\n')
 
 
 def number(text: str) -> float:
@@ -85,11 +86,11 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         _close_stdout()
         return 0
     except (UsageError, CommandError) as error:
-        print(f'{parser.prog}: {error}', file=sys.stderr)
+        print(f'{parser.prog}: {visible(str(error))}', file=sys.stderr)
         return 2 if isinstance(error, UsageError) else 1
     except OSError as error:
         _close_stdout()
-        print(f'{parser.prog}: {error}', file=sys.stderr)
+        print(f'{parser.prog}: {visible(str(error))}', file=sys.stderr)
         return 1
     finally:
         for number, handler in handlers.items():

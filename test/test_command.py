@@ -52,6 +52,23 @@ def test_exit_codes(parser, capsys, outcome, code, said):
     assert capsys.readouterr() == ('', said)
 
 
+@pytest.mark.parametrize('error', [CommandError, UsageError])
+def test_an_error_is_one_line_that_does_not_control_the_terminal(parser, capsys, error):
+    """Whatever names of files, frames and topics it has in it."""
+    def command(**_):
+        raise error('no frame \x1b[2J, \r\n\u2028\udc80')
+
+    assert run(parser, command, []) != 0
+    assert capsys.readouterr().err == 'tool: no frame \\x1b[2J, \\r\\n\\u2028\\udc80\n'
+
+
+def test_a_wrong_argument_does_not_control_the_terminal(failed, parser):
+    """The same of what the parser refuses."""
+    code, line = failed(lambda args: run(parser, print, args), '--\x1b[2J\n')
+    assert code == 2
+    assert line.startswith('tool: unrecognized arguments: --\\x1b[2J\\n; usage: tool ')
+
+
 def test_who_has_read_enough_is_no_error():
     """As with `| head`."""
     code = ('import sys; from dummy_arm.command import Parser, run; sys.exit(run('
