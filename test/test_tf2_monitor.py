@@ -202,6 +202,22 @@ def test_lines():
         '                        ? Hz -1000000.500000 s 12345678.250000 s  /arm']
 
 
+def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
+    """The others stand as they would without it."""
+    name = 'x' * 3000
+    short = f'{"x" * 49}...{"x" * 48}'
+    streams = [Stream('base', '/arm', True, True, None, None),
+               Stream('\x1b' * 3000, '/arm', True, True, None, None),
+               Stream(name, f'/{name}', True, True, None, None),
+               Stream(name, '/arm', True, True, None, None)]
+    lines = lines_of(streams)
+    assert lines[0] == (f'Warning: {short} is published by /{"x" * 48}...{"x" * 48} and /arm; '
+                        'a frame should have one publisher')
+    assert lines[3] == f'  base      static{"":30}  /arm'
+    assert lines[5] == f'  {short}     static{"":30}  /{"x" * 48}...{"x" * 48}'
+    assert len(lines[4]) == 2 + len('...') + 97 * len('\\x1b') + 41 + len('  /arm')
+
+
 @pytest.mark.parametrize('arguments', [('map',), ('map', ''), ('/', 'odom')])
 def test_wrong_use(failed, arguments):
     """Is exit code 2, and one line."""

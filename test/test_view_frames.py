@@ -39,11 +39,16 @@ def moving(name, parent, hertz=10, seconds=5, sender='/node'):
     return Frame(name, parent, sender, False, hertz * seconds + 1, 100 * S, (100 - seconds) * S)
 
 
+def chain(length):
+    """Make a forest in which each frame is the parent of the next: 0, 1, and so on."""
+    return Forest([moving(f'{i + 1}', f'{i}') for i in range(length)])
+
+
 def text_of(frames, tmp_path):
     """Draw frames into a PDF, and read its text."""
     pypdf = pytest.importorskip('pypdf')
     path = tmp_path / 'drawn.pdf'
-    path.write_bytes(draw(as_dot(frames, 100 * S), 'pdf'))
+    path.write_bytes(draw(as_dot(Forest(frames), 100 * S), 'pdf'))
     (page,) = pypdf.PdfReader(path).pages
     return [line.strip() for line in page.extract_text().splitlines()]
 
@@ -88,7 +93,7 @@ def test_several_roots_and_a_loop_are_drawn(tmp_path):
     lines = text_of(frames, tmp_path)
     names = {'a', 'root 1', 'b', 'root 2', 'x', 'y', 'z', 'twig'}
     assert names <= set(lines)
-    assert as_dot(frames, 0).count('->') == 6
+    assert as_dot(Forest(frames), 0).count('->') == 6
     forest = Forest(frames)
     assert forest.roots == ['root 1', 'root 2']
     (loop,) = forest.loops
@@ -99,7 +104,7 @@ def test_the_trees_in_the_terminal():
     """With rates, ages and senders, in columns."""
     frames = [static('base', 'map'), moving('arm', 'base', 50), moving('日本', 'arm', 1),
               moving('wheel', 'base'), static('a', 'b'), static('b', 'a'), static('tab\t', 'b')]
-    assert view_frames.lines_of(frames, 100 * S + S // 4) == [
+    assert view_frames.lines_of(Forest(frames), 100 * S + S // 4) == [
         'map',
         '└── base             static                 /node',
         '    ├── arm         50.0 Hz    0.250 s old  /node',
@@ -114,8 +119,38 @@ def test_the_trees_in_the_terminal():
 
 def test_a_long_chain_is_drawn():
     """Longer than Python's recursion is deep."""
-    lines = view_frames.lines_of([moving(f'{i + 1}', f'{i}') for i in range(3000)], 0)
-    assert len(lines) == 3001
+    lines = view_frames.lines_of(chain(3000), 0)
+    assert len(lines) == chain(3000).drawn_lines == 3001
+
+
+def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
+    """The columns of the others stand where they would be without it."""
+    name = f'begin{"-" * 3000}end'
+    short = [static('base', 'map'), moving('arm', 'base')]
+    lines = view_frames.lines_of(Forest([*short, static(name, 'map', sender=f'/{name}')]), 100 * S)
+    assert lines[:3] == [
+        'map',
+        '├── base        static                 /node',
+        '│   └── arm    10.0 Hz    0.000 s old  /node']
+    begin, _, sender = lines[3].split()[1:]
+    assert begin == f'begin{"-" * 44}...{"-" * 45}end'
+    assert sender == f'/begin{"-" * 43}...{"-" * 45}end'
+    hostile = view_frames.lines_of(Forest([*short, static('\x1b' * 3000, 'map')]), 100 * S)
+    assert hostile[:3] == lines[:3]
+
+
+def test_the_lines_of_a_deep_tree_are_not_as_long_as_the_longest():
+    """Each is as long as its branches, and a bounded rest."""
+    lines = view_frames.lines_of(chain(1000), 100 * S)
+    for level, line in enumerate(lines):
+        assert len(line) <= max(100, 4 * level + len('1000')) + 2 + 9 + 2 + 13 + 2 + len('/node')
+
+
+def test_of_a_tree_only_what_a_terminal_shows_is_made():
+    """What is not shown does not make columns wide, either."""
+    lines = view_frames.lines_of(chain(3000), 100 * S, 10)
+    assert len(lines) == 10
+    assert lines[1] == f'{"└── 1":{4 * 9 + 1}}    10.0 Hz    0.000 s old  /node'
 
 
 @pytest.mark.parametrize(('output', 'files', 'begin'), [
@@ -126,7 +161,7 @@ def test_the_ending_says_how_to_draw(tmp_path, monkeypatch, output, files, begin
     """The .gv file is beside it."""
     monkeypatch.chdir(tmp_path)
     path = view_frames.path_of(output)
-    view_frames.save([static('base', 'map')], 0, path)
+    view_frames.save(Forest([static('base', 'map')]), 0, path)
     assert {path.name for path in Path().iterdir()} == files
     (drawn,) = (name for name in files if not name.endswith('.gv'))
     assert str(path) == drawn
@@ -215,7 +250,7 @@ def test_where_nothing_can_be_written(monkeypatch, tmp_path, output):
     Path('directory.pdf').mkdir()
     name = output.removesuffix('.pdf')
     with pytest.raises(CommandError, match=f'^cannot write {name}.pdf: .+'):
-        view_frames.save([static('base', 'map')], 0, view_frames.path_of(output))
+        view_frames.save(Forest([static('base', 'map')]), 0, view_frames.path_of(output))
     assert [path.name for path in Path().iterdir()] == ['directory.pdf']
 
 
@@ -266,8 +301,8 @@ def test_ros_that_does_not_start_is_exit_code_1(start):
 def test_an_svg_is_well_formed(tmp_path):
     """Also where names have what XML does not take."""
     path = tmp_path / 'odd.svg'
-    view_frames.save([static('\x1b[31mred', '\x00'), *(static(name, 'root') for name in ODD)], 0,
-                     path)
+    view_frames.save(Forest([
+        static('\x1b[31mred', '\x00'), *(static(name, 'root') for name in ODD)]), 0, path)
     assert ElementTree.parse(path).getroot().tag.endswith('svg')
 
 
@@ -275,7 +310,7 @@ def test_without_pygraphviz(tmp_path, monkeypatch):
     """The .gv file is written, and the error says how to get it; tf2 ends well."""
     monkeypatch.setitem(sys.modules, 'pygraphviz', None)
     with pytest.raises(CommandError, match='pip install pygraphviz'):
-        view_frames.save([static('base', 'map')], 0, tmp_path / 'frames.pdf')
+        view_frames.save(Forest([static('base', 'map')]), 0, tmp_path / 'frames.pdf')
     assert '"map" -> "base"' in (tmp_path / 'frames.gv').read_text()
     assert not (tmp_path / 'frames.pdf').exists()
 
@@ -328,6 +363,16 @@ def test_a_bar_and_a_live_tree_on_a_terminal(ours, ros):
                          until=lambda written: written.count('└── base') > 1)
     assert live.count('└── base') > 1
     assert live.count('\x1b[H') > 1
+
+
+def test_a_live_tree_says_how_much_of_it_is_not_shown(ours, ros):
+    """As it is longer than the terminal, of 24 lines."""
+    ours(*(('map', f'frame_{i}') for i in range(30)))
+    written = in_a_terminal(ros.context.get_domain_id(), *tool('view_frames', '--watch'),
+                            until=lambda written: written.count('more lines') > 1)
+    screen = written.split('\x1b[H\x1b[2J')[-1].splitlines()
+    assert len(screen) == 23
+    assert screen[-1] == '... 9 more lines, which a pipe shows'
 
 
 def test_without_tqdm_there_is_no_bar(ours, ros):

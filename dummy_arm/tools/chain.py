@@ -6,7 +6,7 @@ from dummy_arm.tf import TransformException
 from dummy_arm.tf.texts import visible
 from dummy_arm.tf.times import SECOND
 from dummy_arm.tools.frame_listener import FrameListener
-from dummy_arm.tools.screen import wrapped
+from dummy_arm.tools.screen import shortened, wrapped
 from dummy_arm.tools.traffic import Delays, summed_up
 
 
@@ -49,8 +49,8 @@ class Chain:
         """Tell it."""
         first, last = self.ends
         if why := self._listening.why_not(first, last):
-            return wrapped(f'Waiting for transform {first} ->  {last}: {visible(why)}')
+            return wrapped(visible(f'Waiting for transform {first} ->  {last}: {why}'))
         age = summed_up([self._ages], self._listening.now())
-        return [f'Chain is: {" -> ".join(map(visible, self.frames()))}',
+        return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',
                 'Net delay     none: nothing moves' if age is None else
                 f'Net delay     avg = {age.average_delay:.6f} s: max = {age.maximum_delay:.6f} s']

@@ -28,6 +28,16 @@ class Forest:
         #: Frames each of which is the parent of the next, and the last that of the first.
         self.loops = list(self._find_loops())
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All frames, also those without a parent."""
+        return *self.roots, *self.frames
+
+    @property
+    def drawn_lines(self) -> int:
+        """The number of lines that `drawn` yields."""
+        return len(self.roots) + len(self.loops) + len(self.frames)
+
     def _find_loops(self) -> Iterator[list[str]]:
         seen = set(self.roots)
         for start in self.frames:

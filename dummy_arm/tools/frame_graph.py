@@ -1,6 +1,6 @@
 """The graph of the frames: in the DOT language, and drawn."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 import os
 
@@ -8,16 +8,17 @@ from dummy_arm.command import CommandError
 from dummy_arm.tf.frames import Frame, quoted
 from dummy_arm.tf.texts import visible
 from dummy_arm.tf.times import display, in_seconds
-from dummy_arm.tools.forest import frequency
+from dummy_arm.tools.forest import Forest, frequency
 
 
-def as_dot(frames: Iterable[Frame], now: int) -> str:
+def as_dot(forest: Forest, now: int) -> str:
     """
     Write the graph of the frames.
 
     :param now: the time that it tells (ns).
     """
-    frames = list(frames)
+    frames = forest.frames.values()
+    names = [*(name for frame in frames for name in (frame.parent, frame.name)), *forest.roots]
     lines = ['digraph G {',
              f'label="view_frames Result\\nRecorded at time: {display(now)}";',
              'labelloc=t;',
@@ -25,8 +26,7 @@ def as_dot(frames: Iterable[Frame], now: int) -> str:
              'fontname=monospace;',
              'node [fontname=monospace];',
              'edge [fontname=monospace, fontsize=10];']
-    lines += [f'{_id(name)} [label="{_label(name)}"];' for name in dict.fromkeys(
-        name for frame in frames for name in (frame.parent, frame.name))]
+    lines += [f'{_id(name)} [label="{_label(name)}"];' for name in dict.fromkeys(names)]
     lines += [f'{_id(frame.parent)} -> {_id(frame.name)} [label="{_known(frame)}"];'
               for frame in frames]
     return '\n'.join([*lines, '}\n'])

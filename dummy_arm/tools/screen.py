@@ -1,24 +1,38 @@
 """What is shown to people: lines in place on a terminal or in a pipe, and numbers."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 import shutil
 import sys
 from textwrap import wrap
+from typing import Optional
 from unicodedata import combining, east_asian_width
+
+from dummy_arm.tf.texts import abbreviated, LONGEST, visible
 
 _HOME_AND_CLEAR = '\x1b[H\x1b[2J'
 
 
-def show(lines: Sequence[str]) -> None:
-    """Show lines in place of those before, as many as a terminal has; or print them."""
+def show(lines: Sequence[str], count: Optional[int] = None) -> None:
+    """
+    Show lines in place of those before, as many as a terminal has; or print them.
+
+    :param lines: the lines; for a terminal, the first `height` of them are enough.
+    :param count: how many lines there are in all; None: no more than these.
+    """
     if sys.stdout.isatty():
-        columns, height = shutil.get_terminal_size()
-        if len(lines) >= height:
-            rest = len(lines) - height + 2
-            lines = [*lines[:max(0, height - 2)], f'... {rest} more lines, which a pipe shows']
+        columns, rows = shutil.get_terminal_size()
+        count = len(lines) if count is None else count
+        if count >= rows:
+            rest = count - rows + 2
+            lines = [*lines[:max(0, rows - 2)], f'... {rest} more lines, which a pipe shows']
         print(_HOME_AND_CLEAR + '\n'.join(cut(line, columns) for line in lines))
     else:
         print(*lines, '', sep='\n')
+
+
+def height() -> Optional[int]:
+    """Return the number of lines of the terminal; None in a pipe, which shows any number."""
+    return shutil.get_terminal_size().lines if sys.stdout.isatty() else None
 
 
 def wrapped(text: str) -> list[str]:
@@ -26,20 +40,42 @@ def wrapped(text: str) -> list[str]:
     return wrap(text, shutil.get_terminal_size().columns) if sys.stdout.isatty() else [text]
 
 
+def shortened(name: str) -> str:
+    """Return a name as a line with several of them shows it: visible, with the middle left out."""
+    return visible(abbreviated(name))
+
+
 def width(text: str) -> int:
     """Count the columns of a terminal that a text takes."""
-    return sum(0 if combining(c) else 1 + (east_asian_width(c) in 'WF') for c in text)
+    return len(text) if text.isascii() else sum(map(_columns_of, text))
+
+
+def _columns_of(character: str) -> int:
+    return 0 if combining(character) else 1 + (east_asian_width(character) in 'WF')
+
+
+def column(widths: Iterable[int]) -> int:
+    """
+    Return the width to which the cells of a column are padded.
+
+    It is that of the widest cell that is narrower than an abbreviated name. A wider one moves what
+    is to its right; the other lines are not as long because of it.
+    """
+    return max((width for width in widths if width < LONGEST), default=0)
 
 
 def padded(text: str, columns: int) -> str:
-    """Fill a text up with blanks."""
+    """Fill a text up with blanks; leave it as it is where it is wider already."""
     return text + ' ' * (columns - width(text))
 
 
 def cut(line: str, columns: int) -> str:
     """Cut a line off after some columns."""
-    while width(line) > columns:
-        line = line[:-1]
+    taken = 0
+    for i, character in enumerate(line):
+        taken += _columns_of(character)
+        if taken > columns:
+            return line[:i]
     return line
 
 

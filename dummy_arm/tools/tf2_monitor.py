@@ -5,8 +5,7 @@ from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.command import Parser, run, UsageError
 from dummy_arm.interruption import sleep
-from dummy_arm.tf.texts import visible
-from dummy_arm.tools.screen import padded, show, width, wrapped
+from dummy_arm.tools.screen import column, padded, shortened, show, width, wrapped
 from dummy_arm.tools.traffic import Stream, Traffic, WINDOW
 
 if TYPE_CHECKING:
@@ -30,7 +29,7 @@ def lines_of(streams: Sequence[Stream]) -> list[str]:
         if stream.is_present and (stream.is_static or stream.summary is not None):
             senders.setdefault(stream.frame, []).append(stream.sender)
     return [
-        *(f'Warning: {visible(frame)} is published by {" and ".join(map(visible, several))}; '
+        *(f'Warning: {shortened(frame)} is published by {" and ".join(map(shortened, several))}; '
           'a frame should have one publisher'
           for frame, several in senders.items() if len(several) > 1),
         '', *_table('Frames:', 'published by', frames), '',
@@ -38,11 +37,12 @@ def lines_of(streams: Sequence[Stream]) -> list[str]:
 
 
 def _table(title: str, of_senders: str, streams: Sequence[Stream]) -> Iterator[str]:
-    columns = max([len(title), *(width(visible(stream.frame)) + 2 for stream in streams)])
+    names = [f'  {shortened(stream.frame)}' for stream in streams]
+    columns = column([len(title), *map(width, names)])
     yield f'{title:<{columns}}{"rate":>11}{"average delay":>16}{"max delay":>14}  {of_senders}'
-    for stream in streams:
-        yield (f'{padded(f"  {visible(stream.frame)}", columns)}{_told(stream)}  '
-               f'{visible(stream.sender)}{"" if stream.is_present else " (gone)"}')
+    for name, stream in zip(names, streams):
+        yield (f'{padded(name, columns)}{_told(stream)}  '
+               f'{shortened(stream.sender)}{"" if stream.is_present else " (gone)"}')
 
 
 def _told(stream: Stream) -> str:
@@ -89,7 +89,7 @@ def _results(listening: 'FrameListener', traffic: Traffic, chain: 'Optional[Chai
     streams = traffic.streams(listening.listener.names_of, listening.listener.present)
     if not streams:
         return wrapped(f'nothing yet. {listening.why_none()}')
-    ends = 'all frames' if chain is None else ' to '.join(map(visible, chain.ends))
+    ends = 'all frames' if chain is None else ' to '.join(map(shortened, chain.ends))
     lines = [f'RESULTS: for {ends}, over the last {WINDOW} s']
     if not listening.now():
         lines += wrapped('Warning: use_sim_time is set, but nothing comes in on /clock: there are '

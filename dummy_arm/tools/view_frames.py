@@ -2,10 +2,11 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import islice
 import os
 from pathlib import Path
 import sys
-from typing import Optional
+from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.command import CommandError, number, Parser, run, UsageError
 from dummy_arm.interruption import sleep
@@ -15,8 +16,11 @@ from dummy_arm.tf.times import display, in_seconds
 from dummy_arm.tools.bag_options import add_bag_options, read_bag
 from dummy_arm.tools.forest import Forest, frequency
 from dummy_arm.tools.frame_graph import as_dot, draw
-from dummy_arm.tools.screen import padded, show, width, wrapped
+from dummy_arm.tools.screen import column, height, padded, shortened, show, width, wrapped
 from dummy_arm.tools.waiting import wait
+
+if TYPE_CHECKING:
+    from dummy_arm.tools.frame_listener import FrameListener
 
 FORMS = ('.pdf', '.svg', '.png')
 NO_FORMS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
@@ -25,21 +29,25 @@ _LONGEST = 1e9  # s
 _REFRESH = 1.0  # s
 
 
-def lines_of(frames: list[Frame], now: int) -> list[str]:
-    """Draw the trees of frames, with rates, ages and senders."""
+def lines_of(forest: Forest, now: int, most: Optional[int] = None) -> list[str]:
+    """
+    Draw the trees of frames, with rates, ages and senders.
+
+    :param now: the time from which ages count (ns).
+    :param most: how many lines to draw; None: all.
+    """
     rows = []
-    for branches, name, frame in Forest(frames).drawn():
+    for branches, name, frame in islice(forest.drawn(), most):
         rate = age = ''
         if frame is not None and not frame.is_static:
             hertz = frequency(frame)
             rate = '? Hz' if hertz is None else f'{hertz:.1f} Hz'
             age = f'{in_seconds(now - frame.latest):.3f} s old'
-        rows.append((branches + visible(name),
-                     'static' if frame and frame.is_static else rate, age,
-                     visible(frame.authority) if frame else ''))
-    columns = max((width(row[0]) for row in rows), default=0)
-    return [f'{padded(tree, columns)}  {rate:>9}  {age:>13}  {sender}'.rstrip()
-            for tree, rate, age, sender in rows]
+        rows.append((branches, shortened(name), 'static' if frame and frame.is_static else rate,
+                     age, shortened(frame.authority) if frame else ''))
+    columns = column(len(branches) + width(name) for branches, name, *_ in rows)
+    return [f'{branches}{padded(name, columns - len(branches))}  {rate:>9}  {age:>13}  {sender}'
+            .rstrip() for branches, name, rate, age, sender in rows]
 
 
 def command(output: str = 'frames', wait_time: Optional[float] = None, text: bool = False,
@@ -76,11 +84,11 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     forest = Forest(frames)
     for loop in forest.loops:
         print(f'view_frames: warning: these frames form a loop: '
-              f'{" -> ".join(map(visible, [*loop, loop[0]]))}', file=sys.stderr)
+              f'{" -> ".join(map(shortened, [*loop, loop[0]]))}', file=sys.stderr)
     if text:
-        print('\n'.join(lines_of(frames, now)))
+        print('\n'.join(lines_of(forest, now)))
     else:
-        save(frames, now, path)
+        save(forest, now, path)
         print(f'wrote {visible(str(path))} and {visible(str(path.with_suffix(".gv")))}: '
               f'{_summary(forest)}')
     if bag is not None:
@@ -95,15 +103,23 @@ def _heard(seconds: float, watch: bool, ros_args: Sequence[str]) -> tuple[list[F
     with spun_node('view_frames', ros_args) as node:
         listening = FrameListener(node, max(10.0, seconds))
         while watch:
-            frames = listening.frames()
-            show(lines_of(frames, listening.now()) if frames else
-                 wrapped(f'nothing yet. {listening.why_none()}'))
+            _show(listening)
             sleep(_REFRESH)
         wait(seconds, 'listening to /tf and /tf_static')
         frames = listening.frames()
         if not frames:
             raise CommandError(f'nothing was heard within {seconds:g} s. {listening.why_none()}')
         return frames, listening.now()
+
+
+def _show(listening: 'FrameListener') -> None:
+    """Show the trees that there are now."""
+    frames = listening.frames()
+    if not frames:
+        show(wrapped(f'nothing yet. {listening.why_none()}'))
+    else:
+        forest = Forest(frames)
+        show(lines_of(forest, listening.now(), height()), forest.drawn_lines)
 
 
 def path_of(output: str) -> Path:
@@ -126,14 +142,14 @@ def path_of(output: str) -> Path:
     return path
 
 
-def save(frames: list[Frame], now: int, path: Path) -> None:
+def save(forest: Forest, now: int, path: Path) -> None:
     """
     Draw frames into a file, and write what was drawn beside it.
 
     :param now: the time that the drawing tells (ns).
     :raises CommandError: when one of them cannot be drawn or written.
     """
-    dot = as_dot(frames, now)
+    dot = as_dot(forest, now)
     try:
         drawn = draw(dot, path.suffix[1:].lower())
     except CommandError:
@@ -144,8 +160,8 @@ def save(frames: list[Frame], now: int, path: Path) -> None:
 
 
 def _summary(forest: Forest) -> str:
-    roots = ', '.join(map(visible, forest.roots))
-    return (f'frames: {len(forest.frames) + len(forest.roots)}, transforms: {len(forest.frames)}, '
+    roots = ', '.join(map(shortened, forest.roots))
+    return (f'frames: {len(forest.names)}, transforms: {len(forest.frames)}, '
             f'root: {roots or "none"}')
 
 
