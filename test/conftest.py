@@ -155,6 +155,18 @@ class Process:
         """Send SIGINT to the process and all that it has started, as a terminal does."""
         os.killpg(self._popen.pid, signal.SIGINT)
 
+    def descendants(self) -> list[int]:
+        """List the ids of the processes that it has started, and of those that these have."""
+        children: dict[int, list[int]] = {}
+        for path in Path('/proc').glob('[0-9]*/stat'):
+            with contextlib.suppress(OSError):  # it has ended by now
+                parent = path.read_text().rpartition(')')[2].split()[1]
+                children.setdefault(int(parent), []).append(int(path.parent.name))
+        found = [self._popen.pid]
+        for pid in found:
+            found += children.get(pid, [])
+        return found[1:]
+
     def ended(self) -> bool:
         """Tell whether it has ended."""
         return self._popen.poll() is not None
@@ -193,6 +205,14 @@ class Process:
                 os.killpg(self._popen.pid, number)
             while self.has_left_others() and time.monotonic() < deadline:
                 time.sleep(0.01)
+
+
+def is_running(pid: int) -> bool:
+    """Tell whether there is a process that has not ended."""
+    try:
+        return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] not in 'XZ'
+    except OSError:
+        return False
 
 
 def in_a_terminal(domain, *arguments, until):

@@ -1,6 +1,8 @@
 """The command `view_frames`: trees of any form, odd names, files that cannot be written."""
 
+import os
 from pathlib import Path
+import random
 import re
 import signal
 import subprocess
@@ -10,7 +12,15 @@ import time
 from xml.etree import ElementTree
 
 from builtin_interfaces.msg import Time
-from conftest import in_a_terminal, ROS, tool, tool_without, tool_without_ros
+from conftest import (
+    in_a_terminal,
+    is_running,
+    ROS,
+    TIMEOUT,
+    tool,
+    tool_without,
+    tool_without_ros,
+)
 import pytest
 from rosgraph_msgs.msg import Clock
 
@@ -309,7 +319,7 @@ def test_an_svg_is_well_formed(tmp_path):
 def test_without_pygraphviz(tmp_path, monkeypatch):
     """The .gv file is written, and the error says how to get it; tf2 ends well."""
     monkeypatch.setitem(sys.modules, 'pygraphviz', None)
-    with pytest.raises(CommandError, match='pip install pygraphviz'):
+    with pytest.raises(CommandError, match=r'pip install pygraphviz.*; wrote .*frames\.gv$'):
         view_frames.save(Forest([static('base', 'map')]), 0, tmp_path / 'frames.pdf')
     assert '"map" -> "base"' in (tmp_path / 'frames.gv').read_text()
     assert not (tmp_path / 'frames.pdf').exists()
@@ -413,7 +423,7 @@ def test_without_pygraphviz_a_command_says_so(start, tmp_path):
     process = start(*tool_without(['pygraphviz', *ROS], 'view_frames', '--bag', bag), cwd=tmp_path)
     assert process.exit_code() == 1
     assert re.fullmatch('view_frames: pygraphviz, which draws, cannot be imported .*: '
-                        'pip install pygraphviz; .*\n', process.output)
+                        'pip install pygraphviz; .*; wrote frames.gv\n', process.output)
     assert (tmp_path / 'frames.gv').exists()
 
 
@@ -493,3 +503,107 @@ def test_a_stdout_that_has_no_lines_to_draw(start, monkeypatch, tmp_path):
     assert process.exit_code() == 0
     assert 'base_link' in process.output
     assert 'Traceback' not in process.output
+
+
+def large_bag(path, count):
+    """Write a bag of a tree that takes graphviz half a minute, if it has 4000 frames."""
+    bags = pytest.importorskip('bags')
+    draw_lots = random.Random(1)
+    return str(bags.make(path / 'large', 'mcap', [('/tf_static', 0, [
+        bags.row(0, f'f{draw_lots.randrange(i + 1)}', f'f{i + 1}') for i in range(count - 1)])]))
+
+
+def stand_in(path, draw):
+    """Put a module in the place of pygraphviz; give the variable by which it is found."""
+    path.mkdir()
+    (path / 'pygraphviz.py').write_text(
+        'import os, subprocess, time\n'
+        'time.sleep(0.2)  # to import takes as long\n'
+        'class AGraph:\n'
+        '    def __init__(self, string):\n'
+        '        self.string = string\n'
+        '    def draw(self, format, prog):\n'
+        f'        {draw}\n')
+    paths = [str(path), os.environ.get('PYTHONPATH')]
+    return {'PYTHONPATH': os.pathsep.join(filter(None, paths))}
+
+
+def seconds_of_work(pid):
+    """Give the time for which a process has computed."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return int(fields[11]) / os.sysconf('SC_CLK_TCK')
+
+
+@pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('is_real', [True, False])
+def test_a_signal_ends_the_drawing(start, tmp_path, signal_number, is_real):
+    """With all that it has started, as pygraphviz 1.11 starts dot; no file is written."""
+    bag = large_bag(tmp_path, 4000)
+    environment = {} if is_real else stand_in(
+        tmp_path / 'modules', 'subprocess.run(["sleep", "100"])')
+    there = tmp_path / 'there'
+    there.mkdir()
+    # The real one begins within a second, and takes half a minute.
+    process = start(*tool('view_frames', '--bag', bag), cwd=there, environment=environment)
+    deadline = time.monotonic() + 2 * TIMEOUT
+    while not ((drawing := process.descendants()) and (
+            sum(map(seconds_of_work, drawing)) > 1.0 if is_real else len(drawing) > 1)):
+        assert not process.ended(), process.output
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    process.end(signal_number, 5.0)
+    assert process.exit_code() == 0
+    deadline = time.monotonic() + 5.0
+    while any(map(is_running, drawing)):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    assert process.output == ''
+    assert not [*there.iterdir()]
+
+
+def test_a_graph_that_is_larger_than_a_pipe(monkeypatch, tmp_path):
+    """It is drawn, although it is not read at once."""
+    stand_in(tmp_path / 'modules', 'return f"{len(self.string)}".encode()')
+    monkeypatch.syspath_prepend(tmp_path / 'modules')
+    dot = as_dot(chain(10_000), 0)
+    assert len(dot) > 10 * 2**16
+    assert draw(dot, 'pdf') == f'{len(dot)}'.encode()
+
+
+@pytest.mark.parametrize(('drawing', 'why'), [
+    ('raise OSError("no format pdf")', 'OSError: no format pdf'),
+    ('os.write(2, b"\\nFontconfig warning\\nError: trouble\\n"); os._exit(1)', 'Error: trouble'),
+    ('return b""', 'exit code 0'), ('os.abort()', 'exit code -6')])
+def test_graphviz_that_fails(failed, monkeypatch, tmp_path, drawing, why):
+    """Is one line, by its last; the graph is there, to be drawn elsewhere."""
+    bags = pytest.importorskip('bags')
+    bag = str(bags.make(tmp_path / 'bag', 'mcap', bags.walk()))
+    stand_in(tmp_path / 'modules', drawing)
+    monkeypatch.syspath_prepend(tmp_path / 'modules')
+    (tmp_path / 'there').mkdir()
+    monkeypatch.chdir(tmp_path / 'there')
+    assert failed(view_frames.main, '--bag', bag) == (
+        1, f'view_frames: graphviz cannot draw this: {why}; wrote frames.gv\n')
+    assert [path.name for path in Path().iterdir()] == ['frames.gv']
+
+
+def test_what_graphviz_says_of_a_drawing_is_not_shown(capfd, monkeypatch, tmp_path):
+    """As warnings of fontconfig."""
+    stand_in(tmp_path / 'modules', 'os.write(2, b"warning"); return format.encode()')
+    monkeypatch.syspath_prepend(tmp_path / 'modules')
+    assert draw(as_dot(chain(1), 0), 'svg') == b'svg'
+    assert capfd.readouterr() == ('', '')
+
+
+def test_modules_of_the_working_directory_do_not_draw(start, tmp_path):
+    """As a file dummy_arm.py or pygraphviz.py, which is found neither by the command."""
+    bag = large_bag(tmp_path, 3)
+    there = tmp_path / 'there'
+    there.mkdir()
+    for name in 'pygraphviz.py', 'dummy_arm.py', 'subprocess.py':
+        (there / name).write_text('raise SystemExit("found where it should not")\n')
+    script = tmp_path / 'view_frames'
+    script.write_text(tool('view_frames')[1])
+    process = start(str(script), '--bag', bag, cwd=there)
+    assert process.exit_code() == 0
+    assert process.output.startswith('wrote frames.pdf and frames.gv: frames: 3, ')

@@ -1,14 +1,29 @@
 """The graph of the frames: in the DOT language, and drawn."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 import os
+import signal
+import subprocess
+import sys
+from tempfile import TemporaryFile
 
 from dummy_arm.command import CommandError
+from dummy_arm.interruption import heed
 from dummy_arm.tf.frames import Frame, quoted
 from dummy_arm.tf.texts import visible
 from dummy_arm.tf.times import display, in_seconds
 from dummy_arm.tools.forest import Forest, frequency
+
+_STEP = 0.05  # s
+#: The program that draws. It imports modules from where this process does, so that none in the
+#: directory in which it runs takes their place.
+_DRAWING = """
+import sys
+form, *sys.path = sys.argv[1:]
+from pygraphviz import AGraph
+dot = sys.stdin.buffer.read().decode()
+sys.stdout.buffer.write(AGraph(string=dot).draw(format=form, prog='dot'))
+"""
 
 
 def as_dot(forest: Forest, now: int) -> str:
@@ -66,27 +81,55 @@ def draw(dot: str, form: str) -> bytes:
     :param dot: the graph, in the DOT language.
     :param form: pdf, svg or png.
     :returns: the bytes of the file.
-    :raises CommandError: when there is no pygraphviz.
+    :raises CommandError: when there is no pygraphviz, or graphviz fails.
+    :raises KeyboardInterrupt: when a signal has come.
     """
     try:
-        from pygraphviz import AGraph
+        import pygraphviz  # noqa: F401  (for a better error than that of the process)
     except ImportError as error:
         raise CommandError(
             f'pygraphviz, which draws, cannot be imported ({error}): pip install pygraphviz; or '
             'with ROS on Ubuntu: apt install python3-pygraphviz') from None
-    with _no_word():
-        drawn: bytes = AGraph(string=dot).draw(format=form, prog='dot')
+    # In a process of its own, since a signal does not interrupt C code; and in a session of its
+    # own, which Ctrl-C does not reach. The program dot, which pygraphviz starts before version 2,
+    # is in this session, too. The graph is in a file, because a communicate() that is called again
+    # after its timeout sends nothing more.
+    try:
+        with TemporaryFile() as graph:
+            graph.write(dot.encode())
+            graph.seek(0)
+            process = subprocess.Popen(
+                [sys.executable, '-c', _DRAWING, form, *sys.path], start_new_session=True,
+                stdin=graph, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    except OSError as error:
+        raise CommandError(f'a process that draws cannot be started: {error.strerror}') from None
+    with process:
+        try:
+            drawn, said = _outcome(process)
+        except BaseException:
+            _kill(process)
+            raise
+    if process.returncode or not drawn:
+        # The last line is the error; those before may be warnings, as of fontconfig.
+        lines = said.decode(errors='replace').strip().splitlines()
+        raise CommandError('graphviz cannot draw this: '
+                           f'{lines[-1] if lines else f"exit code {process.returncode}"}')
     return drawn
 
 
-@contextmanager
-def _no_word() -> Iterator[None]:
-    """Have C libraries say nothing on stderr: fontconfig does, whenever it reads its files."""
-    stderr, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(nowhere, 2)
-    try:
-        yield
-    finally:
-        os.dup2(stderr, 2)
-        os.close(stderr)
-        os.close(nowhere)
+def _outcome(process: 'subprocess.Popen[bytes]') -> tuple[bytes, bytes]:
+    """Return what a process writes to stdout and stderr until it ends; heed signals meanwhile."""
+    while True:
+        heed()
+        with suppress(subprocess.TimeoutExpired):
+            return process.communicate(timeout=_STEP)
+
+
+def _kill(process: 'subprocess.Popen[bytes]') -> None:
+    """End a process and what it has started."""
+    if sys.platform == 'win32':
+        process.kill()
+    else:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+    process.wait()

@@ -149,14 +149,14 @@ def save(forest: Forest, now: int, path: Path) -> None:
     :param now: the time that the drawing tells (ns).
     :raises CommandError: when one of them cannot be drawn or written.
     """
-    dot = as_dot(forest, now)
+    dot, beside = as_dot(forest, now), path.with_suffix('.gv')
     try:
         drawn = draw(dot, path.suffix[1:].lower())
-    except CommandError:
-        write(path.with_suffix('.gv'), dot.encode())
-        raise
+    except CommandError as error:
+        write(beside, dot.encode())
+        raise CommandError(f'{error}; wrote {beside}') from None
     write(path, drawn)
-    write(path.with_suffix('.gv'), dot.encode())
+    write(beside, dot.encode())
 
 
 def _summary(forest: Forest) -> str:
