@@ -534,6 +534,11 @@ def seconds_of_work(pid):
     return int(fields[11]) / os.sysconf('SC_CLK_TCK')
 
 
+#: The command, without its limit.
+UNLIMITED = ('import sys, dummy_arm.entry_points as e, dummy_arm.tools.view_frames as v\n'
+             'v.MOST = 10**6; sys.exit(e.view_frames())')
+
+
 @pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize('is_real', [True, False])
 def test_a_signal_ends_the_drawing(start, tmp_path, signal_number, is_real):
@@ -544,7 +549,7 @@ def test_a_signal_ends_the_drawing(start, tmp_path, signal_number, is_real):
     there = tmp_path / 'there'
     there.mkdir()
     # The real one begins within a second, and takes half a minute.
-    process = start(*tool('view_frames', '--bag', bag), cwd=there, environment=environment)
+    process = start('-c', UNLIMITED, '--bag', bag, cwd=there, environment=environment)
     deadline = time.monotonic() + 2 * TIMEOUT
     while not ((drawing := process.descendants()) and (
             sum(map(seconds_of_work, drawing)) > 1.0 if is_real else len(drawing) > 1)):
@@ -607,3 +612,100 @@ def test_modules_of_the_working_directory_do_not_draw(start, tmp_path):
     process = start(str(script), '--bag', bag, cwd=there)
     assert process.exit_code() == 0
     assert process.output.startswith('wrote frames.pdf and frames.gv: frames: 3, ')
+
+
+def test_more_frames_than_can_be_drawn(failed, monkeypatch, tmp_path):
+    """Are told of at once, with what can be done; the graph is there, to be drawn elsewhere."""
+    bag = large_bag(tmp_path, 2001)
+    there = tmp_path / 'there'
+    there.mkdir()
+    monkeypatch.chdir(there)
+    code, line = failed(view_frames.main, '--bag', bag)
+    assert (code, line) == (1, 'view_frames: 2001 frames are too many to draw; the limit is 2000: '
+                               'draw a part, by --root FRAME, or print the tree, by --text; '
+                               'wrote frames.gv\n')
+    assert [path.name for path in there.iterdir()] == ['frames.gv']
+    assert Path('frames.gv').read_text().count('->') == 2000
+    assert view_frames.main(['--bag', bag, '--root', 'f1000']) == 0
+    assert Path('frames.pdf').exists()
+
+
+@pytest.fixture
+def house(tmp_path):
+    """Make a bag with a tree, a loop, and branches that end at different times."""
+    bags = pytest.importorskip('bags')
+    return str(bags.make(tmp_path / 'house', 'mcap', [
+        *bags.walk(seconds=10), *(('/tf', time, [bags.row(time, *edge)]) for time, edge in (
+            (102 * S, ('base_link', 'arm')), (104 * S, ('base_link', 'arm')),
+            (104 * S, ('arm', 'tool')), (104 * S, ('x', 'y')), (104 * S, ('y', 'z')),
+            (104 * S, ('z', 'x')), (104 * S, ('y', 'twig'))))]))
+
+
+@pytest.mark.parametrize(('root', 'tree', 'span'), [
+    ('/base_link', ['base_link', '└── arm', '    └── tool'],
+     'from 102.000000 s to 104.000000 s, 2.000 s; ages count to the end of the bag, 110.000000 s'),
+    ('odom', ['odom', '└── base_link', '    └── arm', '        └── tool'],
+     'from 100.000000 s to 110.000000 s, 10.000 s; ages count to the end'),
+    ('tool', ['tool'], 'all is static')])
+def test_the_tree_below_a_root(capsys, house, root, tree, span):
+    """And nothing else: no warning of a loop that is elsewhere; ages as they are in the whole."""
+    assert view_frames.main(['--text', '--bag', house, '--root', root]) == 0
+    out, err = capsys.readouterr()
+    *lines, last = out.splitlines()
+    assert [re.sub(' +[0-9?.]+ Hz.*', '', line) for line in lines] == tree
+    assert ('6.000 s old' in out) == (root != 'tool')
+    assert last == span
+    assert err == ''
+
+
+def test_the_drawing_below_a_root(capsys, house, monkeypatch, tmp_path):
+    """Also of a frame that has none below it."""
+    monkeypatch.chdir(tmp_path)
+    for root, said, edges in (('base_link', 'frames: 3, transforms: 2, root: base_link\n', 2),
+                              ('tool', 'frames: 1, transforms: 0, root: tool\n', 0)):
+        assert view_frames.main(['-o', root, '--bag', house, '--root', root]) == 0
+        assert f'{root}.gv: {said}' in capsys.readouterr().out
+        graph = Path(f'{root}.gv').read_text()
+        assert graph.count('->') == edges
+        assert f'"{root}" [label' in graph
+        assert 'odom' not in graph
+        assert Path(f'{root}.pdf').read_bytes().startswith(b'%PDF')
+
+
+@pytest.mark.parametrize('root', ['x', 'y', 'z'])
+def test_a_root_in_a_loop(capsys, house, root):
+    """It begins and ends with the root, and is warned of; what is below it is shown."""
+    assert view_frames.main(['--text', '--bag', house, '--root', root]) == 0
+    out, err = capsys.readouterr()
+    names = re.findall(r'(\w+)(?: +\? Hz.*)?\n', out)[:-1]
+    assert names[0] == root
+    assert sorted(names) == sorted([root, 'x', 'y', 'z', 'twig'])
+    assert re.fullmatch('view_frames: warning: these frames form a loop: .*\n', err)
+
+
+@pytest.mark.parametrize(('root', 'code', 'said'), [
+    ('base_lnk', 1, "frame 'base_lnk' does not exist. Nearest known: 'base_link'."),
+    ('', 2, '--root needs the name of a frame'), ('/', 2, '--root needs the name of a frame')])
+def test_a_root_that_does_not_exist(failed, house, root, code, said):
+    """One line, with the nearest names."""
+    assert failed(view_frames.main, '--text', '--bag', house, '--root', root) == (
+        code, f'view_frames: {said}\n')
+
+
+def test_a_live_tree_waits_for_its_root(ours, start):
+    """With a line that says so."""
+    ours(('map', 'base'))
+    process = start(*tool('view_frames', '--watch', '--root', 'tool'))
+    process.line_with("nothing yet: frame 'tool' does not exist. Known frames: 'map', 'base'.")
+    ours(('base', 'tool'), ('tool', 'tip'))
+    while process.line_with('t') != 'tool\n':
+        pass
+    assert process.line().startswith('└── tip ')
+    assert process.line() == '\n'
+
+
+def test_a_long_chain_below_a_root():
+    """Longer than Python's recursion is deep."""
+    tree = chain(3000).below('1000')
+    assert [*tree.names] == [f'{i}' for i in range(1000, 3001)]
+    assert tree.roots == ['1000']

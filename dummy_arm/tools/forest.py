@@ -17,10 +17,16 @@ class Twig(NamedTuple):
 class Forest:
     """Frames, by their parents."""
 
-    def __init__(self, frames: Iterable[Frame]) -> None:
-        """Find the trees and the loops."""
+    def __init__(self, frames: Iterable[Frame], root: Optional[str] = None) -> None:
+        """
+        Find the trees and the loops.
+
+        :param root: the frame that all others are below, which may be the only one; None: any
+            number of trees.
+        """
         self.frames = {frame.name: frame for frame in frames}
-        self._children: dict[str, list[str]] = {}
+        self._root = root
+        self._children: dict[str, list[str]] = {} if root is None else {root: []}
         for frame in self.frames.values():
             self._children.setdefault(frame.parent, []).append(frame.name)
         #: The frames without a parent.
@@ -38,6 +44,20 @@ class Forest:
         """The number of lines that `drawn` yields."""
         return len(self.roots) + len(self.loops) + len(self.frames)
 
+    def below(self, root: str) -> 'Forest':
+        """
+        Return the tree of a frame and all frames below it.
+
+        Where the frame is in a loop, that is the loop with all that is below it.
+        """
+        found, waiting = {}, [root]
+        while waiting:
+            for name in self._children.get(waiting.pop(), []):
+                if name not in found:
+                    found[name] = self.frames[name]
+                    waiting.append(name)
+        return Forest(found.values(), root)
+
     def _find_loops(self) -> Iterator[list[str]]:
         seen = set(self.roots)
         for start in self.frames:
@@ -53,8 +73,8 @@ class Forest:
 
     def drawn(self) -> Iterator[Twig]:
         """Draw the trees; a loop as one that begins and ends with the same frame."""
-        for root, ends in [*((root, None) for root in self.roots),
-                           *((loop[0], loop[0]) for loop in self.loops)]:
+        begins = [self._root or loop[0] for loop in self.loops]
+        for root, ends in [*((root, None) for root in self.roots), *zip(begins, begins)]:
             yield Twig('', root, None)
             waiting = self._twigs(root, '')
             while waiting:

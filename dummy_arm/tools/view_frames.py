@@ -11,6 +11,7 @@ from typing import Optional, TYPE_CHECKING
 from dummy_arm.command import CommandError, number, Parser, run, UsageError
 from dummy_arm.interruption import sleep
 from dummy_arm.tf.frames import Frame
+from dummy_arm.tf.hints import nearest
 from dummy_arm.tf.texts import visible
 from dummy_arm.tf.times import display, in_seconds
 from dummy_arm.tools.bag_options import add_bag_options, read_bag
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
 FORMS = ('.pdf', '.svg', '.png')
 NO_FORMS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
+MOST = 2000  #: frames in a drawing; of more, nothing could be read, and some take minutes
 WAIT = 5.0  # s
 _LONGEST = 1e9  # s
 _REFRESH = 1.0  # s
@@ -52,7 +54,8 @@ def lines_of(forest: Forest, now: int, most: Optional[int] = None) -> list[str]:
 
 def command(output: str = 'frames', wait_time: Optional[float] = None, text: bool = False,
             watch: bool = False, bag: Optional[str] = None, namespace: str = '',
-            partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
+            partial: bool = False, root: Optional[str] = None, *,
+            ros_args: Sequence[str] = ()) -> int:
     """
     Listen for a while or read a bag, and draw what there is.
 
@@ -63,11 +66,12 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     :param watch: print them again and again, until Ctrl-C.
     :param bag: what to read instead; with namespace and partial as `dummy_arm.tf.bag.read` has
         them. Times and ages count to the newest transform in it.
+    :param root: draw or print only this frame and those below it.
     :returns: the exit code.
-    :raises UsageError: when the time is not positive, there is no name of a file, or a bag should
-        be listened to.
-    :raises CommandError: when nothing was heard, a bag cannot be read, or a file cannot be drawn
-        or written.
+    :raises UsageError: when the time is not positive, there is no name of a file or of the root,
+        or a bag should be listened to.
+    :raises CommandError: when nothing was heard, a bag cannot be read, there is no such root, or a
+        file cannot be drawn or written.
     """
     if bag is not None and (watch or wait_time is not None):
         raise UsageError('a bag is read, not listened to: leave out --watch and --wait-time (-t)')
@@ -75,13 +79,16 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     if not 0.0 < seconds <= _LONGEST:
         raise UsageError(f'the time to listen must be more than 0 s, and at most {_LONGEST:g} s, '
                          f'got {seconds:g}')
+    root = root if root is None else root.removeprefix('/')
+    if root == '':
+        raise UsageError('--root needs the name of a frame')
     path = Path() if text or watch else path_of(output)
     if buffer := read_bag(bag, namespace, partial):
         frames = buffer.frames()
         now = max(frame.latest for frame in frames)
     else:
-        frames, now = _heard(seconds, watch, ros_args)
-    forest = Forest(frames)
+        frames, now = _heard(seconds, watch, root, ros_args)
+    forest = _forest(frames, root)
     for loop in forest.loops:
         print(f'view_frames: warning: these frames form a loop: '
               f'{" -> ".join(map(shortened, [*loop, loop[0]]))}', file=sys.stderr)
@@ -92,18 +99,19 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
         print(f'wrote {visible(str(path))} and {visible(str(path.with_suffix(".gv")))}: '
               f'{_summary(forest)}')
     if bag is not None:
-        print(_span(frames))
+        print(_span(forest, now))
     return 0
 
 
-def _heard(seconds: float, watch: bool, ros_args: Sequence[str]) -> tuple[list[Frame], int]:
+def _heard(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str]
+           ) -> tuple[list[Frame], int]:
     """Listen for a while; tell the frames, and the time (ns)."""
     from dummy_arm.node_command import spun_node
     from dummy_arm.tools.frame_listener import FrameListener
     with spun_node('view_frames', ros_args) as node:
         listening = FrameListener(node, max(10.0, seconds))
         while watch:
-            _show(listening)
+            _show(listening, root)
             sleep(_REFRESH)
         wait(seconds, 'listening to /tf and /tf_static')
         frames = listening.frames()
@@ -112,14 +120,32 @@ def _heard(seconds: float, watch: bool, ros_args: Sequence[str]) -> tuple[list[F
         return frames, listening.now()
 
 
-def _show(listening: 'FrameListener') -> None:
+def _show(listening: 'FrameListener', root: Optional[str]) -> None:
     """Show the trees that there are now."""
     frames = listening.frames()
     if not frames:
         show(wrapped(f'nothing yet. {listening.why_none()}'))
+        return
+    try:
+        forest = _forest(frames, root)
+    except CommandError as error:  # the root may come yet
+        show(wrapped(f'nothing yet: {error}'))
     else:
-        forest = Forest(frames)
         show(lines_of(forest, listening.now(), height()), forest.drawn_lines)
+
+
+def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
+    """
+    Find the trees of frames, or that of a root.
+
+    :raises CommandError: when there is no such root.
+    """
+    forest = Forest(frames)
+    if root is None:
+        return forest
+    if root not in forest.names:
+        raise CommandError(f'frame {root!r} does not exist. {nearest(root, forest.names)}')
+    return forest.below(root)
 
 
 def path_of(output: str) -> Path:
@@ -151,6 +177,9 @@ def save(forest: Forest, now: int, path: Path) -> None:
     """
     dot, beside = as_dot(forest, now), path.with_suffix('.gv')
     try:
+        if (count := len(forest.names)) > MOST:
+            raise CommandError(f'{count} frames are too many to draw; the limit is {MOST}: draw '
+                               'a part, by --root FRAME, or print the tree, by --text')
         drawn = draw(dot, path.suffix[1:].lower())
     except CommandError as error:
         write(beside, dot.encode())
@@ -165,14 +194,15 @@ def _summary(forest: Forest) -> str:
             f'root: {roots or "none"}')
 
 
-def _span(frames: list[Frame]) -> str:
-    """Tell of what time frames are."""
-    moving = [frame for frame in frames if not frame.is_static]
+def _span(forest: Forest, now: int) -> str:
+    """Tell of what time frames are, and to what time (ns) their ages count."""
+    moving = [frame for frame in forest.frames.values() if not frame.is_static]
     if not moving:
         return 'all is static'
     begin, end = min(frame.oldest for frame in moving), max(frame.latest for frame in moving)
+    counted = 'the end' if end == now else f'the end of the bag, {display(now)} s'
     return (f'from {display(begin)} s to {display(end)} s, {in_seconds(end - begin):.3f} s; '
-            'ages count to the end')
+            f'ages count to {counted}')
 
 
 def write(path: Path, data: bytes) -> None:
@@ -198,7 +228,8 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'view_frames', 'Listen to /tf and /tf_static, or read a bag, and draw the tree of the '
         'frames into frames.pdf (and frames.gv).',
         'examples: view_frames\n          view_frames -t 10 -o robot.svg\n'
-        '          view_frames --watch\n          view_frames --bag robot.mcap')
+        '          view_frames --watch --root base_link\n'
+        '          view_frames --bag robot.mcap')
     parser.add_argument('-t', '--wait-time', type=number, metavar='SECONDS',
                         help=f'how long to listen (default: {WAIT:g})')
     parser.add_argument('-o', '--output', default='frames', metavar='NAME',
@@ -207,5 +238,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         help='print the tree, with rates, ages and senders, and write no file')
     parser.add_argument('--watch', action='store_true',
                         help='print the tree again and again, until Ctrl-C')
+    parser.add_argument('--root', metavar='FRAME',
+                        help='draw or print only this frame and those below it')
     add_bag_options(parser)
     return run(parser, command, args)
