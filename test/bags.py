@@ -1,12 +1,21 @@
 """Bags for tests: made by the writers of rosbags, of messages that rosbags serializes."""
 
+import bz2
 from functools import cache
 from random import randrange
+import struct
+import sys
 
+import lz4.frame
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
 
 S = 10**9
 #: Every kind of bag, and its compressions.
@@ -114,3 +123,68 @@ def _message(types, rows):
             new('geometry_msgs/msg/Transform', new('geometry_msgs/msg/Vector3', x, y, z),
                 new('geometry_msgs/msg/Quaternion', *rotation)))
         for sec, nanosec, parent, child, x, y, z, *rotation in rows])
+
+
+def packed(data, method):
+    """Compress data by 'zstd', 'lz4' or 'bz2'; or not, by ''."""
+    return {'': bytes, 'zstd': zstd.compress, 'lz4': lz4.frame.compress,
+            'bz2': bz2.compress}[method](data)
+
+
+def mcap(path, *records, summary=b''):
+    """
+    Write an mcap file of records.
+
+    :param summary: the records of its index, if it has one.
+    """
+    data = b'\x89MCAP0\r\n' + mcap_record(1, _text('ros2') + _text('test')) + b''.join(records)
+    data += mcap_record(0x0F, bytes(4))
+    start = len(data) if summary else 0
+    path.write_bytes(data + summary + mcap_record(2, struct.pack('<QQI', start, 0, 0))
+                     + b'\x89MCAP0\r\n')
+    return path
+
+
+def mcap_record(opcode, content, length=None):
+    """Make a record; its length may be wrong."""
+    return struct.pack('<BQ', opcode, len(content) if length is None else length) + content
+
+
+def mcap_channel(topic='/tf', number=1, msgtype=TF, encoding='cdr'):
+    """Make the records of a channel and of its type."""
+    return mcap_record(3, struct.pack('<H', number) + _text(msgtype) + _text('ros2msg')
+                       + _text('')) + mcap_record(
+        4, struct.pack('<HH', number, number) + _text(topic) + _text(encoding) + _text(''))
+
+
+def mcap_message(rows, time=0, number=1):
+    """Make the record of a message: of rows, or bytes as they are."""
+    return mcap_record(5, struct.pack('<HIQQ', number, 0, time, time) + (
+        rows if isinstance(rows, bytes) else ros2(rows)))
+
+
+def mcap_chunk(data, method='', size=None, crc=0):
+    """Make the record of a chunk; its size and CRC may be wrong."""
+    content = packed(data, method)
+    return mcap_record(6, struct.pack('<QQQI', 0, 0, len(data) if size is None else size, crc)
+                       + _text(method) + struct.pack('<Q', len(content)) + content)
+
+
+def ros1_chunk(data, method='none', size=None):
+    """Make a chunk of a bag of ROS 1; its size may be wrong."""
+    return ros1_record({'op': b'\5', 'compression': method.encode(), 'size': struct.pack(
+        '<I', len(data) if size is None else size)}, packed(data, method.replace('none', '')))
+
+
+def ros1_record(fields, data):
+    """Make a record of a bag of ROS 1."""
+    header = b''.join(_bytes(name.encode() + b'=' + value) for name, value in fields.items())
+    return _bytes(header) + _bytes(data)
+
+
+def _bytes(data):
+    return struct.pack('<I', len(data)) + data
+
+
+def _text(text):
+    return _bytes(text.encode())

@@ -405,11 +405,13 @@ def test_without_tqdm_a_bag_is_read(start, tmp_path):
     assert process.output.startswith('map\n└── odom ')
 
 
-@pytest.mark.parametrize(('module', 'partial'), [('rosbags', []), ('mcap', ['--partial'])])
-def test_without_a_reader_of_bags_a_command_says_so(start, tmp_path, module, partial):
+@pytest.mark.parametrize(('module', 'kind', 'partial'), [
+    ('mcap', 'mcap', []), ('mcap', 'mcap', ['--partial']), ('ruamel', 'db3', []),
+    ('lz4', 'bag lz4', [])])
+def test_without_a_reader_of_bags_a_command_says_so(start, tmp_path, module, kind, partial):
     """In one line, with the remedy."""
     bags = pytest.importorskip('bags')
-    bag = str(bags.make(tmp_path / 'bag', 'mcap', bags.walk()))
+    bag = str(bags.make(tmp_path / 'bag', kind, bags.walk()))
     process = start(*tool_without([module, *ROS], 'view_frames', '--text', '--bag', bag, *partial))
     assert process.exit_code() == 1
     assert re.fullmatch(f'view_frames: .* cannot be imported .*{module}.*: pip install '

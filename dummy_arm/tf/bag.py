@@ -3,13 +3,13 @@
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 import logging
+from operator import index
 import os
 from pathlib import Path
 from typing import Any, Optional, Union
 
 from dummy_arm.progress import progress
-from dummy_arm.tf.bag_content import BagError, Content, Stream
-from dummy_arm.tf.bag_records import records
+from dummy_arm.tf.bag_content import BagError, Content, kind_of, Stream
 from dummy_arm.tf.buffer_core import BufferCore
 from dummy_arm.tf.message_reader import Form, MessageReader
 from dummy_arm.tf.wire import MalformedMessage
@@ -19,10 +19,13 @@ __all__ = ['BagError', 'read']
 _FOR_EVER = 2**63 - 1  # ns
 #: So many are inserted at once.
 _MOST_BYTES = 500_000
+#: What an empty message takes.
+_OVERHEAD = 100
 
 
 def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namespace: str = '',
-         partial: bool = False, max_samples: Optional[int] = None) -> BufferCore:
+         partial: bool = False, max_bytes: int = 2**30, max_samples: Optional[int] = None
+         ) -> BufferCore:
     """
     Read the transforms of a bag; on a terminal with a progress bar, where tqdm is installed.
 
@@ -30,13 +33,18 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     :param cache_time: how long transforms are kept, as BufferCore has it; None: all are kept.
     :param namespace: the topics are `/tf` and `/tf_static` in this namespace.
     :param partial: of a bag that was cut off or is damaged, take what can be read, and warn.
+    :param max_bytes: no chunk and no message may be larger than this, decompressed (bytes); it
+        bounds the memory that a damaged or malicious bag can take.
     :param max_samples: how many transforms are kept, as BufferCore has it; None: all.
     :returns: a buffer with them; the authority of a frame is the node that sent it, where that was
         recorded: in ROS 1.
-    :raises BagError: when it is no bag, is damaged, or has no TF.
+    :raises BagError: when it is no bag, is damaged, has no TF, or something in it is too large.
+    :raises ValueError: when max_bytes is not positive.
     :raises OSError: when it is not there, or not readable.
     """
     path = Path(path)
+    if index(max_bytes) < 1:
+        raise ValueError(f'max_bytes must be a positive number of bytes, got {max_bytes}')
     buffer = BufferCore(_FOR_EVER if cache_time is None else cache_time, max_samples=max_samples)
     faults: Counter[str] = Counter()
 
@@ -47,8 +55,8 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     count = 0
     with progress(1.0, desc=f'reading {path.name}',
                   bar_format='{desc} {bar} {percentage:.0f} %') as show:
-        content = Content(namespace, partial, show)
-        for gathered in _gathered(records(path, content), cache_time is not None):
+        content = Content(path, namespace, partial, max_bytes, show)
+        for gathered in _gathered(_records(path, content), cache_time is not None):
             for stream, messages in gathered.items():
                 key = stream.is_static, stream.form
                 reader = readers.setdefault(key, MessageReader(on_malformed, stream.form))
@@ -71,6 +79,30 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     return buffer
 
 
+def _records(path: Path, content: Content) -> Iterator[tuple[Stream, bytes]]:
+    """
+    Read the messages of TF, as they were recorded.
+
+    :raises BagError: when it is no bag; or is damaged, and not to be read as partial.
+    :raises OSError: when it is not there, or may not be read.
+    """
+    kind = kind_of(path)
+    try:
+        if kind == '.bag':
+            from dummy_arm.tf import rosbag1
+            yield from rosbag1.records(path, content)
+        else:
+            from dummy_arm.tf import rosbag2
+            yield from rosbag2.records(path, content)
+    except ImportError as error:
+        raise BagError(f'what reads bags cannot be imported ({error}): '
+                       'pip install mcap lz4 ruamel.yaml backports.zstd') from None
+    except BagError:
+        raise
+    except Exception as error:  # a damaged file is met by errors of many types
+        content.meet(path, error)
+
+
 def _gathered(records: Iterable[tuple[Stream, bytes]], in_order: bool
               ) -> Iterator[dict[Stream, list[bytes]]]:
     """
@@ -90,5 +122,5 @@ def _gathered(records: Iterable[tuple[Stream, bytes]], in_order: bool
         if stream is not last:
             last, messages = stream, gathered[stream]
         messages.append(data)
-        size += len(data)
+        size += len(data) + _OVERHEAD
     yield gathered
