@@ -139,7 +139,7 @@ class Content:
                 f'{self._path} cannot be read: {name}{described(error)} If it is damaged or cut '
                 'off, partial (--partial) reads what is there') from None
         if len(self.damage) < _SHOWN:
-            self.damage.append(f'{path}: {described(error)}')
+            self.damage.append(f'{visible(str(path))}: {described(error)}')
 
     def why_none(self) -> str:
         """Tell what there is instead of TF."""

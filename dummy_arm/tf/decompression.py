@@ -79,9 +79,8 @@ def decompressed(data: Buffer, method: str, declared: Optional[int], limit: int,
         decompressed.
     :raises ValueError: if its size is another than declared.
     """
-    what = f'a {what} of {len(data)} bytes'
     if declared is not None and declared > limit:
-        raise Oversized(what, str(declared), limit)
+        raise Oversized(_sized(what, data), str(declared), limit)
     if not method:
         whole: Buffer = data
     elif len(data) <= _SHORT and (short := _short(data, method, limit)) is not None:
@@ -92,14 +91,20 @@ def decompressed(data: Buffer, method: str, declared: Optional[int], limit: int,
         for piece in pieces(BytesIO(data), method):
             if len(whole) + len(piece) > most:
                 if declared is None:
-                    raise Oversized(what, f'more than {most}', limit)
-                raise ValueError(f'{what} takes more than the {declared} bytes that it declares')
+                    raise Oversized(_sized(what, data), f'more than {most}', limit)
+                raise ValueError(f'{_sized(what, data)} takes more than the {declared} bytes that '
+                                 'it declares')
             whole += piece
     if declared is not None and len(whole) != declared:
-        raise ValueError(f'{what} takes {len(whole)} bytes, not the {declared} that it declares')
+        raise ValueError(f'{_sized(what, data)} takes {len(whole)} bytes, not the {declared} that '
+                         'it declares')
     if len(whole) > limit:
-        raise Oversized(what, str(len(whole)), limit)
+        raise Oversized(_sized(what, data), str(len(whole)), limit)
     return whole
+
+
+def _sized(what: str, data: Buffer) -> str:
+    return f'a {what} of {len(data)} bytes'
 
 
 def _short(data: Buffer, method: str, limit: int) -> Optional[bytes]:
