@@ -497,3 +497,71 @@ def test_ctrl_c_while_one_thing_is_decompressed(tmp_path, kind):
     assert error.startswith('BagError')
     assert interrupted == 'KeyboardInterrupt()'
     assert float(ratio) < 0.6
+
+
+def long_message(kind, number=60_000, end=None):
+    """Make a message of 5 MB; or a part."""
+    rows = [bags.row(S + i, 'map', 'tool', (float(i), *bags.STILL[1:])) for i in range(number)]
+    return (bags.ros1 if kind == 'bag' else bags.ros2)(rows)[:end]
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'bag'])
+def test_a_long_message(tmp_path, kind):
+    """Between others it is in order."""
+    path = bags.make(tmp_path / f'long.{kind}', kind, [
+        ('/tf', S, [bags.row(S, 'map', 'tool')]), ('/tf', 2 * S, long_message(kind)),
+        ('/tf_static', 3 * S, [bags.row(S, 'map', 'fixed')])])
+    buffer = read(path)
+    assert [frame.length for frame in buffer.frames()] == [60_000, 1]
+    assert buffer.lookup_transform('map', 'tool', S + 12_345).translation[0] == 12_345.0
+
+
+def test_a_long_message_is_not_a_list_of_transforms(tmp_path):
+    """Which would take six times its memory."""
+    data = long_message('bag', 200_000)
+    path = bags.make(tmp_path / 'long.bag', 'bag', [('/tf', S, data)])
+    said, growth = peak(path, False, LIMIT * 10)
+    assert said == "['tool']"
+    assert growth < 5 * len(data)
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'bag'])
+def test_a_long_message_that_is_cut_off(tmp_path, logs, kind):
+    """Is left out as a whole, as a short one."""
+    path = bags.make(tmp_path / f'long.{kind}', kind, [
+        ('/tf', S, [bags.row(S, 'map', 'tool')]), ('/tf', 2 * S, long_message(kind, end=-1))])
+    assert read(path).frames()[0].length == 1
+    assert 'left out 1 of 2 messages of TF, which cannot be decoded: ' in messages(logs)
+
+
+def test_ctrl_c_in_a_long_message(tmp_path):
+    """It is noticed at each of its transforms."""
+    path = bags.make(tmp_path / 'long', 'mcap', [('/tf', S, long_message('mcap'))])
+    code = ('from dummy_arm import interruption\n'
+            'from dummy_arm.tf import bag, BufferCore\n'
+            'class Buffer(BufferCore):\n'
+            '    def insert(self, *arguments):\n'
+            '        global count\n'
+            '        count += 1\n'
+            '        if count == 1000:\n'
+            '            interruption._came.append(2)\n'
+            '        return super().insert(*arguments)\n'
+            'count, bag.BufferCore = 0, Buffer\n'
+            f'try: bag.read({str(path)!r})\n'
+            'except KeyboardInterrupt: print(count)\n')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60)
+    assert done.stdout == '1000\n'
+
+
+def test_a_bag_has_no_limit_of_samples_unless_asked(tmp_path, logs):
+    """Neither of the buffer nor of a frame, with any cache time."""
+    path = bags.make(tmp_path, 'mcap', [
+        ('/tf', S + i, [bags.row(S + i, 'map', child)]) for i in range(700) for child in 'ab'])
+    assert [frame.length for frame in read(path, cache_time=S // 100).frames()] == [700, 700]
+    assert not logs
+    assert sum(frame.length for frame in read(path, max_samples=100).frames()) <= 101
+    assert 'TF_FULL_BUFFER' in messages(logs)
+    logs.clear()
+    assert [frame.length for frame in read(
+        path, cache_time=S // 20, max_samples=10_000).frames()] == [500, 500]
+    assert 'TF_TOO_MANY_SAMPLES' in messages(logs)

@@ -1,17 +1,20 @@
 """TF out of a bag: read into a BufferCore, without ROS."""
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from itertools import groupby
 import logging
 from operator import index
 import os
 from pathlib import Path
 from typing import Any, Optional, Union
 
+from dummy_arm.interruption import heed
 from dummy_arm.progress import progress
 from dummy_arm.tf.bag_content import BagError, Content, kind_of, Stream
 from dummy_arm.tf.buffer_core import BufferCore
 from dummy_arm.tf.message_reader import Form, MessageReader
+from dummy_arm.tf.times import SECOND
 from dummy_arm.tf.wire import MalformedMessage
 
 __all__ = ['BagError', 'read']
@@ -21,6 +24,8 @@ _FOR_EVER = 2**63 - 1  # ns
 _MOST_BYTES = 500_000
 #: What an empty message takes.
 _OVERHEAD = 100
+#: Of a longer message (bytes), a list of its transforms could fill the memory.
+_LONG = 2**22
 
 
 def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namespace: str = '',
@@ -60,7 +65,11 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
             for stream, messages in gathered.items():
                 key = stream.is_static, stream.form
                 reader = readers.setdefault(key, MessageReader(on_malformed, stream.form))
-                buffer.insert_messages(messages, reader, stream.sender, stream.is_static)
+                for is_long, some in groupby(messages, lambda message: len(message) > _LONG):
+                    if is_long:
+                        _insert_long(buffer, some, stream, on_malformed)
+                    else:
+                        buffer.insert_messages(some, reader, stream.sender, stream.is_static)
                 count += len(messages)
             buffer.on_new_data()
     if not count:
@@ -77,6 +86,22 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     if not buffer.frames():
         raise BagError(f'{path} has no TF that can be used, in {count} messages')
     return buffer
+
+
+def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
+                 on_malformed: Callable[[MalformedMessage], None]) -> None:
+    """Insert messages, one transform after the other; of a malformed one, none."""
+    for data in messages:
+        try:
+            for _ in stream.form.rows(data):
+                heed()
+        except MalformedMessage as error:
+            on_malformed(error)
+            continue
+        for row in stream.form.rows(data):
+            heed()
+            buffer.insert(row[0] * SECOND + row[1], row[2], row[3], row[4:], stream.sender,
+                          stream.is_static)
 
 
 def _records(path: Path, content: Content) -> Iterator[tuple[Stream, bytes]]:

@@ -1,7 +1,7 @@
 """The bytes of messages to what a buffer takes; what repeats in a stream is worked out once."""
 
 from array import array
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
 from typing import Any, Optional, Protocol, Union
 
@@ -28,6 +28,9 @@ class Form(Protocol):
 
     def unpack(self, data: bytes) -> list[Row]:
         """Unpack the bytes of a message into transforms."""
+
+    def rows(self, data: bytes) -> Iterator[Row]:
+        """Unpack the bytes of a message, one transform after the other."""
 
     def key(self, data: bytes) -> bytes:
         """Tell what a message is found again by."""

@@ -13,7 +13,7 @@ A message is plain CDR (XCDR1), as every RMW of Jazzy sends it:
       float64 x 4        rotation, quaternion x y z w
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 import struct
 from typing import Optional
@@ -80,8 +80,13 @@ def pack(rows: Iterable[Row]) -> bytes:
 
 
 def unpack(data: bytes) -> list[Row]:
+    """Unpack the bytes of a message into transforms; as `rows`."""
+    return list(rows(data))
+
+
+def rows(data: bytes) -> Iterator[Row]:
     """
-    Unpack the bytes of a message, of either byte order, into transforms.
+    Unpack the bytes of a message, of either byte order, one transform after the other.
 
     What follows after the last transform is ignored, as Fast DDS does.
 
@@ -101,17 +106,16 @@ def unpack(data: bytes) -> list[Row]:
             raise MalformedMessage(
                 f'impossible count: {len(data)} bytes cannot hold the {count} transforms that '
                 'they announce')
-        return _unpack_rows(data, order, count)
+        yield from _unpack_rows(data, order, count)
     except struct.error:
         raise MalformedMessage(
             f'truncated: a TFMessage of {len(data)} bytes ends in the midst of a field') from None
 
 
-def _unpack_rows(data: bytes, order: str, count: int) -> list[Row]:
+def _unpack_rows(data: bytes, order: str, count: int) -> Iterator[Row]:
     unpack_head = struct.Struct(order + 'iII').unpack_from
     unpack_length = struct.Struct(order + 'I').unpack_from
     unpack_pose = struct.Struct(order + '7d').unpack_from
-    rows = []
     start = 8
     for _ in range(count):
         sec, nanosec, length = unpack_head(data, start)
@@ -123,10 +127,8 @@ def _unpack_rows(data: bytes, order: str, count: int) -> list[Row]:
         child_frame_id = data[start:start + length]
         start += length
         start += 4 - start & 7
-        rows.append((sec, nanosec, _text(frame_id), _text(child_frame_id),
-                     *unpack_pose(data, start)))
+        yield (sec, nanosec, _text(frame_id), _text(child_frame_id), *unpack_pose(data, start))
         start += 56
-    return rows
 
 
 def _text(field: bytes) -> str:

@@ -12,7 +12,7 @@ All is little-endian, and nothing is aligned:
       float64 x 4        rotation, quaternion x y z w
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import struct
 
 from dummy_arm.tf import wire
@@ -26,8 +26,13 @@ _unpack_pose = struct.Struct('<7d').unpack_from
 
 
 def unpack(data: bytes) -> list[Row]:
+    """Unpack the bytes of a message into transforms; as `rows`."""
+    return list(rows(data))
+
+
+def rows(data: bytes) -> Iterator[Row]:
     """
-    Unpack the bytes of a message into transforms.
+    Unpack the bytes of a message, one transform after the other.
 
     :raises MalformedMessage: when the bytes end too early.
     """
@@ -37,15 +42,13 @@ def unpack(data: bytes) -> list[Row]:
             raise MalformedMessage(
                 f'impossible count: {len(data)} bytes cannot hold the {count} transforms that '
                 'they announce')
-        rows = []
         position = 4
         for _ in range(count):
             sec, nanosec = _unpack_head(data, position)
             frame_id, position = _name(data, position + 12)
             child_frame_id, position = _name(data, position)
-            rows.append((sec, nanosec, frame_id, child_frame_id, *_unpack_pose(data, position)))
+            yield (sec, nanosec, frame_id, child_frame_id, *_unpack_pose(data, position))
             position += POSE_BYTES
-        return rows
     except struct.error:
         raise MalformedMessage(
             f'truncated: a TFMessage of {len(data)} bytes ends in the midst of a field') from None
