@@ -424,6 +424,16 @@ def test_metadata_that_cannot_be_read(tmp_path, logs):
     assert f'{metadata}: ' in messages(logs)
 
 
+def test_metadata_that_are_too_long(tmp_path):
+    """Are not parsed, which would take minutes."""
+    path = bags.make(tmp_path, 'mcap', bags.walk(1))
+    with (path / 'metadata.yaml').open('a') as metadata:
+        metadata.write('#' * 10_000_000)
+    with pytest.raises(BagError, match=r'metadata\.yaml: it has more than 10000000 bytes'):
+        read(path)
+    assert len(read(path, partial=True).frames()) == 2
+
+
 def test_a_topic_in_another_encoding(tmp_path):
     """Is no TF, and named."""
     path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(encoding='json'))

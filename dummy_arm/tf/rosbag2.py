@@ -67,6 +67,7 @@ _Records = Iterator[tuple[Stream, bytes]]
 _ADVANCE = 100
 _SHOWN = 5
 _NEWEST_VERSION = 9
+_LONGEST_METADATA = 10_000_000  # bytes
 
 
 class _CutOff(EOFError):
@@ -164,7 +165,7 @@ def _files(directory: Path, content: Content) -> tuple[list[Path], Optional[bool
             'by ros2 bag reindex or read it as partial (--partial)')
     try:
         from ruamel.yaml import YAML
-        information = YAML(typ='safe').load(_text(metadata, content))[
+        information = YAML(typ='safe').load(_text(metadata))[
             'rosbag2_bagfile_information']
         version, form = int(information['version']), information.get('compression_format')
         mode = str(information.get('compression_mode') or 'none').lower()
@@ -201,16 +202,16 @@ def _storage_files(directory: Path) -> list[Path]:
         part.zfill(20) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)])
 
 
-def _text(path: Path, content: Content) -> str:
+def _text(metadata: Path) -> str:
     """
-    Read a text file.
+    Read metadata.
 
-    :raises Oversized: if it is larger than a chunk may be.
+    :raises ValueError: if they are so long that to parse them would take minutes.
     """
-    with path.open('rb') as file:
-        data = read(file, content.max_bytes + 1)
-    if len(data) > content.max_bytes:
-        raise Oversized(path.name, f'more than {content.max_bytes}', content.max_bytes)
+    with metadata.open('rb') as file:
+        data = file.read(_LONGEST_METADATA + 1)
+    if len(data) > _LONGEST_METADATA:
+        raise ValueError(f'it has more than {_LONGEST_METADATA} bytes')
     return data.decode(errors='replace')
 
 
@@ -589,7 +590,6 @@ _Row = tuple[int, int, Optional[int], Optional[bytes]]
 _ROWS = ('SELECT id, topic_id, length(data), CASE WHEN topic_id IN ({topics}) AND '
          'length(data) <= {most} THEN CAST(data AS BLOB) END FROM messages')
 _SMALLEST_LIMIT = 2**20
-_LONGEST_METADATA = 10_000_000
 
 
 def _records_of_sqlite(path: Path, whole: Path, content: Content, is_compressed: Optional[bool]
@@ -709,7 +709,7 @@ class _SqliteReader:
         metadata = self._path.with_name('metadata.yaml')
         refuse_special(metadata)
         if metadata.exists():
-            text = _text(metadata, self._content)
+            text = _text(metadata)
             if self._path.name in text and (declared := _declares_messages(text)) is not None:
                 return declared
         with suppress(sqlite3.DatabaseError):  # it has no such table, or that is damaged
