@@ -108,8 +108,8 @@ def rows(u: float) -> Iterator[Row]:
                 decoded = least(lambda: insert_records(records, kind))  # noqa: B023
             yield (f'{NAMES[kind]}, {frames} frame{"s"[:frames - 1]} a message',
                    f'{ours / u / TRANSFORMS:.3f} u a transform',
-                   f'{whole / ours:.1f} times as fast as rosbags; without the reading of records, '
-                   f'which both do, {deserialized / decoded:.1f} times')
+                   f'{whole / ours:.1f} times as fast as rosbags; of records that are at hand, '
+                   f'{deserialized / decoded:.1f} times')
 
 
 def memory() -> Iterator[Row]:
