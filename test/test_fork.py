@@ -114,8 +114,105 @@ if __name__ == '__main__':
 """
 
 
-@pytest.mark.parametrize('code', [BUSY, AS_OF_THE_FORK, NESTED, POOL],
-                         ids=['busy', 'as_of_the_fork', 'nested', 'pool'])
+SEVERAL = NO_ROS + """
+# A thread that has the lock of one buffer and waits for that of another, as it may.
+other = BufferCore()
+ends = False
+def insert():
+    number = 1
+    while not ends:
+        number += 1
+        with other.fetched():
+            time.sleep(0.0001)
+            buffer.insert(number, 'map', 'tool', STILL)
+thread = threading.Thread(target=insert)
+thread.start()
+try:
+    for _ in range(30):
+        in_child(x)
+finally:
+    ends = True
+    thread.join()
+print('done')
+"""
+
+HELD = NO_ROS + """
+# A lock that is never free: the fork goes on without it, and the child forgets what moves.
+from dummy_arm.tf import buffer_core
+buffer_core._PATIENCE = 0.2
+buffer.insert(0, 'map', 'fixed', STILL, is_static=True)
+is_held, is_over = threading.Event(), threading.Event()
+def hold():
+    with buffer.fetched():
+        is_held.set()
+        is_over.wait()
+thread = threading.Thread(target=hold)
+thread.start()
+is_held.wait()
+def look():
+    assert buffer.can_transform('map', 'fixed')
+    assert not buffer.can_transform('map', 'tool')
+    buffer.insert(5, 'map', 'tool', (5.0, *STILL[1:]))
+    assert x() == 5.0
+in_child(look)
+is_over.set()
+thread.join()
+assert x() == 0.0
+print('done')
+"""
+
+INTERRUPTED = HELD.split('def look')[0] + """
+buffer_core._PATIENCE = 2.0
+def interrupt():
+    os.kill(os.getpid(), signal.SIGINT)
+    time.sleep(0.2)
+    is_over.set()
+threading.Timer(0.2, interrupt).start()
+try:
+    in_child(x)
+    time.sleep(10)
+except KeyboardInterrupt:
+    print('done')
+"""
+
+SOURCES = NO_ROS + """
+# Sources that do not work do not matter.
+class Source:
+    def __init__(self, method):
+        self.method = method
+    def fetch(self):
+        if self.method == 'fetch' and is_forking:
+            raise ValueError
+    def hurry(self):
+        pass
+    def abandon(self):
+        if self.method == 'abandon':
+            raise ValueError
+is_forking = False
+for method in 'fetch', 'abandon':
+    buffer.add_source(Source(method))
+def look():
+    assert x() == 0.0
+    answers = []
+    thread = threading.Thread(target=lambda: answers.append(x()))
+    thread.start()
+    thread.join(5)
+    assert answers == [0.0]
+is_forking = True
+in_child(look)
+is_forking = False
+answers = []
+thread = threading.Thread(target=lambda: answers.append(x()))
+thread.start()
+thread.join(5)
+assert answers == [0.0]
+print('done')
+"""
+
+
+@pytest.mark.parametrize('code', [
+    BUSY, AS_OF_THE_FORK, NESTED, POOL, SEVERAL, HELD, INTERRUPTED, SOURCES], ids=[
+    'busy', 'as_of_the_fork', 'nested', 'pool', 'several', 'held', 'interrupted', 'sources'])
 def test_lookups_in_a_child(start, code):
     """They answer from the data as of the fork, whatever other threads of the parent do."""
     process = start('-W', 'ignore::DeprecationWarning', '-c', code)
@@ -179,8 +276,12 @@ def send_on():
     while not ends:
         send()
         time.sleep(0.001)
-sender = threading.Thread(target=send_on)
+def ask_on():  # which takes a lock of the context, as executors do
+    while rclpy.ok() and not ends:
+        pass
+sender, asker = threading.Thread(target=send_on), threading.Thread(target=ask_on)
 sender.start()
+asker.start()
 try:
     for _ in range(10):
         while x() < number - 10:
@@ -193,6 +294,7 @@ try:
 finally:
     ends = True
     sender.join()
+    asker.join()
 buffer.set_transform(message_of(
     (100, 0, 'map', 'late', 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)), 'parent')
 thread.join(20)

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from functools import partial
+import logging
 from typing import Optional, Union
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.clock import Clock, TimeJump
+from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.logging import get_logger
 from rclpy.node import Node
@@ -51,7 +53,8 @@ class Buffer(BufferCore, BufferInterface):
                             max_frames=max_frames, max_samples=max_samples)
         BufferInterface.__init__(self)
         self._intake.refusals.log = get_logger('tf2_buffer').warning
-        self._context = get_default_context() if node is None else node.context
+        self._context: Optional[Context] = (
+            get_default_context() if node is None else node.context)
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
             self.srv = serve_frames(node, self)
@@ -86,17 +89,29 @@ class Buffer(BufferCore, BufferInterface):
             self.insert(row[0] * SECOND + row[1], row[2], row[3], row[4:], authority, is_static)
 
     def _conditions(self) -> tuple[bool, ...]:
-        return (*super()._conditions(), bool(self._context.ok()))
+        return (*super()._conditions(), self._context is not None and bool(self._context.ok()))
 
-    def _begin_fork(self) -> None:
-        super()._begin_fork()
-        self._waits.lock.acquire()
+    def _hold(self, timeout: float) -> bool:
+        if not super()._hold(timeout):
+            return False
+        if self._waits.lock.acquire(timeout=timeout):
+            return True
+        super()._release()
+        return False
 
-    def _end_fork(self, is_child: bool) -> None:
-        if is_child:
-            self._waits.forget_all()
+    def _release(self) -> None:
         self._waits.lock.release()
-        super()._end_fork(is_child)
+        super()._release()
+
+    def _detach(self) -> None:
+        super()._detach()
+        self._context = None  # and no logger of rclpy: other threads may have held their locks
+        self._intake.refusals.log = logging.getLogger('dummy_arm.tf').warning
+        self._waits.forget_all()
+
+    def _reset(self) -> None:
+        self._waits = Waits(None)
+        super()._reset()
 
     def on_new_data(self) -> bool:
         """Wake those who wait for a transform; tell whether a future is done now."""

@@ -1,9 +1,11 @@
 """The buffer: all that was published, looked up by frame and by time, as tf2 answers; no ROS."""
 
+from _thread import interrupt_main
 from collections.abc import Callable, Iterable
-from functools import partial
+from contextlib import suppress
 import os
-from threading import RLock
+from threading import RLock, Timer
+from time import monotonic
 from typing import Any, Optional, TypeVar, Union
 from weakref import WeakValueDictionary
 
@@ -25,10 +27,11 @@ _Answer = TypeVar('_Answer')
 
 #: Every buffer, by its id.
 _buffers: 'WeakValueDictionary[int, BufferCore]' = WeakValueDictionary()
-#: Held while the process forks.
+#: Held while the process forks; then, for each fork that is under way, the buffers that are held.
 _forking = RLock()
-#: The buffers whose locks are held for a fork.
-_forked: list['BufferCore'] = []
+_forks: list['_Fork'] = []
+#: How long a fork waits for the locks of buffers at most (s), and for one of them at a time.
+_PATIENCE, _TRY = 5.0, 0.02
 
 
 class BufferCore:
@@ -160,23 +163,36 @@ class BufferCore:
                 other for other in self._lookups.sources if other is not source)
         self._waiting.notify()  # if it was the last, blocked lookups end
 
-    def _begin_fork(self) -> None:
-        """Have no other thread change the data while the process forks."""
-        self.lock.acquire()
-
-    def _end_fork(self, is_child: bool) -> None:
+    def _hold(self, timeout: float) -> bool:
         """
-        Let others change the data again.
+        Have no other thread change the data while the process forks.
 
-        :param is_child: whether this is the new process. It has one thread, and the middleware
-            does not work there: lookups answer from the data as of the fork.
+        :param timeout: how long to wait for the lock at most (s).
+        :returns: False when another thread has it still.
         """
-        if is_child:
-            for source in self._lookups.sources:
-                source.abandon()
-            self._lookups.sources = ()
-            self._waiting.forget()
+        return self.lock.acquire(timeout=timeout)
+
+    def _release(self) -> None:
+        """Let other threads change the data again."""
         self.lock.release()
+
+    def _detach(self) -> None:
+        """
+        Drop what works in the parent process only: this one was forked.
+
+        It has one thread, and the middleware does not work in it. So lookups answer from the data
+        as of the fork.
+        """
+        for source in self._lookups.sources:
+            with suppress(Exception):
+                source.abandon()
+        self._lookups.sources = ()
+        self._waiting.forget()
+
+    def _reset(self) -> None:
+        """Forget what moves: in the parent, another thread was changing it during the fork."""
+        self.lock._at_fork_reinit()  # type: ignore[attr-defined]
+        self._lookups.clear()
 
     def clear(self) -> None:
         """Forget all but the names of the frames and what is static."""
@@ -286,26 +302,97 @@ class BufferCore:
         return frames.as_string(edges)
 
 
+class _Fork:
+    """
+    The buffers of a process that forks.
+
+    As `logging` does, their locks are taken before a fork and released after it on both sides: in
+    the child, nobody would release those of other threads.
+    """
+
+    def __init__(self) -> None:
+        """Create without a lock taken."""
+        self._buffers = [buffer for reference in _buffers.valuerefs() if (buffer := reference())]
+        self.held: list[BufferCore] = []
+        self.is_interrupted = False
+
+    def prepare(self) -> None:
+        """
+        Take the locks.
+
+        Ctrl-C is noted: it would be lost, because Python prints what is raised here, and forks.
+        """
+        deadline = monotonic() + _PATIENCE
+        is_done = False
+        while not is_done:
+            try:
+                self.release()
+                is_last = monotonic() > deadline
+                is_done = self._take(is_last)
+            except KeyboardInterrupt:
+                self.is_interrupted = True
+
+    def _take(self, is_last: bool) -> bool:
+        """
+        Take the locks, and insert what has arrived, since the child cannot.
+
+        A thread that has one of the locks may be waiting for another, so to keep some of them
+        would block both.
+
+        :param is_last: go on where one cannot be had.
+        :returns: whether all were taken.
+        """
+        for i, buffer in enumerate(self._buffers):
+            is_within_block = buffer.is_held
+            if buffer._hold(_TRY):
+                self.held.append(buffer)
+                if not is_within_block:
+                    with suppress(Exception):
+                        buffer._lookups.fetch()
+            elif not is_last:
+                self._buffers.insert(0, self._buffers.pop(i))  # next time, wait for it with none
+                return False
+        return True
+
+    def release(self) -> None:
+        """Release the locks."""
+        while self.held:
+            self.held.pop()._release()
+
+    def detach(self) -> None:
+        """Leave to the child what works in it."""
+        held = set(map(id, self.held))
+        for buffer in self._buffers:
+            buffer._detach()
+            if id(buffer) not in held:
+                buffer._reset()
+
+
 def _before_fork() -> None:
-    """Take the locks of all buffers: in the child, nobody would release those of other threads."""
     _forking.acquire()
-    buffers = list(_buffers.values())
-    for buffer in buffers:
-        buffer._lookups.update()  # the child cannot
-    for buffer in buffers:
-        buffer._begin_fork()
-        _forked.append(buffer)
+    fork = _Fork()
+    _forks.append(fork)
+    fork.prepare()
 
 
-def _after_fork(is_child: bool) -> None:
-    while _forked:
-        _forked.pop()._end_fork(is_child)
+def _after_fork_in_parent() -> None:
+    fork = _forks.pop()
+    fork.release()
+    _forking.release()
+    if fork.is_interrupted:  # what is raised before this returns would be printed, too
+        Timer(0.05, interrupt_main).start()
+
+
+def _after_fork_in_child() -> None:
+    fork = _forks.pop()
+    fork.detach()
+    fork.release()
     _forking.release()
 
 
 if hasattr(os, 'register_at_fork'):  # not on Windows
-    os.register_at_fork(before=_before_fork, after_in_parent=partial(_after_fork, False),
-                        after_in_child=partial(_after_fork, True))
+    os.register_at_fork(before=_before_fork, after_in_parent=_after_fork_in_parent,
+                        after_in_child=_after_fork_in_child)
 
 
 def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:

@@ -135,9 +135,9 @@ class History:
                     samples.regular = NO_STAMPS
                     if position - first >= MOST_OF_ONE_STAMP:
                         position -= 1
+                        samples.delete(position, 1)
                         if self.parents is not None:
                             del self.parents[position]
-                        samples.delete(position, 1)
             else:
                 self.only_parent, self.all_parents = parent, {parent: None}
             samples.authority = authority
@@ -173,27 +173,33 @@ class History:
             if surplus > 0:
                 del self.parents[position:position + surplus]
 
-    def drop_before(self, start: int) -> None:
-        """Forget the samples before an index."""
-        samples = self.place[0]
+    def drop_before(self, start: int) -> bool:
+        """
+        Forget the samples before an index.
+
+        :returns: whether there are fewer parents than before.
+        """
+        samples, parents = self.place[0], self.all_parents
         try:
             removed = samples.drop_before(start)
+            if removed and self.parents is not None:
+                del self.parents[1:1 + removed]
         except BaseException:
             self._mend_parents(1)
             raise
         if not removed:
-            return
+            return False
         stamps = samples.stamps
         if self.parents is not None:
-            del self.parents[1:1 + removed]
             self.parents[0] = self.parents[1]
             left = dict.fromkeys(self.parents)
-            if len(left) < len(self.all_parents):
+            if len(left) < len(parents):
                 self.all_parents = left
             if len(left) == 1:
                 (self.only_parent,), self.parents = left, None
         if self.parents is None and len(samples.regular) < len(stamps) == len(set(stamps)):
             samples.regular = stamps
+        return self.all_parents is not parents
 
     def find(self, time: int) -> int:
         """

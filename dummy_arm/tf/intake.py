@@ -54,8 +54,10 @@ class Intake:
         #: Of one frame.
         self._most = sys.maxsize if max_samples is None else max(
             MOST_OF_ONE_STAMP, _PER_SECOND * lookups.tree.cache_time // SECOND)
-        #: So many samples may come in until all are counted again; and have come since then.
+        #: So many samples may come in until all are counted again.
         self._room = self._max_samples
+        #: Whether the last count found no room; and how many have come in since then.
+        self._is_full = False
         self._uncounted = 0
 
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
@@ -123,11 +125,12 @@ class Intake:
         # then only, and a sample that comes in between takes the place of another.
         self._uncounted += added * number
         surplus = added
-        if 8 * self._uncounted >= len(self._lookups.tree.histories):
+        if not self._is_full or 8 * self._uncounted >= len(self._lookups.tree.histories):
             self._uncounted = 0
             self._room = self._max_samples - sum(
                 len(history) for history in self._lookups.tree.histories.values()
                 if isinstance(history, History))
+            self._is_full = self._room <= 0
             surplus = min(added, -(self._room // number))
         surplus = min(surplus, len(first) - 1)
         if surplus > 0:
@@ -138,7 +141,8 @@ class Intake:
     def _drop(self, histories: Sequence[History], count: int) -> None:
         """Drop the oldest samples of frames; of one, or of some that have them in common."""
         first = histories[0]
-        first.drop_before(first.place[0].start + count)
+        if first.drop_before(first.place[0].start + count):
+            self._lookups.has_changed()
         self._room += count * len(histories)
 
     def insert_run(self, run: Run, authority: str) -> None:

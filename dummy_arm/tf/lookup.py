@@ -66,10 +66,10 @@ class Lookups:
             try:
                 taken, changed = self.tree.insert(stamp, parent, child, pose, authority, is_static)
             except BaseException:  # as Ctrl-C, in the midst of a change
-                self._changed()
+                self.has_changed()
                 raise
             if changed:
-                self._changed()
+                self.has_changed()
         return taken
 
     def fetch(self) -> None:
@@ -108,10 +108,13 @@ class Lookups:
         """Forget what moves; the frames and what is static stay."""
         self.update()  # so that nothing that was sent before comes in after this
         with self.lock:
-            self.tree.clear()
-            self._changed()
+            try:
+                self.tree.clear()
+            finally:
+                self.has_changed()
 
-    def _changed(self) -> None:
+    def has_changed(self) -> None:
+        """Forget the paths: a frame has got another history, or other parents."""
         self._paths.clear()
         self.version = object()
 

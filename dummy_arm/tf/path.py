@@ -90,7 +90,8 @@ def _along(edges: Sequence[AnyHistory], time: int) -> Pose:
         i = samples.recent
         if not (i < len(stamps) and stamps[i - 1] <= time < stamps[i]):
             samples.recent = i = (
-                bisect_right(stamps, time) if time < samples.latest else len(stamps))
+                bisect_right(stamps, time, samples.start) if time < samples.latest
+                else len(stamps))
         if samples.start < i < len(stamps):
             before = stamps[i - 1]
             r = (time - before) / (stamps[i] - before)
