@@ -429,6 +429,54 @@ def test_ctrl_c_at_any_line_leaves_samples_in_common_whole():
     assert line > 350
 
 
+@pytest.mark.parametrize('limits', [(30_000, {}), (S, {'max_samples': 40})])
+def test_ctrl_c_at_any_line_leaves_each_sample_its_parent(limits):
+    """While the oldest of a frame with several parents expire, or are dropped."""
+    cache_time, others = limits
+    for line in count():
+        buffer = BufferCore(cache_time, **others)
+
+        def put(begin, end):
+            for i in range(begin, end):
+                buffer.insert(T * S + i * 1000, f'p{i % 3}', 'c',  # noqa: B023
+                              (float(i), *STILL[1:]))
+
+        put(0, 45)
+        was_interrupted = interrupted(lambda: put(45, 65), line)
+        history = buffer._lookups.tree.histories['c']
+        place, _ = history.place
+        assert len(history.parents) == len(place.stamps) == len(place.poses) // 56
+        for i in range(place.start, len(place.stamps)):
+            number = (place.stamps[i] - T * S) // 1000
+            assert history.pose(i)[0] == number
+            assert history.parent_of(i) == f'p{number % 3}'
+        if not was_interrupted:
+            break
+    assert line > 100
+
+
+def test_ctrl_c_at_any_line_at_one_stamp_leaves_each_sample_its_parent():
+    """Where the last of a hundred is replaced."""
+    for line in count():
+        buffer = BufferCore()
+
+        def put(begin, end):
+            for i in range(begin, end):
+                buffer.insert(T * S, f'p{i % 3}', 'c', (float(i), *STILL[1:]))  # noqa: B023
+
+        put(0, 101)
+        was_interrupted = interrupted(lambda: put(101, 104), line)
+        put(104, 105)
+        history = buffer._lookups.tree.histories['c']
+        place, _ = history.place
+        assert len(history.parents) == len(place.stamps) == len(place.poses) // 56
+        for i in range(len(place.stamps)):
+            assert history.parent_of(i) == f'p{int(history.pose(i)[0]) % 3}'
+        if not was_interrupted:
+            break
+    assert line > 20
+
+
 def test_of_one_stamp_a_hundred_samples_are_kept():
     """A broken clock does not fill the memory: the first and the last are what lookups use."""
     buffer = BufferCore()

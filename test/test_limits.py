@@ -201,6 +201,18 @@ def test_a_buffer_is_full_no_longer_when_samples_have_expired(insert):
     assert lengths(buffer) == {'a': 2, 'b': 7}
 
 
+@pytest.mark.parametrize('insert', WAYS)
+def test_a_buffer_that_is_not_full_keeps_all(insert, logs):
+    """However many samples have come in, of many frames: what has expired does not count."""
+    buffer = BufferCore(S, max_samples=1000)
+    children = [f'frame_{i}' for i in range(20)]
+    for second in range(20):
+        insert(buffer, [T + second * S + i * S // 10 for i in range(10)], children)
+        if second:
+            assert {10, 11, 12} >= set(lengths(buffer).values())
+    assert not logs
+
+
 samples = st.lists(st.tuples(
     st.sampled_from(WAYS), st.integers(0, 100), st.integers(1, 5),
     st.lists(st.sampled_from([f'frame_{i}' for i in range(12)]), min_size=1, max_size=12,
@@ -429,7 +441,6 @@ def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
     assert watched.held == [False]  # nothing of it is written before somebody reads it
     assert listed in str(raised.value)
     assert watched.held == [False, False]
-
 
 
 def test_frames_of_tf2_echo_are_compared_with_1000(ros, monkeypatch):

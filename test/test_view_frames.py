@@ -153,7 +153,16 @@ def test_the_lines_of_a_deep_tree_are_not_as_long_as_the_longest():
     """Each is as long as its branches, and a bounded rest."""
     lines = view_frames.lines_of(chain(1000), 100 * S)
     for level, line in enumerate(lines):
-        assert len(line) <= max(100, 4 * level + len('1000')) + 2 + 9 + 2 + 13 + 2 + len('/node')
+        tree = 4 * min(level, 100) + len('1000 ... ') + len('1000')
+        assert len(line) <= max(100, tree) + 2 + 9 + 2 + 13 + 2 + len('/node')
+
+
+def test_the_branches_of_a_chain_are_cut_off():
+    """From the hundredth level on, a line begins with its level; the rest is as long as before."""
+    first, *others = (twig.branches for twig in chain(5000).drawn())
+    assert first == ''
+    assert others[:100] == [f'{" " * 4 * i}└── ' for i in range(100)]
+    assert others[100:] == [f'{i + 1} ... {" " * 4 * 99}└── ' for i in range(100, 5000)]
 
 
 def test_of_a_tree_only_what_a_terminal_shows_is_made():
@@ -566,6 +575,21 @@ def test_a_signal_ends_the_drawing(start, tmp_path, signal_number, is_real):
         time.sleep(0.01)
     assert process.output == ''
     assert not [*there.iterdir()]
+
+
+def test_a_kill_ends_the_drawing_too(start, kill, tmp_path):
+    """Else it would go on for half a minute, as after a terminal was closed."""
+    process = start('-c', UNLIMITED, '--bag', large_bag(tmp_path, 4000), cwd=tmp_path)
+    deadline = time.monotonic() + 2 * TIMEOUT
+    while not (drawing := process.descendants()) or sum(map(seconds_of_work, drawing)) < 1.0:
+        assert not process.ended(), process.output
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    kill(process)
+    deadline = time.monotonic() + 5.0
+    while any(map(is_running, drawing)):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
 
 
 def test_a_graph_that_is_larger_than_a_pipe(monkeypatch, tmp_path):

@@ -5,6 +5,10 @@ from typing import NamedTuple, Optional
 
 from dummy_arm.tf.frames import Frame
 
+#: The branches of so many levels are drawn at most: else those of a chain of frames would take
+#: the square of its length. Lines that are deeper begin with their level.
+_DEEPEST = 100
+
 
 class Twig(NamedTuple):
     """A line of a drawn tree."""
@@ -76,21 +80,28 @@ class Forest:
         begins = [self._root or loop[0] for loop in self.loops]
         for root, ends in [*((root, None) for root in self.roots), *zip(begins, begins)]:
             yield Twig('', root, None)
-            waiting = self._twigs(root, '')
+            waiting = self._twigs(root, '', 1)
             while waiting:
-                twig, indent = waiting.pop()
+                twig, indent, level = waiting.pop()
                 yield twig
                 if twig.name != ends:
-                    waiting += self._twigs(twig.name, indent)
+                    waiting += self._twigs(twig.name, indent, level)
 
-    def _twigs(self, parent: str, indent: str) -> list[tuple[Twig, str]]:
-        """List the children of a frame, the first last, and how theirs are indented."""
+    def _twigs(self, parent: str, indent: str, level: int) -> list[tuple[Twig, str, int]]:
+        """
+        List the children of a frame, the first last, and the indent and level of theirs.
+
+        :param level: of the children; 1 below a root.
+        """
         twigs = []
-        for child in self._children.get(parent, []):
-            twigs.append((Twig(f'{indent}├── ', child, self.frames[child]), f'{indent}│   '))
-        if twigs:
-            twig, _ = twigs[-1]
-            twigs[-1] = twig._replace(branches=f'{indent}└── '), f'{indent}    '
+        children = self._children.get(parent, [])
+        if level > _DEEPEST:
+            indent = indent[-4 * (_DEEPEST - 1):]
+        begin = f'{level} ... {indent}' if level > _DEEPEST else indent
+        for child in children:
+            branch, rest = ('└── ', '    ') if child is children[-1] else ('├── ', '│   ')
+            twigs.append((Twig(begin + branch, child, self.frames[child]), indent + rest,
+                          level + 1))
         return twigs[::-1]
 
 

@@ -19,6 +19,9 @@ _STEP = 0.05  # s
 #: directory in which it runs takes their place.
 _DRAWING = """
 import sys
+if sys.platform == 'linux':
+    import ctypes
+    ctypes.CDLL(None).prctl(1, 9)  # PR_SET_PDEATHSIG: SIGKILL, should the parent be killed
 form, *sys.path = sys.argv[1:]
 from pygraphviz import AGraph
 dot = sys.stdin.buffer.read().decode()
