@@ -45,10 +45,10 @@ def rows() -> Iterator[Row]:
 
 
 def memory() -> Iterator[Row]:
-    """Measure the memory of buffers that are as full as their limits allow."""
+    """Measure the memory of buffers into which a third more comes than their limits allow."""
     for what, *arguments in (
-            ('a buffer with 110 frames, full of samples', 110, 10_000_000 // 110 + 1, 5),
-            (f'a buffer with {_FRAMES} frames, full of samples', _FRAMES - 1, 101, 12),
+            ('a buffer with 110 frames, full of samples', 110, 13_300_000 // 110, 5),
+            (f'a buffer with {_FRAMES} frames, full of samples', _FRAMES - 1, 133, 12),
             (f'a buffer with {_FRAMES} frames, names of 1024 bytes, 4 bytes a character',
              _FRAMES - 1, 1, 1021)):
         size, number = subprocess.run(

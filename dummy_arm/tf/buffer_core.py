@@ -58,7 +58,7 @@ class BufferCore:
         :param cache_time: a duration, as times are given; what is that much older than the
             newest transform of its frame is forgotten.
         :param max_frames: how many frames there may be; transforms with more are refused.
-        :param max_samples: how many transforms of moving frames are kept at most, some 60 bytes
+        :param max_samples: how many transforms of moving frames are kept at most, 60 to 100 bytes
             each. When there are more, a frame that gets one drops its oldest. Of one frame, at
             most 10 000 are kept per second of cache time. None: neither limit holds.
         :raises ValueError: when the cache time is negative, or max_samples is less than 1.
