@@ -89,4 +89,8 @@ def fill(frames: int, samples: int, length: int) -> None:
 
 
 if __name__ == '__main__':
-    fill(*map(int, sys.argv[1:]))
+    if len(sys.argv) > 1:
+        fill(*map(int, sys.argv[1:]))
+    else:
+        for row in (*rows(), *memory()):
+            print(f'| {" | ".join(row)} |')

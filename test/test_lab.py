@@ -111,7 +111,7 @@ def test_steps_5_and_6_the_frames_of_the_arm(start, tmp_path):
     assert rates == pytest.approx([50.0] * 4, rel=0.1)
     lengths = [float(line.split()[2]) for line in lines if line.startswith('Buffer length: ')]
     assert len(lengths) == 4
-    assert 2.0 < min(lengths) <= max(lengths) < 5.5
+    assert 0.5 < min(lengths) <= max(lengths) < 5.5  # to discover the arm may take seconds
     dot = (tmp_path / 'frames.gv').read_text()
     for parent, child in pairwise(frames):
         assert f'"{parent}" -> "{child}" [' in dot
