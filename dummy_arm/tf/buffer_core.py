@@ -165,7 +165,7 @@ class BufferCore:
 
     def _hold(self, timeout: float) -> bool:
         """
-        Have no other thread change the data while the process forks.
+        Take the lock, so that no other thread changes the data while the process forks.
 
         :param timeout: how long to wait for the lock at most (s).
         :returns: False when another thread has it still.
@@ -173,7 +173,7 @@ class BufferCore:
         return self.lock.acquire(timeout=timeout)
 
     def _release(self) -> None:
-        """Let other threads change the data again."""
+        """Release the lock, so that other threads can change the data again."""
         self.lock.release()
 
     def _detach(self) -> None:

@@ -198,7 +198,7 @@ class FrameTree:
     def _append(self, chain: list[str], frame: str) -> None:
         chain.append(frame)
         if len(chain) > MAX_GRAPH_DEPTH:
-            edges, chain = self.newest_edges(), chain[:]  # the text is written without the lock
+            edges = self.newest_edges()  # the text is written without the lock
             raise LookupException.hinting(
                 'The tf tree is invalid because it contains a loop.\n',
                 lambda: f'{as_string(edges)}\n{hints.loop(chain)}')
@@ -219,8 +219,8 @@ class FrameTree:
         :param until: a time (ns): no newer than then; 0: of all.
         """
         for name, history in self.histories.items():
-            if history is not None and (parent := history.parent_at(min(until, history.latest))):
-                yield name, parent, history
+            if history is not None and (state := history.state(until)) is not None:
+                yield name, state[0], history
 
     def newest_edges(self) -> list[tuple[str, Optional[str]]]:
         """List the frames that had a parent, and their newest parents; None: since cleared."""

@@ -9,7 +9,7 @@ from dummy_arm.tf.texts import abbreviated, LONGEST
 from dummy_arm.tf.times import SECOND
 
 #: So many names are shown at most, and searched for near ones.
-SHOWN, SEARCHED = 5, 1000
+_SHOWN, _SEARCHED = 5, 1000
 
 
 @lru_cache(maxsize=8)  # a program that waits asks again and again
@@ -17,15 +17,15 @@ def nearest(name: str, known: tuple[str, ...], what: str = 'frames') -> str:
     """Name those whose names are nearest to one that does not exist, or some others."""
     if not known:
         return 'No transform has been received yet.'
-    close = get_close_matches(name, searched(known), SHOWN) if len(name) <= LONGEST else []
+    close = get_close_matches(name, searched(known), _SHOWN) if len(name) <= LONGEST else []
     if close:
         return f'Nearest known: {_listed(close)}.'
-    return f'Known {what}: {some(known, SHOWN, quoted)}.'
+    return f'Known {what}: {some(known, _SHOWN, quoted)}.'
 
 
 def searched(known: Sequence[str]) -> list[str]:
     """Return those of many names that are compared with one: more of them would take seconds."""
-    return [name for name in known[:SEARCHED] if len(name) <= LONGEST]
+    return [name for name in known[:_SEARCHED] if len(name) <= LONGEST]
 
 
 def quoted(name: str) -> str:

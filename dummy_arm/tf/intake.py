@@ -18,7 +18,7 @@ from dummy_arm.tf.lookup import Lookups
 from dummy_arm.tf.message_reader import Edges, nothing, Run
 from dummy_arm.tf.normalization import normalize_poses, normalized
 from dummy_arm.tf.refusals import (
-    has_long_name,
+    is_too_long,
     problems,
     Refusals,
     too_long_name,
@@ -94,7 +94,7 @@ class Intake:
 
     def _takes_names(self, parent: str, child: str, authority: str) -> bool:
         """Return whether two names, at least one of them new, may become frames."""
-        if has_long_name(parent) or has_long_name(child):
+        if is_too_long(parent) or is_too_long(child):
             self.refusals.tell(too_long_name(parent, child, authority))
             return False
         frames = self._lookups.tree.histories

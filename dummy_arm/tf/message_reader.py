@@ -6,7 +6,7 @@ from itertools import chain
 from typing import Any, Optional, Protocol, Union
 
 from dummy_arm.tf import wire
-from dummy_arm.tf.refusals import has_long_name
+from dummy_arm.tf.refusals import is_too_long
 from dummy_arm.tf.times import SECOND
 from dummy_arm.tf.wire import Layout, MalformedMessage, Row
 
@@ -154,7 +154,7 @@ class MessageReader:
     def _learn(self, key: _Key, data: bytes, rows: list[Row]) -> None:
         """Keep the layout of a message."""
         pairs = [row[2:4] for row in rows]
-        if not pairs or any(map(has_long_name, chain(*pairs))):  # the latter are refused
+        if not pairs or any(map(is_too_long, chain(*pairs))):  # the latter are refused
             return
         layout = self._form.Layout(pairs)
         edges = Edges(layout, pairs)

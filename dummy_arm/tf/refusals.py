@@ -62,13 +62,13 @@ def too_many_frames(child: str, limit: int, authority: str) -> str:
 
 def too_long_name(parent: str, child: str, authority: str) -> str:
     """Return the warning for a transform one of whose names is too long."""
-    what, name = ('child_frame_id', child) if has_long_name(child) else ('frame_id', parent)
+    what, name = ('child_frame_id', child) if is_too_long(child) else ('frame_id', parent)
     return (f'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id "{logged(child)}" from '
             f'authority "{logged(authority)}" because its {what} has {_size(name)} bytes: no '
             f'more than {LONGEST_NAME} are allowed')
 
 
-def has_long_name(name: str) -> bool:
+def is_too_long(name: str) -> bool:
     """Return whether a name is longer than a frame's may be."""
     return len(name) * 4 > LONGEST_NAME and _size(name) > LONGEST_NAME
 

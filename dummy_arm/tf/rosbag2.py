@@ -366,7 +366,7 @@ class _McapReader:
                       if not channels or not self._others.issuperset(channels))
 
     def _chunks(self, summary: Buffer) -> Iterator[tuple[int, int, frozenset[int]]]:
-        """Give the first log time, the position and the channels of every chunk."""
+        """Yield the first log time, the position and the channels of every chunk."""
         from mcap.data_stream import ReadDataStream
         from mcap.records import ChunkIndex
         for kind, start, end in _split(summary):

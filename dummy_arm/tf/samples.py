@@ -70,12 +70,8 @@ class Samples:
             return False
         self.authority = authority
         if own[self.start] < earliest:
-            self.expire(earliest)
+            self.drop_before(bisect_left(own, earliest, self.start))
         return True
-
-    def expire(self, earliest: int) -> int:
-        """Forget the rows before a time (ns); else as `drop_before`."""
-        return self.drop_before(bisect_left(self.stamps, earliest, self.start))
 
     def drop_before(self, start: int) -> int:
         """

@@ -38,6 +38,11 @@ def abbreviated(text: str, longest: int = LONGEST) -> str:
     return f'{text[:kept - kept // 2]}...{text[len(text) - kept // 2:]}'
 
 
+def shortened(name: str) -> str:
+    """Return a name as a line with several of them shows it: visible, and abbreviated."""
+    return visible(abbreviated(name))
+
+
 def logged(name: str) -> str:
     """
     Return a name as log lines show it: visible, and a long one abbreviated, with its length.
@@ -47,6 +52,4 @@ def logged(name: str) -> str:
     >>> logged('x' * 3000) == 'x' * 49 + '...' + 'x' * 48 + ' (3000 characters)'
     True
     """
-    if len(name) <= LONGEST:
-        return visible(name)
-    return f'{visible(abbreviated(name))} ({len(name)} characters)'
+    return shortened(name) + (f' ({len(name)} characters)' if len(name) > LONGEST else '')

@@ -3,10 +3,10 @@
 from rclpy.time import Time
 
 from dummy_arm.tf import TransformException
-from dummy_arm.tf.texts import visible
+from dummy_arm.tf.texts import shortened, visible
 from dummy_arm.tf.times import SECOND
 from dummy_arm.tools.frame_listener import FrameListener
-from dummy_arm.tools.screen import shortened, wrapped
+from dummy_arm.tools.screen import wrapped
 from dummy_arm.tools.traffic import Delays, summed_up
 
 

@@ -7,7 +7,7 @@ from textwrap import wrap
 from typing import Optional
 from unicodedata import combining, east_asian_width
 
-from dummy_arm.tf.texts import abbreviated, LONGEST, visible
+from dummy_arm.tf.texts import LONGEST
 
 _HOME_AND_CLEAR = '\x1b[H\x1b[2J'
 
@@ -38,11 +38,6 @@ def height() -> Optional[int]:
 def wrapped(text: str) -> list[str]:
     """Break a long line where a terminal ends; leave it whole in a pipe."""
     return wrap(text, shutil.get_terminal_size().columns) if sys.stdout.isatty() else [text]
-
-
-def shortened(name: str) -> str:
-    """Return a name as a line with several of them shows it: visible, with the middle left out."""
-    return visible(abbreviated(name))
 
 
 def width(text: str) -> int:

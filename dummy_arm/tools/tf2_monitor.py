@@ -5,7 +5,8 @@ from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.command import Parser, run, UsageError
 from dummy_arm.interruption import sleep
-from dummy_arm.tools.screen import column, padded, shortened, show, width, wrapped
+from dummy_arm.tf.texts import shortened
+from dummy_arm.tools.screen import column, padded, show, width, wrapped
 from dummy_arm.tools.traffic import Stream, Traffic, WINDOW
 
 if TYPE_CHECKING:

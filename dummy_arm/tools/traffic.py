@@ -7,7 +7,7 @@ from threading import Lock
 from time import time_ns
 from typing import NamedTuple, Optional, TYPE_CHECKING
 
-from dummy_arm.tf.refusals import has_long_name
+from dummy_arm.tf.refusals import is_too_long
 from dummy_arm.tf.times import in_seconds, SECOND
 from dummy_arm.tf.wire import MalformedMessage, Row, unpack
 
@@ -165,7 +165,7 @@ class Traffic:
         if self._only:
             rows = [row for row in rows if row[3].removeprefix('/') == self._only]
         streams = [(self._of(frame, message.gid), row) for row in rows
-                   if (frame := row[3].removeprefix('/')) and not has_long_name(frame)]
+                   if (frame := row[3].removeprefix('/')) and not is_too_long(frame)]
         everything = self._of('', message.gid)
         if is_static or not rows:
             return

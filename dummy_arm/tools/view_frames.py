@@ -12,12 +12,12 @@ from dummy_arm.command import CommandError, number, Parser, run, UsageError
 from dummy_arm.interruption import sleep
 from dummy_arm.tf.frames import Frame
 from dummy_arm.tf.hints import nearest
-from dummy_arm.tf.texts import visible
+from dummy_arm.tf.texts import shortened, visible
 from dummy_arm.tf.times import display, in_seconds
 from dummy_arm.tools.bag_options import add_bag_options, read_bag
 from dummy_arm.tools.forest import Forest, frequency
 from dummy_arm.tools.frame_graph import as_dot, draw
-from dummy_arm.tools.screen import column, height, padded, shortened, show, width, wrapped
+from dummy_arm.tools.screen import column, height, padded, show, width, wrapped
 from dummy_arm.tools.waiting import wait
 
 if TYPE_CHECKING:
