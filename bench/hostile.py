@@ -10,8 +10,8 @@ import numpy as np
 
 from dummy_arm.tf import BufferCore, TransformException, wire
 from dummy_arm.tf.message_reader import MessageReader
+from dummy_arm.tf.pose import IDENTITY
 
-_POSE = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 _S = 10**9
 _PARENTS, _FRAMES = 20_000, 100_000
 
@@ -22,16 +22,16 @@ def _fail(error: wire.MalformedMessage) -> None:
 
 def rows() -> Iterator[Row]:
     """Measure what is linear, so that it is over soon."""
-    message = wire.pack((1, 1000 * i, f'parent_{i}', 'child', *_POSE) for i in range(_PARENTS))
+    message = wire.pack(
+        wire.Row(_S + 1000 * i, f'parent_{i}', 'child', IDENTITY) for i in range(_PARENTS))
     begin = perf_counter()
     BufferCore().insert_messages([message], MessageReader(_fail))
     yield (f'{_PARENTS} transforms of one frame, each with another parent, in one message',
            f'{perf_counter() - begin:.2f} s', '')
     buffer = BufferCore()
     for i in range(_FRAMES - 1):
-        buffer.insert(_S, 'map', f'frame_{i}', _POSE)
-    tree = buffer._lookups.tree
-    held = best(tree.states)
+        buffer.insert(_S, 'map', f'frame_{i}', IDENTITY)
+    held = best(buffer._tree.states)
     listed = best(buffer.frames)
     yield f'frames() of {_FRAMES} frames', f'{listed * 1e3:.0f} ms', f'{held * 1e3:.0f} ms locked'
     begin = perf_counter()
@@ -82,7 +82,7 @@ def fill(frames: int, samples: int, length: int) -> None:
     buffer, reader = BufferCore(), MessageReader(_fail)
     for number in range(samples):
         for i, packet in enumerate(packets):
-            poses = np.tile(_POSE, (min(together, frames - i * together), 1))
+            poses = np.tile(IDENTITY, (min(together, frames - i * together), 1))
             buffer.insert_messages([packet.pack(_S + 1000 * number, poses)], reader)
     peak = status('VmHWM')
     print(f'{peak - before:.0f} {sum(frame.length for frame in buffer.frames())}')

@@ -17,6 +17,8 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
+from dummy_arm.tf.wire import Row
+
 S = 10**9
 #: Every kind of bag, and its compressions.
 ROS2 = ('db3', 'mcap', 'db3 file', 'db3 message', 'mcap file', 'mcap message', 'mcap storage')
@@ -27,7 +29,7 @@ STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 def row(stamp, parent, child, pose=STILL):
     """Make a transform, as the rows of the wire are; its stamp in ns."""
-    return (*divmod(stamp, S), parent, child, *pose)
+    return Row(stamp, parent, child, pose)
 
 
 def walk(seconds=10, hertz=10, begin=100 * S):
@@ -118,11 +120,11 @@ def _message(types, rows):
     return new(TF, [
         new('geometry_msgs/msg/TransformStamped',
             new('std_msgs/msg/Header', *number,
-                new('builtin_interfaces/msg/Time', sec, nanosec), parent),
+                new('builtin_interfaces/msg/Time', *divmod(stamp, S)), parent),
             child,
-            new('geometry_msgs/msg/Transform', new('geometry_msgs/msg/Vector3', x, y, z),
-                new('geometry_msgs/msg/Quaternion', *rotation)))
-        for sec, nanosec, parent, child, x, y, z, *rotation in rows])
+            new('geometry_msgs/msg/Transform', new('geometry_msgs/msg/Vector3', *pose[:3]),
+                new('geometry_msgs/msg/Quaternion', *pose[3:])))
+        for stamp, parent, child, pose in rows])
 
 
 def packed(data, method):

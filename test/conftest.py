@@ -26,6 +26,8 @@ from typing import Any
 
 import pytest
 
+from dummy_arm.tf.wire import Fields, Row
+
 TIMEOUT = 20.0  # s; for what takes well under a second on a machine that is not overloaded
 _GRACE = 3.0  # s; for what ends in 0.2 s
 _GIVEN_UP = 3.0  # s; after 1 s Fast DDS gives up a lock of one that was killed
@@ -84,10 +86,15 @@ def golden_messages() -> list[dict]:
     return json.loads(path.read_text())['cases']
 
 
-def golden_rows(case: dict) -> list[tuple]:
-    """Read the transforms of a golden case as rows of the wire."""
-    return [(t['sec'], t['nanosec'], t['frame_id'], t['child_frame_id'], *t['xyz'], *t['xyzw'])
+def golden_fields(case: dict) -> list[Fields]:
+    """Read the transforms of a golden case as they are on the wire."""
+    return [(t['sec'], t['nanosec'], t['frame_id'], t['child_frame_id'], (*t['xyz'], *t['xyzw']))
             for t in case['transforms']]
+
+
+def golden_rows(case: dict) -> list[Row]:
+    """Read the transforms of a golden case as rows."""
+    return [Row(sec * 10**9 + nanosec, *others) for sec, nanosec, *others in golden_fields(case)]
 
 
 @pytest.fixture

@@ -12,6 +12,7 @@ from rclpy.time import Time
 
 from dummy_arm.tf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
 from dummy_arm.tf.transform_stamped import row_of
+from dummy_arm.tf.wire import Row
 
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -138,7 +139,8 @@ def test_statics_accumulate(ros):
     ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
     ros.until(lambda: late)
     (message,) = late
-    assert [row_of(t)[2:5] for t in message.transforms] == [
+    assert [(row.frame_id, row.child_frame_id, row.pose[0])
+            for row in map(row_of, message.transforms)] == [
         ('map', 'a', 1.0), ('odom', '/b', 4.0), ('map', 'c', 3.0)]
 
 
@@ -155,7 +157,7 @@ def test_a_prepared_set(ros, heard, stamp):
     prepared.send(stamp, POSES)
     ros.until(lambda: heard)
     assert [row_of(t) for t in heard[0]] == [
-        (1, 500_000_000, *edge, *pose) for edge, pose in zip(EDGES, POSES.tolist())]
+        Row(1_500_000_000, *edge, tuple(pose)) for edge, pose in zip(EDGES, POSES.tolist())]
 
 
 @pytest.mark.parametrize(('row', 'column', 'value', 'error'), [

@@ -19,10 +19,10 @@ from rclpy.time import Time
 import dummy_arm.tf
 from dummy_arm.tf import (
     Buffer,
-    BufferCore,
     BufferInterface,
     ConnectivityException,
     LookupException,
+    MessageBufferCore,
     TimeoutException,
     TransformException,
 )
@@ -106,7 +106,7 @@ def test_has_the_names_of_tf2_ros():
     from dummy_arm.tf.buffer_interface import BufferInterface as InInterface
     assert (InModule, InInterface) == (Buffer, BufferInterface)
     assert dummy_arm.tf.buffer.Buffer is Buffer
-    assert issubclass(Buffer, BufferCore)
+    assert issubclass(Buffer, MessageBufferCore)
     assert issubclass(Buffer, BufferInterface)
     everything = {}
     exec('from dummy_arm.tf import *', everything)
@@ -309,7 +309,7 @@ buffer = Buffer()
 
 
 def tell():
-    while not buffer._waiting:
+    while not buffer.is_waited_for:
         time.sleep(0.01)
     print('waiting', flush=True)
 
@@ -350,7 +350,7 @@ def test_a_coroutine_waits_for_what_is_not_there():
         with pytest.raises(StopIteration) as done:
             coroutine.send(None)
         assert done.value.value == made()
-    assert not buffer._waits
+    assert not buffer.is_waited_for
 
 
 def test_a_future_times_out():
@@ -364,7 +364,7 @@ def test_a_future_times_out():
             r"^Timed out after 0\.05 s, waiting for the transform from 'tool' to 'map': "
             '"map" passed to lookupTransform argument target_frame does not exist')):
         future.result()
-    assert not buffer._waits
+    assert not buffer.is_waited_for
     full = buffer.wait_for_transform_full_async('map', T, 'tool', T, 'map', timeout=LONG)
     buffer.set_transform(made(), 'test')
     assert full.result() == made()
@@ -382,23 +382,23 @@ def test_an_abandoned_wait_leaves_nothing_behind(ros, abandon):
     if abandon == 'close':
         waiting = buffer.lookup_transform_async('map', 'tool', T, timeout=LONG)
         waiting.send(None)
-        assert len(buffer._waits) == 1
+        assert buffer.is_waited_for
         waiting.close()
     else:
         waiting = buffer.wait_for_transform_async('map', 'tool', T, timeout=LONG)
-        assert len(buffer._waits) == 1
+        assert buffer.is_waited_for
         if abandon == 'stop spinning':
             ros.executor.spin_until_future_complete(waiting, 0.05)
             ros.executor.spin_once(timeout_sec=0.0)  # till then it holds what it has waited for
         if abandon == 'cancel':
             waiting.add_done_callback(lambda _: None)
             waiting.cancel()
-            assert not buffer._waits
+            assert not buffer.is_waited_for
             buffer.set_transform(made(), 'test')
             assert waiting.cancelled()
     del waiting
     gc.collect()
-    assert not buffer._waits
+    assert not buffer.is_waited_for
     for _ in range(200):
         if threading.active_count() == threads:
             break
@@ -475,7 +475,7 @@ def test_ended_waits_are_not_kept_for_their_deadlines():
     kept = buffer.wait_for_transform_async('map', 'tool', T, timeout=LONG)
     for _ in range(1000):
         buffer.wait_for_transform_async('map', 'tool', T, timeout=Duration(seconds=60)).cancel()
-    assert len(buffer._waits._deadlines) < 50
+    assert len(buffer._futures._deadlines) < 50
     assert not kept.done()
 
 
@@ -485,7 +485,7 @@ def test_timeouts_go_on_after_a_callback_that_ended_their_thread():
     buffer, done = Buffer(), threading.Event()
     buffer.wait_for_transform_async('map', 'tool', T, timeout=SOON).add_done_callback(
         lambda _: sys.exit())
-    buffer._waits._thread.join(20)
+    buffer._futures._thread.join(20)
     buffer.wait_for_transform_async('map', 'tool', T, timeout=SOON).add_done_callback(
         lambda _: done.set())
     assert done.wait(20)
@@ -510,7 +510,7 @@ def test_a_finalizer_may_cancel_a_wait():
     finally:
         gc.set_threshold(*thresholds)
     gc.collect()
-    assert not buffer._waits
+    assert not buffer.is_waited_for
 
 
 def test_a_callback_may_use_the_buffer():

@@ -1,17 +1,17 @@
 """The rules of the buffer, one by one; the errors; threads."""
 
-import dis
+from contextlib import suppress
 import gc
 from itertools import pairwise
 import logging
 import math
-from pathlib import Path
 import pickle
-import re
 import sys
 import threading
+import tracemalloc
 import weakref
 
+from ctrl_c import interruptions
 from model import Model
 import numpy as np
 import pytest
@@ -167,11 +167,15 @@ def test_a_history_keeps_little_more_than_the_cache_time():
     buffer = BufferCore(S)
     for i in range(10_000):
         put(buffer, 'a', 'b', T + i * S // 100)
-    history = buffer._lookups.tree.histories['b']
-    assert len(history) == 102  # tf2 looks what has expired before it inserts
-    samples, _ = history.place
-    assert len(samples.stamps) < 130
-    assert len(samples.poses) == 56 * len(samples.stamps)
+    (known,) = buffer.frames()
+    assert known.length == 102  # tf2 looks what has expired before it inserts
+    tracemalloc.start()
+    try:
+        for i in range(10_000, 20_000):
+            put(buffer, 'a', 'b', T + i * S // 100)
+        assert tracemalloc.get_traced_memory()[0] < 130 * (56 + 8)
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_frame_that_changes_its_parent():
@@ -534,7 +538,7 @@ def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch):
     buffer = BufferCore()
     put(buffer, 'a', 'b', T)
     put(buffer, 'a', 'b', T + S)
-    monkeypatch.setattr('dummy_arm.tf.batch.np.minimum', lambda *_: 1 / 0)
+    monkeypatch.setattr('dummy_arm.tf.history.np.minimum', lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as kept:
         buffer.lookup_transforms('a', 'b', [T, T + 1])
     assert put(buffer, 'a', 'b', T + 2 * S)
@@ -593,66 +597,29 @@ def test_waits_for_data_from_another_thread():
     assert not buffer.can_transform_full('a', T, 'b', T + 1, 'a', timeout=S // 100)
 
 
-def interrupted_lookup(buffer, lookup, number):
-    """
-    Look up and wait, with Ctrl-C at the place of a number among those where it can come.
-
-    Python heeds signals at the start of a function, after a call and at a jump back.
-
-    :returns: the KeyboardInterrupt; None: there are not as many places.
-    """
-    left, last = [number], {}
-
-    def trace(frame, event, _):
-        if event == 'call' and Path(frame.f_code.co_filename).name not in (
-                'blocking_waits.py', 'buffer_core.py', 'lookup.py', 'contextlib.py',
-                'threading.py'):
-            return None
-        frame.f_trace_opcodes = True
-        if event == 'call':
-            last[id(frame)] = 'start'
-        if event == 'opcode':
-            before, last[id(frame)] = last[id(frame)], dis.opname[
-                frame.f_code.co_code[frame.f_lasti]]
-            is_raised = last[id(frame)] in ('PUSH_EXC_INFO', 'POP_EXCEPT')  # by what was called
-            if re.match('start|CALL|JUMP_BACKWARD|JUMP_ABS', before) and not is_raised:
-                left[0] -= 1
-                if left[0] < 0:
-                    sys.settrace(None)
-                    raise KeyboardInterrupt
-        return trace
-
-    before = sys.gettrace()
-    sys._getframe().f_trace_opcodes = True  # else Python 3.12 traces those of no frame
-    try:
-        sys.settrace(trace)
-        getattr(buffer, lookup[0])(*lookup[1:], S // 1000)
-    except KeyboardInterrupt as error:
-        return error
-    except LookupException:
-        return None
-    finally:
-        sys.settrace(before)
-    return None
-
-
 @pytest.mark.parametrize('lookup', [
     ('lookup_transform', 'map', 'nobody', 0),
     ('lookup_transform_full', 'map', T, 'nobody', T, 'map')], ids=lambda lookup: lookup[0])
 def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free(lookup):
     """Wherever in it, and though the exception is kept: another thread can look up."""
-    buffer = BufferCore()
+    buffer, places = BufferCore(), 0
     put(buffer, 'map', 'tool')
-    number = 0
-    while interrupt := interrupted_lookup(buffer, lookup, number):
-        number += 1
+
+    def wait():
+        with suppress(LookupException):
+            getattr(buffer, lookup[0])(*lookup[1:], S // 1000)
+
+    for interrupt in interruptions(lambda: wait, 'engine.py', 'buffer_core.py', 'lookup.py',
+                                   'frame_names.py', 'contextlib.py', 'threading.py'):
+        places += 1
         results = []
         thread = threading.Thread(
             target=lambda: results.append(x_at(buffer, 'map', 'tool')), daemon=True)  # noqa: B023
         thread.start()
         thread.join(10.0)
-        assert results == [0.0], f'locked by Ctrl-C at place {number}: {interrupt!r}'
-    assert number > 20
+        assert results == [0.0], f'locked by Ctrl-C at place {places}: {interrupt!r}'
+        assert not buffer.is_waited_for
+    assert places > 20
 
 
 def test_nobody_sees_a_half_written_state():
@@ -714,8 +681,8 @@ def test_an_error_that_nobody_has_read_keeps_names_only():
     with pytest.raises(LookupException) as raised:
         buffer.lookup_transform('map', 'tol')
     error = raised.value.with_traceback(None)
-    history = weakref.ref(buffer._lookups.tree.histories['tool'])
+    gone = weakref.ref(buffer)
     del buffer, raised
     gc.collect()
-    assert history() is None
+    assert gone() is None
     assert str(error).endswith("Nearest known: 'tool'.")

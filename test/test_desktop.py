@@ -142,7 +142,7 @@ whole = made('map', 'whole', 1.0)
 whole.transform.translation._x, whole.transform.rotation._w = 3, 2
 buffer.set_transform_static(whole, 'test')
 found = buffer.lookup_transform('map', 'whole', Time())
-of_row = message_of((1, 2, 'map', 'whole', 3, 0, 0, 0, 0, 0, 1))
+of_row = message_of((1_000_000_002, 'map', 'whole', (3, 0, 0, 0, 0, 0, 1)))
 for message in found, of_row:
     (sent,) = deserialize_message(serialize_message(TFMessage(transforms=[message])),
                                   TFMessage).transforms

@@ -7,6 +7,7 @@ import pytest
 from dummy_arm.tf import TFMessage
 from dummy_arm.tf.transform_stamped import message_of
 
+S = 10**9
 SUBSCRIBER = """
 import rclpy
 from dummy_arm.tf import TFMessage
@@ -73,7 +74,8 @@ def test_objects_and_bytes_both_ways(ros):
     ros.node.create_subscription(
         TFMessage, '/tf', lambda message, info: with_info.append((message, info)), 10)
     publisher = ros.node.create_publisher(TFMessage, '/tf', 10)
-    message = TFMessage(transforms=[message_of((1, 2, 'a', 'b', 1.5, 0, 0, 0.0, 0.0, 0.0, 1.0))])
+    message = TFMessage(transforms=[
+        message_of((S + 2, 'a', 'b', (1.5, 0, 0, 0.0, 0.0, 0.0, 1.0)))])
     publisher.publish(message)
     ros.until(lambda: objects and raw and with_info)
     assert objects[0] == message
@@ -89,7 +91,7 @@ def test_a_large_message_arrives(ros, start):
     process, publisher = subscribed(ros, start, code=SUBSCRIBER.replace(
         '[t.child_frame_id for t in m.transforms]',
         'len(m.transforms), m.transforms[-1].transform'))
-    rows = [(1, 2, f'frame_{i}', f'frame_{i + 1}', i, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+    rows = [(S + 2, f'frame_{i}', f'frame_{i + 1}', (i, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
             for i in range(5000)]
     publisher.publish(TFMessage(transforms=[message_of(row) for row in rows]))
     line = process.line()

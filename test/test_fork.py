@@ -138,8 +138,8 @@ print('done')
 
 HELD = NO_ROS + """
 # A lock that is never free: the fork goes on without it, and the child forgets what moves.
-from dummy_arm.tf import buffer_core
-buffer_core._PATIENCE = 0.2
+from dummy_arm.tf import forking
+forking._PATIENCE = 0.2
 buffer.insert(0, 'map', 'fixed', STILL, is_static=True)
 is_held, is_over = threading.Event(), threading.Event()
 def hold():
@@ -162,7 +162,7 @@ print('done')
 """
 
 INTERRUPTED = HELD.split('def look')[0] + """
-buffer_core._PATIENCE = 2.0
+forking._PATIENCE = 2.0
 def interrupt():
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(0.2)
@@ -176,21 +176,16 @@ except KeyboardInterrupt:
 """
 
 SOURCES = NO_ROS + """
-# Sources that do not work do not matter.
+# A source that does not work does not matter.
 class Source:
-    def __init__(self, method):
-        self.method = method
-    def fetch(self):
-        if self.method == 'fetch' and is_forking:
+    def take(self):
+        if is_forking:
             raise ValueError
-    def hurry(self):
+        return []
+    def wake(self):
         pass
-    def abandon(self):
-        if self.method == 'abandon':
-            raise ValueError
 is_forking = False
-for method in 'fetch', 'abandon':
-    buffer.add_source(Source(method))
+buffer.add_source(Source())
 def look():
     assert x() == 0.0
     answers = []
@@ -237,7 +232,7 @@ def send():
     global number
     number += 1
     broadcaster.sendTransform(message_of(
-        (100, number, 'map', 'tool', float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)))
+        (100 * 10**9 + number, 'map', 'tool', (float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))))
 def x():
     return buffer.lookup_transform('map', 'tool', Time()).transform.translation.x
 while not buffer.can_transform('map', 'tool', Time()):
@@ -261,7 +256,7 @@ def look():
     assert x() == before
     assert not buffer.can_transform('map', 'late', Time(), Duration(seconds=0.2))
     buffer.set_transform(message_of(
-        (100, 0, 'map', 'late', 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)), 'child')
+        (100 * 10**9, 'map', 'late', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))), 'child')
     assert buffer.can_transform('map', 'late', Time())
     assert not waiting.done() and not kept.done()
     future = buffer.wait_for_transform_async('map', 'nobody', Time(), Duration(seconds=0.1))
@@ -296,7 +291,7 @@ finally:
     sender.join()
     asker.join()
 buffer.set_transform(message_of(
-    (100, 0, 'map', 'late', 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)), 'parent')
+    (100 * 10**9, 'map', 'late', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))), 'parent')
 thread.join(20)
 assert len(blocked) == 1
 assert waiting.done() and kept.done()

@@ -13,7 +13,6 @@ import yaml
 
 from dummy_arm.arm import Arm
 from dummy_arm.tf import BufferCore
-from dummy_arm.tf.placing import place
 
 ROOT = Path(__file__).parent.parent
 LAUNCH, RVIZ = 'launch/dummy_arm.launch.py', 'rviz/dummy_arm.rviz'
@@ -70,7 +69,8 @@ def test_the_camera_of_rviz_sees_the_whole_arm():
         buffer = BufferCore()
         for parent, child, pose in zip(arm.frames, arm.frames[1:], arm.poses(phases).tolist()):
             buffer.insert(1, parent, child, (*pose,))
-        points += [transform.translation for transform in place(buffer, 'base_link').values()]
+        (placed,) = buffer.lookup_all(['base_link'])
+        points += [transform.translation for transform in placed.values()]
     seen = np.array(points) - focal - view['Distance'] * backwards
     depths = -seen @ backwards
     half = tan(0.5 * 0.7854)  # of rviz's 45 degrees

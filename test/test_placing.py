@@ -5,7 +5,6 @@ from hypothesis import strategies as st
 import pytest
 
 from dummy_arm.tf import BufferCore, InvalidArgumentException, LookupException, TransformException
-from dummy_arm.tf.placing import place
 
 S = 10**9
 T = 1_700_000_000 * S
@@ -50,9 +49,9 @@ def test_as_lookups(inserts, target, until):
         known |= {NAMES[parent], NAMES[child]}
     if target not in known:
         with pytest.raises(LookupException):
-            place(buffer, target, until)
+            buffer.lookup_all([target], until)
         return
-    placed = place(buffer, target, until)
+    placed = buffer.lookup_all([target], until)[0]
     expected = by_lookups(buffer, target, until)
     assert placed.keys() == expected.keys()
     for name, transform in placed.items():
@@ -72,7 +71,7 @@ def test_a_frame_that_changed_its_parent():
     for until in 0, T + 2 * S, T + 5 * S, T + 8 * S:
         assert {name: transform.matrix() == pytest.approx(
             by_lookup(buffer, name, until).matrix(), abs=1e-12)
-            for name, transform in place(buffer, 'map', until).items()} == dict.fromkeys(
+            for name, transform in buffer.lookup_all(['map'], until)[0].items()} == dict.fromkeys(
                 ['map', 'left', 'right', 'hand', *(['tool'] if until != T + 2 * S else [])], True)
 
 
@@ -90,11 +89,11 @@ def test_only_what_is_connected_and_known():
     buffer.insert(T, 'world', 'tree', pose(1))
     buffer.insert(T, 'x', 'y', pose(1))
     buffer.insert(T, 'y', 'x', pose(1))
-    assert [*place(buffer, 'map')] == ['map', 'odom', 'base']
-    assert [*place(buffer, 'base')] == ['base', 'odom', 'map']
-    assert [*place(buffer, 'map', T)] == ['map', 'odom']
-    assert [*place(buffer, 'tree', T)] == ['tree', 'world']
-    assert [*place(buffer, 'x')] == ['x', 'y']
+    assert [*buffer.lookup_all(['map'])[0]] == ['map', 'odom', 'base']
+    assert [*buffer.lookup_all(['base'])[0]] == ['base', 'odom', 'map']
+    assert [*buffer.lookup_all(['map'], T)[0]] == ['map', 'odom']
+    assert [*buffer.lookup_all(['tree'], T)[0]] == ['tree', 'world']
+    assert [*buffer.lookup_all(['x'])[0]] == ['x', 'y']
 
 
 def test_no_such_frame():
@@ -102,6 +101,6 @@ def test_no_such_frame():
     buffer = BufferCore()
     buffer.insert(T, 'map', 'odom', pose(1))
     with pytest.raises(LookupException, match=r"does not exist\. Nearest known: 'odom'"):
-        place(buffer, 'odon')
+        buffer.lookup_all(['odon'])
     with pytest.raises(InvalidArgumentException, match='cannot start with'):
-        place(buffer, '/map')
+        buffer.lookup_all(['/map'])

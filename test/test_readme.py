@@ -9,6 +9,7 @@ from conftest import ARM
 import pytest
 
 from dummy_arm.tf import TFMessage
+from dummy_arm.tf.transform_stamped import row_of
 from dummy_arm.tf.wire import unpack
 
 ROOT = Path(__file__).parent.parent
@@ -58,6 +59,25 @@ exec(compile(open(path).read(), path, 'exec'), names)
 """
 
 
+def stamp_of(message):
+    """Give the first stamp of a message (ns)."""
+    return row_of(message.transforms[0]).stamp_ns
+
+
+def test_record_tells_of_what_is_not_in_the_bag(start, tmp_path):
+    """If more comes at once than is kept for it."""
+    pytest.importorskip('rosbags.rosbag2')
+    recorder = start('-c', 'from dummy_arm.tf import senders\nsenders._MOST_MESSAGES = 2\n'
+                     + RECORDER, str(tmp_path / 'bag'))
+    recorder.line_with('recording')
+    start(*ARM)
+    assert re.search(r'\[ERROR\].* [1-9]\d* messages came too fast: they are not in the bag\n',
+                     recorder.line_with('messages came too fast'))
+    recorder.end(signal.SIGINT)
+    assert recorder.exit_code() == 0
+    assert 'Traceback' not in recorder.output
+
+
 @pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
 def test_record_makes_a_bag_of_the_arm(start, ros, tmp_path, signal_number):
     """Which has all that came in, when it came in, latched where that is latched."""
@@ -81,14 +101,14 @@ def test_record_makes_a_bag_of_the_arm(start, ros, tmp_path, signal_number):
         assert {connection.topic: connection.ext.offered_qos_profiles[0].durability
                 for connection in bag.connections} == {
             '/tf': QosDurability.VOLATILE, '/tf_static': QosDurability.TRANSIENT_LOCAL}
-        times, messages = zip(*((time, data) for connection, time, data in bag.messages()
-                                if connection.topic == '/tf'))
-    recorded = [unpack(data)[0][:2] for data in messages]
-    assert all(0 <= time - sec * 10**9 - nanosec < 10**9
-               for time, (sec, nanosec) in zip(times, recorded))
-    stamps = [message.transforms[0].header.stamp for message in heard]
-    both = [(stamp.sec, stamp.nanosec) for stamp in stamps
-            if recorded[0] <= (stamp.sec, stamp.nanosec) <= recorded[-1]]
+        found = [(connection.topic, time, unpack(data)[0])
+                 for connection, time, data in bag.messages()]
+    assert {(topic, row.child_frame_id) for topic, _, row in found} == {
+        ('/tf', 'joint_1'), ('/tf_static', 'base_link')}
+    assert all(0 <= time - row.stamp_ns < 10**9 for topic, time, row in found if topic == '/tf')
+    recorded = [row.stamp_ns for topic, _, row in found if topic == '/tf']
+    both = [stamp for message in heard
+            if recorded[0] <= (stamp := stamp_of(message)) <= recorded[-1]]
     assert len(both) > 20
     assert [stamp for stamp in recorded if both[0] <= stamp <= both[-1]] == both
     assert joint_1.length == len(recorded)

@@ -7,7 +7,9 @@ from types import SimpleNamespace
 
 from conftest import TIMEOUT, tool
 import pytest
+from rclpy.duration import Duration
 from rclpy.qos import QoSProfile
+from rclpy.time import Time
 
 from dummy_arm.tf import (
     Buffer,
@@ -17,9 +19,11 @@ from dummy_arm.tf import (
     TransformBroadcaster,
 )
 from dummy_arm.tf.senders import SenderListener, Taker, UNKNOWN
-from dummy_arm.tf.subscribing import subscribe
+from dummy_arm.tf.subscribing import subscribe, Topic
 from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tf.wire import pack, unpack
 
+S = 10**9
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -45,13 +49,13 @@ def sender_of(listener, name, known=True):
 def test_each_transform_is_of_the_node_that_sent_it(ros, start, listener):
     """Also where several send at the same time, and after the sender has ended."""
     ours = TransformBroadcaster(ros.node)
-    StaticTransformBroadcaster(ros.node).sendTransform(message_of((0, 0, 'map', 'a', *STILL)))
+    StaticTransformBroadcaster(ros.node).sendTransform(message_of((0, 'map', 'a', STILL)))
     process = start(*tool(
         'static_transform_publisher', '--frame-id', 'map', '--child-frame-id', 'b',
         '--ros-args', '-r', '__ns:=/robot', '-r', '__node:=other'))
     arm = start(*tool('dummy_arm'))
     for i in range(100):
-        ours.sendTransform(message_of((i, 0, 'map', 'c', *STILL)))
+        ours.sendTransform(message_of((i * S, 'map', 'c', STILL)))
         time.sleep(0.002)
     assert sender_of(listener, 'a') == '/test'
     assert sender_of(listener, 'b') == '/robot/other'
@@ -71,8 +75,7 @@ def test_the_newest_sender_counts(ros, start, listener):
     arm.close()
     deadline = time.monotonic() + TIMEOUT
     while sender_of(listener, 'joint_1') != '/test':
-        stamp = divmod(time.time_ns(), 10**9)
-        ours.sendTransform(message_of((*stamp, 'base_link', 'joint_1', *STILL)))
+        ours.sendTransform(message_of((time.time_ns(), 'base_link', 'joint_1', STILL)))
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
@@ -89,8 +92,11 @@ def test_where_rcl_cannot_be_called_the_sender_is_unknown(ros, monkeypatch, lack
     senders._rcl_take.cache_clear()
     listener = SenderListener(Buffer(node=ros.node), ros.node)
     try:
-        StaticTransformBroadcaster(ros.node).sendTransform(message_of((0, 0, 'map', 'a', *STILL)))
+        StaticTransformBroadcaster(ros.node).sendTransform(message_of((0, 'map', 'a', STILL)))
         assert sender_of(listener, 'a', known=False) == UNKNOWN
+        (message,), dropped = listener.received()
+        assert (message.gid, message.is_static, dropped) == ('', True, 0)
+        assert 0 <= time.time_ns() - message.received < TIMEOUT * S
     finally:
         listener.unregister()
         senders._rcl_take.cache_clear()
@@ -108,10 +114,10 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
     begin = time.time_ns()
     for message in messages:
         publisher.publish(message)
-    taken, taker = [], Taker()
+    topic, taken, taker = Topic(subscription, False), [], Taker()
 
     def all_taken():
-        taker.take_all(subscription, taken)
+        taker.take(topic, taken)
         return len(taken) == len(raw) == len(messages)
 
     ros.until(all_taken)
@@ -135,9 +141,9 @@ def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_me
     messages = [bytes.fromhex(case['cdr_hex']) for case in golden_messages[1:3]]
 
     def take(subscription, expected):
-        taker, taken = Taker(), []
+        topic, taken, taker = Topic(subscription, False), [], Taker()
         while not ends.is_set():
-            taker.take_all(subscription, taken)
+            taker.take(topic, taken)
         mixed.extend(message for message in taken if message != expected)
         counts.append(len(taken))
 
@@ -161,6 +167,117 @@ def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_me
     assert not mixed
     for subscription in subscriptions:
         subscription.destroy()
+
+
+@pytest.fixture
+def send(ros, listener):
+    """Send a transform with a stamp (ns), and give the bytes; each knows of the other."""
+    publisher = TransformBroadcaster(ros.node).pub_tf
+
+    def send(stamp):
+        message = pack([(stamp, 'map', 'moving', STILL)])
+        publisher.publish(message)
+        return message
+
+    for stamp in range(1, 100):
+        send(stamp)
+        if heard(listener, stamp, 0.2):
+            listener.received()
+            return send
+    pytest.fail('not heard in time')
+
+
+def heard(listener, stamp, seconds=TIMEOUT):
+    """Wait until a transform is in the buffer, which has all that was sent before."""
+    return listener.buffer.can_transform(
+        'map', 'moving', Time(nanoseconds=stamp), Duration(seconds=seconds))
+
+
+def test_what_is_received_is_given_once(ros, listener, send):
+    """In order, with gid, time and topic, whoever has looked something up before."""
+    static = StaticTransformBroadcaster(ros.node)
+    begin, sent, latched, messages = time.time_ns(), [], [], []
+    for number in range(100, 150):
+        sent.append(send(number))
+        latched.append((0, 'map', f'still_{number}', STILL))
+        static.sendTransform(message_of(latched[-1]))
+        if number % 3:
+            messages += listener.received().messages
+        assert heard(listener, number)
+        listener.buffer.lookup_transform(
+            'map', f'still_{number}', Time(), Duration(seconds=TIMEOUT))
+    messages += listener.received().messages
+    assert listener.received() == ([], 0)
+    for topic, expected in (('/tf', sent), ('/tf_static', [
+            pack(latched[:count]) for count in range(1, 51)])):
+        of_topic = [message for message in messages
+                    if message.is_static == (topic == '/tf_static')]
+        assert of_topic == expected
+        (info,) = ros.node.get_publishers_info_by_topic(topic)
+        assert {message.gid for message in of_topic} == {bytes(info.endpoint_gid)[:16].hex()}
+        times = [begin, *(message.received for message in of_topic), time.time_ns()]
+        assert times == sorted(times)
+
+
+def test_what_is_received_is_given_once_to_threads(listener, send):
+    """Which ask at the same time."""
+    ends, messages = threading.Event(), []
+
+    def ask():
+        while not ends.is_set():
+            messages.extend(listener.received().messages)
+
+    threads = [threading.Thread(target=ask) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    try:
+        sent = []
+        for stamp in range(100, 1100):
+            sent.append(send(stamp))
+            if stamp % 50 == 0:  # so that no queue overflows
+                assert heard(listener, stamp)
+        assert heard(listener, 1099)
+    finally:
+        ends.set()
+        for thread in threads:
+            thread.join()
+    messages += listener.received().messages
+    assert sorted(messages) == sorted(sent)
+
+
+def test_what_came_before_the_end_is_received(listener, send):
+    """And that is what is in the buffer."""
+    sent = [send(stamp) for stamp in range(100, 150)]
+    assert heard(listener, 149)
+    sent += [send(stamp) for stamp in range(150, 200)]
+    listener.unregister()
+    messages, dropped = listener.received()
+    assert len(messages) >= 50
+    assert (messages, dropped) == (sent[:len(messages)], 0)
+    assert listener.buffer.dump()['moving']['stamps'][-len(messages):] == [
+        unpack(message)[0].stamp_ns for message in messages]
+    send(200)
+    time.sleep(0.2)
+    assert listener.received() == ([], 0)
+
+
+SIZE = len(pack([(0, 'map', 'moving', STILL)]))
+
+
+@pytest.mark.parametrize(('limit', 'value', 'kept'), [
+    ('_MOST_MESSAGES', 10, 10), ('_MOST_BYTES', 11 * SIZE - 1, 10), ('_MOST_BYTES', 2 * SIZE, 2),
+    ('_MOST_BYTES', SIZE - 1, 0)])
+def test_what_is_kept_of_what_is_received_is_bounded(listener, send, monkeypatch, limit, value,
+                                                     kept):
+    """The newest are given, and the number of the others."""
+    assert (senders._MOST_MESSAGES, senders._MOST_BYTES) == (10_000, 16 * 2**20)
+    monkeypatch.setattr(senders, limit, value)
+    for stamps in range(100, 125), range(125, 175), range(175, 176):
+        sent = [send(stamp) for stamp in stamps]
+        assert heard(listener, stamps[-1])
+        dropped = max(0, len(sent) - kept)
+        assert listener.received() == (sent[dropped:], dropped)
+        assert listener.received() == ([], 0)
 
 
 def test_the_names_that_are_kept_are_bounded(ros, listener, monkeypatch):

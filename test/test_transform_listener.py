@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 import math
 from pathlib import Path
+import re
 import threading
 import time
 
@@ -29,8 +30,7 @@ from dummy_arm.tf import (
     TransformBroadcaster,
     TransformListener,
 )
-from dummy_arm.tf.feed import Feed
-from dummy_arm.tf.subscribing import subscribe
+from dummy_arm.tf.subscribing import Misfits, subscribe, SubscriptionSource
 from dummy_arm.tf.transform_stamped import message_of
 
 LATEST = Time()
@@ -46,13 +46,13 @@ parent, *children = sys.argv[1].split()
 rclpy.init()
 node = rclpy.create_node('sender')
 static = StaticTransformBroadcaster(node)
-static.sendTransform(message_of((0, 0, parent, children[0] + '_static', 0, 0, 0, 0, 0, 0, 1)))
+static.sendTransform(message_of((0, parent, children[0] + '_static', (0, 0, 0, 0, 0, 0, 1))))
 broadcaster = TransformBroadcaster(node)
 print('sending')
 while True:
-    stamp = divmod(time.time_ns(), 10**9)
+    stamp = time.time_ns()
     broadcaster.sendTransform([
-        message_of((*stamp, parent, child, i, 0, 0, 0, 0, 0, 1))
+        message_of((stamp, parent, child, (i, 0, 0, 0, 0, 0, 1)))
         for i, child in enumerate(children)])
     time.sleep(0.01)
 """
@@ -60,7 +60,7 @@ while True:
 
 def made(stamp_ns=0, parent='map', child='robot', x=0.0):
     """Make a transform."""
-    return message_of((*divmod(stamp_ns, 10**9), parent, child, x, *STILL[1:]))
+    return message_of((stamp_ns, parent, child, (x, *STILL[1:])))
 
 
 @pytest.fixture
@@ -398,16 +398,32 @@ def test_frames_are_limited(ros, listen, said):
     assert [line.partition(':')[0] for _, line in said] == ['TF_TOO_MANY_FRAMES']
 
 
-def test_a_misfit_is_told_with_the_remedy(ros, listen, said):
-    """Static transforms that are not latched never arrive."""
-    listen()
+def test_a_misfit_is_told_with_the_remedy(ros, said):
+    """Static transforms that are not latched never arrive; it is told once a second at most."""
+    tf_static, now = subscribe(ros.node, '/tf_static', print, LATCHED, None), 0.0
+    misfits = Misfits(tf_static, lambda: now)
     ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
-    eventually(lambda: said)
+
+    def told():
+        nonlocal now
+        now += 1.0
+        misfits.look()
+        return said
+
+    ros.until(told)
     assert said[0][1].startswith(
         "New publisher discovered on topic '/tf_static', offering incompatible QoS. "
         'No messages will be received from it. Last incompatible policy: DURABILITY')
-    time.sleep(1.2)
+    ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
+    ros.until(lambda: ros.node.count_publishers('/tf_static') == 2)
+    misfits.look()
     assert len(said) == 1
+    ros.until(lambda: len(told()) == 2)
+    for _ in range(3):
+        told()
+    assert len(said) == 2
+    misfits.close()
+    tf_static.destroy()
 
 
 def test_qos_is_as_asked(listen):
@@ -542,36 +558,102 @@ def test_a_lookup_has_all_that_has_arrived(ros, listen):
     assert late < 250  # of 500; if the thread alone took them, some 25 for each
 
 
-def test_pauses_begin_short_and_grow(ros):
-    """Whatever the first messages tell of the rate: the queue must not overflow in the first."""
-    class Thread:
-        """In place of the listener's."""
+@pytest.mark.parametrize(('depth', 'messages', 'seconds', 'expected'), [
+    (100, 50, 0.1, 0.1),  # 500 Hz
+    (100, 50, 0.05, 0.05),  # 1000 Hz
+    (100, 90, 0.009, 0.005),  # 10 000 Hz
+    (5, 5, 0.01, 0.005),
+    (1, 1, 0.001, 0.0),
+    (100, 9, 0.1, 0.0),  # 90 Hz
+    (100, 11, 0.1, 0.1),
+    (100, 0, 0.1, 0.0)])
+def test_in_a_pause_half_of_the_queue_stays_free(ros, depth, messages, seconds, expected):
+    """At the rate since the last round; above 100 Hz, and for a tenth of a second at most."""
+    now = 1000.0
+    source, publish, close = source_of(ros, depth, lambda: now)
+    source.end_round()
+    publish(messages)
+    now += seconds
+    assert source.end_round() == pytest.approx(expected)
+    assert source.end_round() == 0.0
+    close()
 
-        is_current = wake = wake_executor = staticmethod(lambda: False)
 
-    tf, tf_static = (subscribe(ros.node, topic, print, QoSProfile(depth=1000), None)
+def source_of(ros, depth, clock=time.monotonic):
+    """Return a source of a topic, what publishes messages that it then takes, and its end."""
+    tf, tf_static = (subscribe(ros.node, topic, print, QoSProfile(depth=depth), None)
                      for topic in ('/tf', '/tf_static'))
-    feed = Feed(BufferCore(), tf, tf_static, Thread(), pytest.fail)
-    feed.begin()
+    source = SubscriptionSource(tf_static, tf, pytest.fail, lambda: None, clock)
     broadcaster = TransformBroadcaster(ros.node)
     ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
 
-    def pause():
-        for _ in range(100):
-            broadcaster.sendTransform(made(time.time_ns()))
-        time.sleep(0.2)  # some 500 Hz, as far as can be seen
-        is_new, pause = feed.take()
-        assert is_new
-        return pause
+    def publish(count):
+        for number in range(count):
+            source.take().clear()
+            broadcaster.sendTransform(made(number + 1))
+            eventually(source.take)
+        source.take().clear()
 
-    pauses = [pause() for _ in range(5)]
-    assert pauses[:4] == pytest.approx([0.01, 0.03, 0.07, 0.1])
-    time.sleep(0.5)
-    feed.take()
-    assert pause() == pytest.approx(0.01)
-    feed.end()
-    tf.destroy()
-    tf_static.destroy()
+    def close():
+        tf.destroy()
+        tf_static.destroy()
+
+    return source, publish, close
+
+
+def test_what_was_taken_stays_until_it_is_emptied(ros):
+    """By the buffer, after the insertion: the list is the source's own."""
+    source, publish, close = source_of(ros, 10)
+    publish(1)
+    TransformBroadcaster(ros.node).sendTransform(made(5))
+    eventually(source.take)
+    assert source.take() is source.take()
+    (piece,) = source.take()
+    assert (piece.authority, piece.is_static) == ('default_authority', False)
+    close()
+    assert source.take() == [piece]
+    source.take().clear()
+    assert source.take() == []
+
+
+def test_the_trip_of_a_message_is_as_written_down(ros):
+    """In CONTRIBUTING, call by call."""
+    calls = []
+
+    def profile(frame, event, _):
+        path = Path(frame.f_code.co_filename)
+        if event == 'call' and path.parent.name == 'tf':
+            calls.append((frame.f_code.co_name, path.name))
+
+    threading.setprofile(profile)
+    try:
+        listener = TransformListener(Buffer(node=ros.node), ros.node)
+    finally:
+        threading.setprofile(None)
+    publisher = ros.node.create_publisher(TFMessage, '/tf', 100)
+    ros.until(lambda: publisher.get_subscription_count() > 0)
+    for number in range(3):
+        before = len(calls)
+        publisher.publish(TFMessage(transforms=[made(number + 1)]))
+        eventually(lambda: ('insert_pieces', 'intake.py') in calls[before:])  # noqa: B023
+        eventually(lambda: calls[-1] == ('_wait', 'listening.py'))
+    listener.unregister()
+    begin = max(i for i, call in enumerate(calls) if call == ('insert_pieces', 'intake.py'))
+    first = max(i for i in range(begin) if calls[i][0] == '_work')
+    last = max(i for i, call in enumerate(calls) if call == ('append', 'history.py'))
+    text = (Path(__file__).parent.parent / 'CONTRIBUTING.md').read_text()
+    trip = [(call.rpartition('.')[2], file) for call, file in re.findall(
+        r'^\| \d+ \| `([\w.]+)` \| `(\w+\.py)`', text, re.MULTILINE)]
+    assert len(trip) <= 10
+    assert len({file for _, file in trip}) <= 7
+    taken = [call for call in calls[first:last + 1] if call[0] not in (
+        'look',  # for incompatible publishers
+        '__init__',  # of a batch
+        'normalized')]  # each of few rotations
+    topic = ('take', 'subscribing.py')
+    assert taken.count(topic) == 3  # /tf_static, too
+    taken.remove(topic)
+    assert taken == trip
 
 
 def test_listeners_and_contexts_are_independent(ros, listen):
@@ -628,17 +710,27 @@ def test_all_that_had_arrived_is_there_after_the_end(ros, listen, end):
     assert buffer.get_latest_common_time('map', 'robot') == Time(nanoseconds=2000 * 10**9 + 19)
 
 
-def test_messages_come_in_though_nobody_looks_up(ros, listen):
+def test_messages_come_in_though_nobody_looks_up(ros):
     """In the course of a stream that has the thread pause."""
-    buffer, listener = listen()
+    class Watched(Buffer):
+        """Counts the updates that bring something, which only the thread can make."""
+
+        news = last = 0
+
+        def update(self):
+            before, self.last = self.last, super().update()
+            self.news += self.last > before
+            return self.last
+
+    buffer = Watched(node=ros.node)
+    listener = TransformListener(buffer, ros.node)
     publish = flood(ros, listener)
-    seen = set()
+    buffer.news = 0
     for second in range(2001, 2501):
         publish(second * 10**9, 1)
-        with buffer.lock:
-            seen.add(buffer._lookups.tree.histories['robot'].latest // 10**9)
-    assert 3 <= len(seen) < 100
-    assert max(seen) > 2300
+    eventually(lambda: buffer.news >= 3)
+    assert buffer.news < 250
+    listener.unregister()
 
 
 def test_what_is_refused_late_is_told_all_the_same(ros, listen, said):
@@ -741,7 +833,7 @@ def test_a_buffer_that_is_set_gets_all_that_is_sent_from_then_on(ros, listen):
     first, listener = listen()
     flood(ros, listener)
     second = Buffer(node=ros.node)
-    with first.lock:
+    with first.fetched():
         TransformBroadcaster(ros.node).sendTransform(made(2000 * 10**9))
         time.sleep(0.1)
         listener.buffer = second
@@ -995,40 +1087,49 @@ def test_a_subclass_whose_constructor_fails_listens_no_more(ros):
 
 def test_a_signal_handler_may_end_a_listener_that_gets_another_buffer(ros):
     """Wherever it interrupts that; the buffer gets nothing more."""
-    class Interrupted:
-        """The listener's thread; who asks whether it has ended is interrupted."""
+    class Interrupted(Buffer):
+        """When a source is added, a signal comes."""
 
-        def __init__(self, listening):
-            self._listening = listening
+        sources = frozenset()
 
-        def __getattr__(self, name):
-            if name == 'has_ended' and listener._listening is self:
-                listener._listening = self._listening
-                listener.unregister()
-                return False  # as it was before
-            return getattr(self._listening, name)
+        def add_source(self, source):
+            listener.unregister()
+            super().add_source(source)
+            self.sources |= {source}
+
+        def remove_source(self, source):
+            super().remove_source(source)
+            self.sources -= {source}
 
     listener = TransformListener(Buffer(node=ros.node), ros.node)
-    other = Buffer(node=ros.node)
-    listener._listening = Interrupted(listener._listening)
+    other = Interrupted(node=ros.node)
 
     def switch():
         listener.buffer = other
         return True
 
     assert spun(switch)
-    assert not other._lookups.sources
+    assert not other.sources
     eventually(lambda: not threads_of_listeners())
 
 
 def test_a_listener_that_gets_its_own_buffer_again_goes_on(ros):
     """A lookup that waits does not end."""
-    buffer = Buffer(node=ros.node)
+    class Watched(Buffer):
+        """Counts the sources that were removed."""
+
+        removed = 0
+
+        def remove_source(self, source):
+            super().remove_source(source)
+            self.removed += 1
+
+    buffer = Watched(node=ros.node)
     listener = TransformListener(buffer, ros.node)
-    sources = buffer._lookups.sources
     listener.buffer = buffer
-    assert buffer._lookups.sources is sources
+    assert not buffer.removed
     listener.unregister()
+    assert buffer.removed == 1
 
 
 class Ignoring(TransformListener):
@@ -1091,18 +1192,17 @@ def test_a_lookup_that_began_before_any_listener_waits_on(ros, sender):
 
 
 @pytest.mark.parametrize('ending', [KeyboardInterrupt, SystemExit])
-def test_ctrl_c_in_who_ends_a_feed_is_not_swallowed(ros, ending):
+def test_ctrl_c_in_who_ends_a_listener_is_not_swallowed(ros, ending):
     """It is not of the listener's thread; as SystemExit of a callback that runs there."""
-    class Thread:
-        """In place of the listener's."""
+    class Late(Buffer):
+        """Its listener's thread gets no news."""
 
-        is_current = wake = wake_executor = staticmethod(lambda: False)
+        def update(self):
+            return 0 if threads_of_listeners() == [threading.current_thread()] else (
+                super().update())
 
-    tf, tf_static = (subscribe(ros.node, topic, print, QoSProfile(depth=10), None)
-                     for topic in ('/tf', '/tf_static'))
-    buffer = Buffer(node=ros.node)
-    feed = Feed(buffer, tf, tf_static, Thread(), pytest.fail)
-    feed.begin()
+    buffer = Late(node=ros.node)
+    listener = TransformListener(buffer, ros.node)
 
     def end(_):
         raise ending
@@ -1111,12 +1211,11 @@ def test_ctrl_c_in_who_ends_a_feed_is_not_swallowed(ros, ending):
     broadcaster = TransformBroadcaster(ros.node)
     ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
     broadcaster.sendTransform(made(1))
-    eventually(lambda: buffer.can_transform('map', 'robot', LATEST))  # which tells no future
+    eventually(lambda: buffer.can_transform('map', 'robot', LATEST))  # which finishes no future
     with pytest.raises(ending):
-        feed.end()
-    assert not buffer.is_held
-    tf.destroy()
-    tf_static.destroy()
+        listener.unregister()
+    assert not buffer.is_in_block()
+    eventually(lambda: not threads_of_listeners())
 
 
 def ended(start, kind, *ways):

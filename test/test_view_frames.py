@@ -71,7 +71,7 @@ def ours(monkeypatch, ros, tmp_path):
     broadcaster = StaticTransformBroadcaster(ros.node)
 
     def send(*edges):
-        broadcaster.sendTransform([message_of((0, 0, *edge, *STILL)) for edge in edges])
+        broadcaster.sendTransform([message_of((0, *edge, STILL)) for edge in edges])
 
     return send
 
@@ -196,7 +196,7 @@ def test_the_sender_is_told_by_its_node(ros, ours, start, capsys):
     process.line_with('Spinning')
     broadcaster = TransformBroadcaster(ros.node)
     for i in range(10):
-        broadcaster.sendTransform(message_of((i, 0, 'map', 'early', *STILL)))
+        broadcaster.sendTransform(message_of((i * S, 'map', 'early', STILL)))
     assert view_frames.command('no such directory/frames', HEARD, text=True) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == 'map'
@@ -290,9 +290,9 @@ def test_sim_time_is_heard(ros, ours, capsys):
 
     def publish():
         for i in range(300):
-            stamp = divmod(1000 * S + i * S // 20, S)
-            clock.publish(Clock(clock=Time(sec=stamp[0], nanosec=stamp[1])))
-            broadcaster.sendTransform(message_of((*stamp, 'base', 'arm', *STILL)))
+            stamp = 1000 * S + i * S // 20
+            clock.publish(Clock(clock=Time(sec=stamp // S, nanosec=stamp % S)))
+            broadcaster.sendTransform(message_of((stamp, 'base', 'arm', STILL)))
             if ended.wait(0.05):
                 return
 

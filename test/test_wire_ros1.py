@@ -5,8 +5,8 @@ import random
 import pytest
 
 from dummy_arm.tf import BufferCore, wire_ros1
-from dummy_arm.tf.message_reader import MessageReader, Run
-from dummy_arm.tf.wire import MalformedMessage
+from dummy_arm.tf.message_reader import Batch, MessageReader
+from dummy_arm.tf.wire import MalformedMessage, Row
 
 bags = pytest.importorskip('bags')
 S = 10**9
@@ -15,9 +15,8 @@ NAMES = ['map', 'a', 'ünï/frame', 'n' * 300, 'base_link', '/slash', '']
 
 def some_rows(random, count):
     """Make transforms of any stamp that rosbags takes, with names of any length."""
-    return [(random.randrange(2**31), random.randrange(S), random.choice(NAMES),
-             f'{random.choice(NAMES)}{i}', *(random.uniform(-9.0, 9.0) for _ in range(7)))
-            for i in range(count)]
+    return [Row(random.randrange(2**31 * S), random.choice(NAMES), f'{random.choice(NAMES)}{i}',
+                tuple(random.uniform(-9.0, 9.0) for _ in range(7))) for i in range(count)]
 
 
 @pytest.mark.parametrize('seed', range(20))
@@ -32,8 +31,8 @@ def test_seconds_have_no_sign():
     data = bags.ros1([bags.row(7 * S, 'map', 'odom')])
     later = data[:8] + (3 * 10**9).to_bytes(4, 'little') + data[12:]
     assert wire_ros1.unpack(later) == [bags.row(3 * 10**9 * S, 'map', 'odom')]
-    _, run = MessageReader(pytest.fail, wire_ros1).read([data, later])
-    assert [*run.stamps] == [3 * 10**9 * S]
+    _, batch = MessageReader(pytest.fail, wire_ros1).read([data, later], '', False)
+    assert [*batch.stamps] == [3 * 10**9 * S]
 
 
 def test_a_message_that_ends_too_early_is_malformed():
@@ -46,7 +45,7 @@ def test_a_message_that_ends_too_early_is_malformed():
         wire_ros1.unpack(b'\5\0\0\0abcd')
 
 
-def test_a_stream_is_read_as_runs():
+def test_a_stream_is_read_as_batches():
     """What was inserted that way is what was sent; also of what is no longer the same."""
     random_ = random.Random(2)
     names = [('map', 'odom'), ('odom', 'base'), ('base', 'ünï')]
@@ -59,14 +58,15 @@ def test_a_stream_is_read_as_runs():
 
     messages = [message(i) for i in range(50)]
     messages += [message(50, names[:2]), message(51), message(52, [('odom', 'map'), *names[1:]])]
-    pieces = MessageReader(pytest.fail, wire_ros1).read(messages)
-    assert sum(len(piece.stamps) for piece in pieces if isinstance(piece, Run)) == 50
+    pieces = MessageReader(pytest.fail, wire_ros1).read(messages, '', False)
+    assert sum(len(piece.stamps) for piece in pieces if isinstance(piece, Batch)) == 50
     at_once, singly = BufferCore(100 * S), BufferCore(100 * S)
     at_once.insert_messages(messages, MessageReader(pytest.fail, wire_ros1))
     for data in messages:
         for row in wire_ros1.unpack(data):
-            singly.insert(row[0] * S + row[1], row[2], row[3], row[4:])
+            singly.insert(*row)
     assert at_once.frames() == singly.frames()
+    assert at_once.dump() == singly.dump()
     for child in 'odom', 'base', 'ünï':
         stamp = 10**9 * S + 123_456_789
         parent = {child: parent for parent, child in names}[child]

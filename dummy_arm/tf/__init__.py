@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from dummy_arm.tf.exceptions import TimeoutException as TimeoutException
     from dummy_arm.tf.exceptions import TransformException as TransformException
     from dummy_arm.tf.message import TFMessage as TFMessage
+    from dummy_arm.tf.message_buffer import MessageBufferCore as MessageBufferCore
     from dummy_arm.tf.static_transform_broadcaster import (
         StaticTransformBroadcaster as StaticTransformBroadcaster,
     )
@@ -46,6 +47,7 @@ _MODULES = {
     'ExtrapolationException': 'exceptions',
     'InvalidArgumentException': 'exceptions',
     'LookupException': 'exceptions',
+    'MessageBufferCore': 'message_buffer',
     'MsgStamped': 'buffer_interface',
     'NotImplementedException': 'buffer_interface',
     'PreparedTransforms': 'transform_broadcaster',

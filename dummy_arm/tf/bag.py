@@ -14,7 +14,6 @@ from dummy_arm.progress import progress
 from dummy_arm.tf.bag_content import BagError, Content, kind_of, Stream
 from dummy_arm.tf.buffer_core import BufferCore
 from dummy_arm.tf.message_reader import Form, MessageReader
-from dummy_arm.tf.times import SECOND
 from dummy_arm.tf.wire import MalformedMessage
 
 __all__ = ['BagError', 'read']
@@ -71,7 +70,6 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
                     else:
                         buffer.insert_messages(some, reader, stream.sender, stream.is_static)
                 count += len(messages)
-            buffer.on_new_data()
     if not count:
         raise BagError(
             f'nothing of TF can be read of {" ".join(content.damage)}' if content.damage else
@@ -100,8 +98,7 @@ def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
             continue
         for row in stream.form.rows(data):
             heed()
-            buffer.insert(row[0] * SECOND + row[1], row[2], row[3], row[4:], stream.sender,
-                          stream.is_static)
+            buffer.insert(*row, stream.sender, stream.is_static)
 
 
 def _records(path: Path, content: Content) -> Iterator[tuple[Stream, bytes]]:

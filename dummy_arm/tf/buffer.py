@@ -1,4 +1,4 @@
-"""The buffer of tf2_ros: BufferCore for users of rclpy and of messages."""
+"""The buffer of tf2_ros: it waits for transforms, and has a node."""
 
 from collections.abc import Callable
 from functools import partial
@@ -15,43 +15,37 @@ from rclpy.task import Future
 from rclpy.time import Time
 from rclpy.utilities import get_default_context
 
-from dummy_arm.tf.buffer_core import BufferCore, debug_tuple
 from dummy_arm.tf.buffer_interface import BufferInterface, NO_WAIT
-from dummy_arm.tf.frames import as_dot
-from dummy_arm.tf.history import Pose
+from dummy_arm.tf.engine import debug_tuple
+from dummy_arm.tf.message_buffer import message, MessageBufferCore
 from dummy_arm.tf.node_hooks import call_on_jump, serve_frames
 from dummy_arm.tf.times import nanoseconds, SECOND
-from dummy_arm.tf.transform_stamped import bad_fields_named, message_of, row_of
 from dummy_arm.tf.waits import Waits
 
-_LATEST = Time()
 
-
-class Buffer(BufferCore, BufferInterface):
+class Buffer(MessageBufferCore, BufferInterface):
     """
-    A BufferCore whose times and transforms are rclpy's and geometry_msgs', as that of tf2_ros.
+    A MessageBufferCore with a node, that can wait for transforms and transform objects.
 
-    Times have `sec` and `nanosec`, or `nanoseconds`. Waits are on wall time. Errors: BufferCore's.
+    Waits are on wall time.
     """
-
-    _nanoseconds = staticmethod(nanoseconds)
 
     def __init__(self, cache_time: Optional[Duration] = None, node: Optional[Node] = None, *,
                  max_frames: int = 100_000, max_samples: Optional[int] = 10_000_000) -> None:
         """
-        Begin empty.
+        Create an empty buffer.
 
         :param cache_time: how long transforms are kept; None: 10 s.
         :param node: its executor is woken when an async wait is over; a jump of its clock back by
             a second or more, or a change of its clock, clears the buffer; where tf2_msgs is
-            installed, its service `tf2_frames` tells all frames.
+            installed, its service `tf2_frames` returns all frames.
         :param max_frames: as BufferCore has it.
         :param max_samples: as BufferCore has it.
         """
-        self._waits = Waits(node)
-        BufferCore.__init__(self, 10 * SECOND if cache_time is None else cache_time,
-                            max_frames=max_frames, max_samples=max_samples)
+        MessageBufferCore.__init__(
+            self, cache_time, max_frames=max_frames, max_samples=max_samples)
         BufferInterface.__init__(self)
+        self._futures: Waits = Waits(node)
         self._intake.refusals.log = get_logger('tf2_buffer').warning
         self._context: Optional[Context] = (
             get_default_context() if node is None else node.context)
@@ -65,77 +59,33 @@ class Buffer(BufferCore, BufferInterface):
         get_logger('tf2_buffer').warning('Detected jump back in time. Clearing tf buffer.')
         self.clear()
 
-    def set_transform(self, transform: TransformStamped,  # type: ignore[override]
-                      authority: str = 'default_authority') -> None:
-        """
-        Insert the pose that a frame has at the transform's stamp.
+    def after_insertion(self) -> bool:
+        """Log what was refused, and finish futures; return whether one was finished."""
+        super().after_insertion()
+        return len(self._futures) > 0 and self._futures.check()
 
-        What tf2 refuses is refused: the log says why.
+    def _can_come(self) -> tuple[bool, ...]:
+        return (*super()._can_come(), self._context is not None and bool(self._context.ok()))
 
-        :param authority: who says so; shown by `all_frames_as_yaml`.
-        :raises TypeError: when it is no TransformStamped.
-        :raises ValueError: when one of its fields has a value that does not belong there.
-        """
-        self._insert(transform, authority, False)
-
-    def set_transform_static(self, transform: TransformStamped,  # type: ignore[override]
-                             authority: str = 'default_authority') -> None:
-        """Insert the pose that a frame has at all times; else as `set_transform`."""
-        self._insert(transform, authority, True)
-
-    def _insert(self, transform: TransformStamped, authority: str, is_static: bool) -> None:
-        with bad_fields_named([transform]):
-            row = row_of(transform)
-            self.insert(row[0] * SECOND + row[1], row[2], row[3], row[4:], authority, is_static)
-
-    def _conditions(self) -> tuple[bool, ...]:
-        return (*super()._conditions(), self._context is not None and bool(self._context.ok()))
-
-    def _hold(self, timeout: float) -> bool:
-        if not super()._hold(timeout):
-            return False
-        if self._waits.lock.acquire(timeout=timeout):
-            return True
-        super()._release()
-        return False
-
-    def _release(self) -> None:
-        self._waits.lock.release()
-        super()._release()
-
-    def _detach(self) -> None:
-        super()._detach()
+    def leave_parent(self, is_whole: bool) -> None:
+        """Drop what works in the parent process only: this one was forked."""
+        super().leave_parent(is_whole)
         self._context = None  # and no logger of rclpy: other threads may have held their locks
         self._intake.refusals.log = logging.getLogger('dummy_arm.tf').warning
-        self._waits.forget_all()
+        self._futures = Waits(None)
 
-    def _reset(self) -> None:
-        self._waits = Waits(None)
-        super()._reset()
-
-    def on_new_data(self) -> bool:
-        """Wake those who wait for a transform; tell whether a future is done now."""
-        super().on_new_data()
-        return bool(self._waits) and self._waits.check()
-
-    @property
-    def is_waited_for(self) -> bool:
-        """Whether somebody waits for a transform."""
-        return super().is_waited_for or bool(self._waits)
-
-    def lookup_transform(self, target_frame: str, source_frame: str,  # type: ignore[override]
-                         time: Time, timeout: Duration = NO_WAIT) -> TransformStamped:
+    def lookup_transform(self, target_frame: str, source_frame: str, time: Time,
+                         timeout: Duration = NO_WAIT) -> TransformStamped:
         """
         Look up the pose of the source frame in the target frame.
 
-        :param time: when; 0: the latest time that all frames on the way know of.
+        :param time: when; 0: the latest time that all frames on the path know of.
         :param timeout: how long to wait for it at most.
         """
         if timeout is NO_WAIT:
             return self.lookup_transform_core(target_frame, source_frame, time)
-        stamp, pose = self._waited(timeout, self._lookups.pose, target_frame, source_frame,
-                                   nanoseconds(time))
-        return _message(stamp, target_frame, source_frame, pose)
+        return message(target_frame, source_frame, self._wait(
+            _seconds(timeout), self._lookups.pose, target_frame, source_frame, nanoseconds(time)))
 
     def lookup_transform_full(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
@@ -145,24 +95,9 @@ class Buffer(BufferCore, BufferInterface):
 
         :param fixed_frame: the frame in which things stay where they are between the two times.
         """
-        stamp, pose = self._waited(
-            timeout, self._lookups.pose_full, target_frame, nanoseconds(target_time),
-            source_frame, nanoseconds(source_time), fixed_frame)
-        return _message(stamp, target_frame, source_frame, pose)
-
-    def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time
-                              ) -> TransformStamped:
-        """Look up a transform without waiting."""
-        stamp, pose = self._lookups.pose(target_frame, source_frame, nanoseconds(time))
-        return _message(stamp, target_frame, source_frame, pose)
-
-    def lookup_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
-                                   source_time: Time, fixed_frame: str) -> TransformStamped:
-        """Look up a transform between two times without waiting."""
-        stamp, pose = self._lookups.pose_full(
-            target_frame, nanoseconds(target_time), source_frame, nanoseconds(source_time),
-            fixed_frame)
-        return _message(stamp, target_frame, source_frame, pose)
+        return message(target_frame, source_frame, self._wait(
+            _seconds(timeout), self._lookups.pose_full, target_frame, nanoseconds(target_time),
+            source_frame, nanoseconds(source_time), fixed_frame))
 
     async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                      timeout: Optional[Duration] = None) -> TransformStamped:
@@ -176,90 +111,58 @@ class Buffer(BufferCore, BufferInterface):
         return await self.wait_for_transform_full_async(
             target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
 
-    def can_transform(  # type: ignore[override]
+    def can_transform(
             self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_WAIT,
             return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
         """
-        Tell whether `lookup_transform` would give an answer.
+        Return whether `lookup_transform` would return an answer.
 
         :param timeout: how long to wait for it at most.
         :returns: that; or, with `return_debug_tuple`, that and why not.
         """
-        return super().can_transform(
-            target_frame, source_frame, time, timeout, return_debug_tuple)
+        error = self._why_not(_seconds(timeout), self._lookups.check, target_frame, source_frame,
+                              nanoseconds(time))
+        return debug_tuple(error) if return_debug_tuple else error is None
 
-    def can_transform_full(  # type: ignore[override]
+    def can_transform_full(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
             fixed_frame: str, timeout: Duration = NO_WAIT, return_debug_tuple: bool = False
             ) -> Union[bool, tuple[bool, str]]:
-        """Tell whether `lookup_transform_full` would give an answer; as `can_transform`."""
-        return super().can_transform_full(
-            target_frame, target_time, source_frame, source_time, fixed_frame, timeout,
-            return_debug_tuple)
-
-    def can_transform_core(self, target_frame: str, source_frame: str, time: Time
-                           ) -> tuple[bool, str]:
-        """Tell whether there is a transform, and why not."""
-        return debug_tuple(self._why_not(
-            NO_WAIT, self._lookups.check, target_frame, source_frame, nanoseconds(time)))
-
-    def can_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
-                                source_time: Time, fixed_frame: str) -> tuple[bool, str]:
-        """Tell whether there is a transform between two times, and why not."""
-        return debug_tuple(self._why_not(
-            NO_WAIT, self._lookups.check_full, target_frame, nanoseconds(target_time),
-            source_frame, nanoseconds(source_time), fixed_frame))
+        """Return whether `lookup_transform_full` would return an answer; as `can_transform`."""
+        error = self._why_not(
+            _seconds(timeout), self._lookups.check_full, target_frame, nanoseconds(target_time),
+            source_frame, nanoseconds(source_time), fixed_frame)
+        return debug_tuple(error) if return_debug_tuple else error is None
 
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                  timeout: Optional[Duration] = None) -> Future:
         """
-        Make a future whose result will be the transform.
+        Return a future whose result will be the transform.
 
-        The wait ends when it is cancelled, or dropped and has no done callbacks.
+        To stop waiting, cancel it, or drop the last reference to it if it has no done callback.
 
         :param timeout: after how long it gets a TimeoutException; None: never.
         """
-        return self._wait(partial(self.lookup_transform_core, target_frame, source_frame, time),
-                          timeout, source_frame, target_frame)
+        return self._future(partial(self.lookup_transform_core, target_frame, source_frame, time),
+                            timeout, source_frame, target_frame)
 
     def wait_for_transform_full_async(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
             fixed_frame: str, timeout: Optional[Duration] = None) -> Future:
-        """Make a future as `wait_for_transform_async`, for a transform between two times."""
-        return self._wait(partial(self.lookup_transform_full_core, target_frame, target_time,
-                                  source_frame, source_time, fixed_frame),
-                          timeout, source_frame, target_frame)
+        """Return a future as `wait_for_transform_async`, for a transform between two times."""
+        return self._future(partial(self.lookup_transform_full_core, target_frame, target_time,
+                                    source_frame, source_time, fixed_frame),
+                            timeout, source_frame, target_frame)
 
-    def _wait(self, lookup: Callable[[], TransformStamped], timeout: Optional[Duration],
-              source_frame: str, target_frame: str) -> Future:
-        future = self._waits.add(
-            lookup, None if timeout is None else nanoseconds(timeout, 'timeout') / SECOND,
+    def _future(self, lookup: Callable[[], TransformStamped], timeout: Optional[Duration],
+                source_frame: str, target_frame: str) -> Future:
+        future = self._futures.add(
+            lookup, None if timeout is None else _seconds(timeout),
             f"the transform from '{source_frame}' to '{target_frame}'")
         if not future.done():
-            self._lookups.hurry()
+            self._wake_sources()
         return future
 
-    def get_latest_common_time(self, target_frame: str, source_frame: str
-                               ) -> Time:
-        """Find the latest time that all frames between two know of; 0 when nothing moves."""
-        return Time(nanoseconds=super().get_latest_common_time(target_frame, source_frame))
 
-    def _chain(self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
-               fixed_frame: str) -> list[str]:
-        return self._lookups.chain(target_frame, nanoseconds(target_time), source_frame,
-                                   nanoseconds(source_time), fixed_frame)
-
-    def _allFramesAsDot(self, time: Time = _LATEST) -> str:  # noqa: N802
-        return as_dot(self.frames(), self._getFrameStrings(), nanoseconds(time))
-
-    def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
-        with self._lookups.fetched():
-            return frame_id in self._lookups.tree.histories
-
-    def _getFrameStrings(self) -> list[str]:  # noqa: N802
-        with self._lookups.fetched():
-            return list(self._lookups.tree.histories)
-
-
-def _message(stamp: int, target_frame: str, source_frame: str, pose: Pose) -> TransformStamped:
-    return message_of((*divmod(stamp, SECOND), target_frame, source_frame, *pose))
+def _seconds(timeout: Duration) -> float:
+    return nanoseconds(timeout, 'timeout') / SECOND

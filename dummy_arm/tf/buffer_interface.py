@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from copy import deepcopy
 from importlib import import_module
-from typing import Any, Optional
+from typing import Any, Optional, Union
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
@@ -91,13 +91,13 @@ class BufferInterface:
         raise NotImplementedException
 
     def can_transform(self, target_frame: str, source_frame: str, time: Time,
-                      timeout: Duration = NO_WAIT) -> bool:
+                      timeout: Duration = NO_WAIT) -> Union[bool, tuple[bool, str]]:
         """Tell whether there is a transform; for a subclass to implement."""
         raise NotImplementedException
 
     def can_transform_full(self, target_frame: str, target_time: Time, source_frame: str,
                            source_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT
-                           ) -> bool:
+                           ) -> Union[bool, tuple[bool, str]]:
         """Tell whether there is a transform between two times; for a subclass to implement."""
         raise NotImplementedException
 

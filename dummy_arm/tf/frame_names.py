@@ -19,7 +19,7 @@ def check(name: str, where: str, tree: FrameTree) -> None:
     Check that a frame exists.
 
     :param where: which argument of what it is, in tf2's words.
-    :param tree: the frames that exist; its lock is held.
+    :param tree: the frames that exist.
     :raises InvalidArgumentException: when it is empty or begins with a slash.
     :raises LookupException: when it does not exist.
     """

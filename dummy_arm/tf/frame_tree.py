@@ -1,7 +1,7 @@
 """The tree of frames: who is whose parent at a time; the paths through it, as tf2 finds them."""
 
 from collections.abc import Iterator
-from typing import Optional
+from typing import Any, Optional
 
 from dummy_arm.tf import hints
 from dummy_arm.tf.exceptions import (
@@ -10,9 +10,9 @@ from dummy_arm.tf.exceptions import (
     LookupException,
 )
 from dummy_arm.tf.frames import as_string
-from dummy_arm.tf.history import History, Pose, State
+from dummy_arm.tf.history import AnyHistory, History, State, StaticHistory
 from dummy_arm.tf.path import Path
-from dummy_arm.tf.static_history import AnyHistory, StaticHistory
+from dummy_arm.tf.pose import Pose
 
 #: More edges in a row tf2 takes for a loop.
 MAX_GRAPH_DEPTH = 1000
@@ -49,11 +49,12 @@ class FrameTree:
         return self._names
 
     def insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
-               is_static: bool) -> tuple[bool, bool]:
+               is_static: bool) -> bool:
         """
         Insert the pose of a child in its parent.
 
-        :returns: whether it was taken; and whether there may be other paths than before.
+        :param stamp: ns.
+        :returns: False when it is too old, and was left out.
         """
         histories = self.histories
         history = histories.setdefault(child, None)
@@ -61,15 +62,18 @@ class FrameTree:
         if is_static:
             if isinstance(history, StaticHistory) and history.only_parent == parent:
                 history.pose, history.authority = pose, authority
-                return True, False
-            histories[child] = StaticHistory(parent, pose, authority)
-            return True, True
+            else:
+                histories[child] = StaticHistory(parent, pose, authority)
+            return True
         if not isinstance(history, History):
             histories[child] = history = History(self.cache_time)
-        before = history.all_parents
-        number = len(before)
-        taken = history.insert(stamp, parent, pose, authority)
-        return taken, history.all_parents is not before or len(before) > number
+        return history.insert(stamp, parent, pose, authority)
+
+    def has_edge(self, parent: str, child: str, is_static: bool) -> bool:
+        """Return whether a frame has had a parent, so that one more sample changes no path."""
+        history = self.histories.get(child)
+        return (history is not None and history.is_static is is_static
+                and parent in history.all_parents)
 
     def clear(self) -> None:
         """Forget what moves; the frames and what is static stay."""
@@ -222,9 +226,13 @@ class FrameTree:
             if history is not None and (state := history.state(until)) is not None:
                 yield name, state[0], history
 
+    def dump(self) -> dict[str, dict[str, Any]]:
+        """Return everything that is known; see `BufferCore.dump`."""
+        return {name: (history or History(0)).dump() for name, history in self.histories.items()}
+
     def newest_edges(self) -> list[tuple[str, Optional[str]]]:
         """List the frames that had a parent, and their newest parents; None: since cleared."""
-        return [(name, history.newest_parent()) for name, history in self.histories.items()
+        return [(name, history.parent_at(0)) for name, history in self.histories.items()
                 if history is not None]
 
     def _extrapolation(self, frame: str, time: int, target: str, source: str
@@ -279,7 +287,7 @@ class FrameTree:
         while ends[0] or ends[1]:
             if end := ends[turn]:
                 history = self.histories[end]
-                parent = None if history is None else history.newest_parent()
+                parent = None if history is None else history.parent_at(0)
                 if parent in ways[turn]:  # a loop
                     parent = None
                 if parent:

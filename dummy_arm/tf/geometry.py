@@ -20,13 +20,14 @@ from numpy.typing import ArrayLike, NDArray
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
-from dummy_arm.tf import history, rotations
+from dummy_arm.tf import rotations
 from dummy_arm.tf.buffer_interface import from_msg_msg as from_msg_msg
 from dummy_arm.tf.buffer_interface import register_default
 from dummy_arm.tf.buffer_interface import to_msg_msg as to_msg_msg
-from dummy_arm.tf.normalization import normalized
-from dummy_arm.tf.path import compose
+from dummy_arm.tf.intake import normalized
 from dummy_arm.tf.point_cloud import do_transform_cloud
+from dummy_arm.tf.pose import compose
+from dummy_arm.tf.pose import Pose as FramePose
 
 #: Below, a squared length is that of no rotation, as in tf2_geometry_msgs.
 _NO_ROTATION = 2.0 ** -52
@@ -99,16 +100,16 @@ def _header(transform: TransformStamped) -> Header:
     return Header(stamp=header.stamp, frame_id=header.frame_id)
 
 
-def _moved(point: Union[Point, Point32, Vector3], pose: history.Pose
+def _moved(point: Union[Point, Point32, Vector3], pose: FramePose
            ) -> tuple[float, float, float]:
     return compose(pose, (point.x, point.y, point.z, *_UNTURNED))[:3]
 
 
-def _pose_of(transform: TransformStamped) -> history.Pose:
+def _pose_of(transform: TransformStamped) -> FramePose:
     return _pose(transform.transform.translation, transform.transform.rotation)
 
 
-def _pose(position: Union[Point, Vector3], orientation: Quaternion) -> history.Pose:
+def _pose(position: Union[Point, Vector3], orientation: Quaternion) -> FramePose:
     return (position.x, position.y, position.z, *_rotation(orientation))
 
 

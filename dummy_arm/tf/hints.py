@@ -53,7 +53,7 @@ def extrapolation(frame: str, history: History, time: int) -> str:
     """Name the edge above a frame that does not cover a time (ns), and by how much."""
     if not len(history):
         return cleared(frame)
-    edge = f'{quoted(history.newest_parent() or "")} -> {quoted(frame)}'
+    edge = f'{quoted(history.parent_at(0) or "")} -> {quoted(frame)}'
     if time > history.latest:
         return f' The edge {edge} ends {seconds(time - history.latest)} before that time.'
     return f' The edge {edge} begins {seconds(history.oldest - time)} after that time.'

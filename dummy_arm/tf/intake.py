@@ -1,22 +1,23 @@
-"""What goes into a buffer: checked and normalised, or refused in tf2's words."""
+"""Insertion into a tree of frames: transforms are checked, normalised, kept or refused."""
 
 from array import array
-from collections.abc import Sequence
-from math import isfinite, nan
+from collections.abc import Iterable
+from itertools import starmap
+import math
 from operator import index
 import struct
 import sys
+from traceback import format_exc
 from typing import Optional
-from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf.common_samples import in_common
-from dummy_arm.tf.history import History, MOST_OF_ONE_STAMP, Pose
+from dummy_arm.tf.frame_tree import FrameTree
+from dummy_arm.tf.history import History, MOST_OF_ONE_STAMP, POSE_BYTES
 from dummy_arm.tf.lookup import Lookups
-from dummy_arm.tf.message_reader import Edges, nothing, Run
-from dummy_arm.tf.normalization import normalize_poses, normalized
+from dummy_arm.tf.message_reader import Piece, Rows
+from dummy_arm.tf.pose import Pose
 from dummy_arm.tf.refusals import (
     is_too_long,
     problems,
@@ -27,33 +28,37 @@ from dummy_arm.tf.refusals import (
     too_many_samples_of_a_frame,
     too_old,
 )
-from dummy_arm.tf.samples import Samples
+from dummy_arm.tf.rotations import Quaternion
 from dummy_arm.tf.times import SECOND
 
 _INT64 = 1 << 63
 #: So many samples of a frame are kept for a second of cache time.
 _PER_SECOND = 10_000
+#: From so many rotations on, arrays of them are faster.
+_MANY = 20
 _unpack_pose = struct.Struct('7d').unpack
 
 
 class Intake:
-    """Puts transforms into the tree of frames."""
+    """Inserts transforms into a tree of frames; the lock of the buffer is held meanwhile."""
 
-    def __init__(self, lookups: Lookups, max_frames: int, max_samples: Optional[int]) -> None:
+    def __init__(self, tree: FrameTree, lookups: Lookups, max_frames: int,
+                 max_samples: Optional[int]) -> None:
         """
-        Begin.
+        Create the way into a tree.
 
+        :param lookups: is told when paths that were found may not hold any more.
         :param max_frames: how many frames there may be; transforms with more are refused.
         :param max_samples: how many samples there may be, of all frames; None: any number, of one
             frame, too.
         """
         self.refusals = Refusals()
-        self._lookups = lookups
+        self._tree, self._lookups = tree, lookups
         self._max_frames = max_frames
         self._max_samples = sys.maxsize if max_samples is None else max_samples
         #: Of one frame.
         self._most = sys.maxsize if max_samples is None else max(
-            MOST_OF_ONE_STAMP, _PER_SECOND * lookups.tree.cache_time // SECOND)
+            MOST_OF_ONE_STAMP, _PER_SECOND * tree.cache_time // SECOND)
         #: So many samples may come in until all are counted again.
         self._room = self._max_samples
         #: Whether the last count found no room; and how many have come in since then.
@@ -74,158 +79,196 @@ class Intake:
         if found := problems(parent, child, pose, authority):
             self.refusals.tell(*found)
             return False
-        if not (isfinite(x) and isfinite(y) and isfinite(z)):
-            pose = (nan, nan, nan, *pose[3:])  # as tf2 answers, although it takes infinity
-        with self._lookups.lock:
-            frames = self._lookups.tree.histories
-            if not (child in frames and parent in frames) and not self._takes_names(
-                    parent, child, authority):
-                return False
-            if self._lookups.insert(stamp, parent, child, pose, authority, is_static):
-                if not is_static:
-                    history = frames[child]
-                    assert isinstance(history, History)
-                    self._room -= 1
-                    if self._room < 0 or len(history) > self._most:
-                        self._drop_oldest([history], 1, child, authority)
-                return True
-        self.refusals.tell(too_old(child, stamp, authority))
-        return False
+        if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
+            # As tf2 answers, although it takes infinity.
+            pose = (math.nan, math.nan, math.nan, *pose[3:])
+        if self._tree.has_edge(parent, child, is_static):
+            taken = self._tree.insert(stamp, parent, child, pose, authority, is_static)
+        elif self._takes_names(parent, child, authority):
+            try:
+                taken = self._tree.insert(stamp, parent, child, pose, authority, is_static)
+            finally:
+                self._lookups.forget_paths()
+        else:
+            return False
+        if not taken:
+            self.refusals.tell(too_old(child, stamp, authority))
+        elif not is_static:
+            history = self._tree.histories[child]
+            assert isinstance(history, History)
+            self._room -= 1
+            if self._room < 0 or len(history) > self._most:
+                self._drop_oldest(history, 1, child, authority)
+        return taken
 
     def _takes_names(self, parent: str, child: str, authority: str) -> bool:
-        """Return whether two names, at least one of them new, may become frames."""
+        """Return whether two names may be those of frames."""
         if is_too_long(parent) or is_too_long(child):
             self.refusals.tell(too_long_name(parent, child, authority))
             return False
-        frames = self._lookups.tree.histories
+        frames = self._tree.histories
         if len(frames) + (child not in frames) + (parent not in frames) > self._max_frames:
             self.refusals.tell_once('too many frames', too_many_frames(
                 child, self._max_frames, authority))
             return False
         return True
 
-    def _drop_oldest(self, histories: Sequence[History], added: int, child: str, authority: str
-                     ) -> None:
+    def insert_pieces(self, pieces: Iterable[Piece]) -> None:
         """
-        Drop the oldest samples of frames that have got new ones, as far as there are too many.
+        Insert the transforms of messages, each as `insert` does.
 
-        :param histories: those of the frames; several of them have their samples in common.
-        :param added: the number of samples that each has got.
-        :param child: the first of the frames, for the log.
+        Most transforms of a batch are newer than everything that is known of their frame, and have
+        its only parent: those need no further check, once they are known to be finite.
         """
-        number, first = len(histories), histories[0]
-        surplus = len(first) - self._most
+        for piece in pieces:
+            try:
+                if isinstance(piece, Rows):
+                    for stamp, parent, child, pose in piece.rows:
+                        self.insert(stamp, parent, child, pose, piece.authority, piece.is_static)
+                    continue
+                number, count = len(piece.children), len(piece.stamps)
+                poses = np.frombuffer(bytearray().join(piece.poses)).reshape(-1, 7)
+                is_finite = normalize_poses(poses)
+                by_frame = poses.reshape(count, number, 7).transpose(1, 0, 2).tobytes()
+                size = count * POSE_BYTES
+                for i, (parent, child) in enumerate(zip(piece.parents, piece.children)):
+                    history = self._tree.histories.get(child)
+                    if (is_finite and isinstance(history, History)
+                            and history.only_parent == parent
+                            and history.append(piece.stamps, by_frame[i * size:(i + 1) * size],
+                                               piece.authority)):
+                        self._room -= count
+                        if self._room < 0 or len(history.stamps) - history.start > self._most:
+                            self._drop_oldest(history, count, child, piece.authority)
+                        continue
+                    for stamp, packed in zip(piece.stamps, piece.poses[i::number]):
+                        self.insert(stamp, parent, child, _unpack_pose(packed), piece.authority,
+                                    False)
+            except Exception:  # a fault of this package; the next pieces may be good
+                self.refusals.tell(format_exc())
+
+    def _drop_oldest(self, history: History, added: int, child: str, authority: str) -> None:
+        """
+        Drop the oldest samples of a frame that has got new ones, as far as there are too many.
+
+        :param added: the number of samples that the frame has got.
+        """
+        surplus = len(history) - self._most
         if surplus > 0:
-            self._drop(histories, surplus)
+            history.drop_before(history.start + surplus)
+            self._room += surplus
             self.refusals.tell_once('frame', too_many_samples_of_a_frame(
                 child, self._most, authority))
         if self._room >= 0:
             return
         # To count takes a moment for every frame, so while the buffer is full it is done now and
         # then only, and a sample that comes in between takes the place of another.
-        self._uncounted += added * number
+        self._uncounted += added
         surplus = added
-        if not self._is_full or 8 * self._uncounted >= len(self._lookups.tree.histories):
+        if not self._is_full or 8 * self._uncounted >= len(self._tree.histories):
             self._uncounted = 0
             self._room = self._max_samples - sum(
-                len(history) for history in self._lookups.tree.histories.values()
+                len(history) for history in self._tree.histories.values()
                 if isinstance(history, History))
             self._is_full = self._room <= 0
-            surplus = min(added, -(self._room // number))
-        surplus = min(surplus, len(first) - 1)
+            surplus = min(added, -self._room)
+        surplus = min(surplus, len(history) - 1)
         if surplus > 0:
-            self._drop(histories, surplus)
+            history.drop_before(history.start + surplus)
+            self._room += surplus
             self.refusals.tell_once('buffer', too_many_samples(
                 child, self._max_samples, authority))
 
-    def _drop(self, histories: Sequence[History], count: int) -> None:
-        """Drop the oldest samples of frames; of one, or of some that have them in common."""
-        first = histories[0]
-        if first.drop_before(first.place[0].start + count):
-            self._lookups.has_changed()
-        self._room += count * len(histories)
 
-    def insert_run(self, run: Run, authority: str) -> None:
-        """
-        Insert the transforms of some messages, of frames that move, each as `insert` does.
+def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
+    """
+    Normalise a quaternion as tf2 does: to a rotation matrix and back.
 
-        Most are newer than all that is known of their frame, and have its only parent: those need
-        no further check, once they are known to be finite.
-        """
-        number, count = len(run.edges.children), len(run.stamps)
-        poses = np.frombuffer(bytearray().join(run.poses)).reshape(count * number, -1)
-        if normalize_poses(poses):
-            with self._lookups.lock:
-                self._append(run, 0, poses.reshape(count, number, -1), authority)
-        else:
-            self._insert_each(run, range(count * number), authority)
+    The operations are tf2's, in tf2's order, so that the result is tf2's to the last bit: between
+    rotations that differ by less than 1e-7 rad, the last bit decides what slerp gives. Back from
+    the matrix as in S. W. Shepperd, Quaternion from Rotation Matrix, J. Guidance and Control 1
+    (1978). NaN where there is no such matrix.
+    """
+    try:
+        s = 2.0 / (x * x + y * y + z * z + w * w)
+        xs, ys, zs = x * s, y * s, z * s
+        wx, wy, wz = w * xs, w * ys, w * zs
+        xx, xy, xz = x * xs, x * ys, x * zs
+        yy, yz, zz = y * ys, y * zs, z * zs
+        m00, m11, m22 = 1.0 - (yy + zz), 1.0 - (xx + zz), 1.0 - (xx + yy)
+        trace = m00 + m11 + m22
+        if trace > 0.0:
+            root = math.sqrt(trace + 1.0)
+            s = 0.5 / root
+            return (((yz + wx) - (yz - wx)) * s, ((xz + wy) - (xz - wy)) * s,
+                    ((xy + wz) - (xy - wz)) * s, root * 0.5)
+        if m00 < m22 if m00 >= m11 else m11 < m22:
+            root = math.sqrt(m22 - m00 - m11 + 1.0)
+            s = 0.5 / root
+            return (((xz - wy) + (xz + wy)) * s, ((yz + wx) + (yz - wx)) * s,
+                    root * 0.5, ((xy + wz) - (xy - wz)) * s)
+        if m00 < m11:
+            root = math.sqrt(m11 - m22 - m00 + 1.0)
+            s = 0.5 / root
+            return (((xy - wz) + (xy + wz)) * s, root * 0.5,
+                    ((yz + wx) + (yz - wx)) * s, ((xz + wy) - (xz - wy)) * s)
+        root = math.sqrt(m00 - m11 - m22 + 1.0)
+        s = 0.5 / root
+        return (root * 0.5, ((xy + wz) + (xy - wz)) * s,
+                ((xz - wy) + (xz + wy)) * s, ((yz + wx) - (yz - wx)) * s)
+    except (ZeroDivisionError, ValueError):
+        return (math.nan, math.nan, math.nan, math.nan)
 
-    def _append(self, run: Run, begin: int, poses: NDArray[np.float64], authority: str) -> None:
-        """
-        Append messages of a run to the samples of their frames.
 
-        :param begin: the first of m messages of n transforms.
-        :param poses: (m, n, 7), normalised.
-        """
-        edges, (count, number, _) = run.edges, poses.shape
-        stamps = run.stamps[begin:begin + count]
-        cache_time = self._lookups.tree.cache_time
-        common = edges.common()
-        if edges.found_in is not self._lookups.version or common is None:
-            common = self._find(edges, stamps[0])
-        if common is not None:
-            if common.append(stamps, poses.tobytes(), authority, cache_time):
-                self._room -= count * number
-                if self._room < 0 or len(common.stamps) - common.start > self._most:
-                    histories = [found() for found in edges.found]
-                    self._drop_oldest(histories, count, edges.children[0], authority)
-                return
-            if count > 1:
-                for i in range(count):
-                    self._append(run, begin + i, poses[i:i + 1], authority)
-                return
-        for i, found in enumerate(edges.found):
-            history = found()
-            if history is None or not history.own_samples().append(
-                    stamps, poses[:, i].tobytes(), authority, cache_time):
-                self._insert_each(run, range(
-                    begin * number + i, (begin + count) * number, number), authority)
-                continue
-            self._room -= count
-            if self._room < 0 or len(history) > self._most:
-                self._drop_oldest([history], count, edges.children[i], authority)
+def normalize_poses(poses: NDArray[np.float64]) -> bool:
+    """
+    Normalise the rotations of many poses, each as `normalized` does.
 
-    def _find(self, edges: Edges, stamp: int) -> Optional[Samples]:
-        """
-        Find the histories of frames that move, have the right parent, and no other.
+    :param poses: (n, 7) x, y, z, qx, qy, qz, qw; changed in place.
+    :returns: True if everything is finite. False also for numbers so large that their sum is not.
+    """
+    rotations = poses[:, 3:]
+    if len(poses) < _MANY:
+        rotations[:] = [*starmap(normalized, rotations.tolist())]
+        return all(map(math.isfinite, poses.ravel().tolist()))
+    q = rotations.T.copy()
+    result = np.empty_like(q)
+    with np.errstate(all='ignore'):
+        doubled = q[:3] * (2.0 / np.add.reduce(q * q))
+        w_xyz = q[3] * doubled
+        products = q[:3, np.newaxis] * doubled
+        xx, yy, zz = products[0, 0], products[1, 1], products[2, 2]
+        mixed = np.array((products[1, 2], products[0, 2], products[0, 1]))
+        trace = 1.0 - (yy + zz)
+        trace += 1.0 - (xx + zz)
+        trace += 1.0 - (xx + yy)
+        root = np.sqrt(trace + 1.0)
+        above, below = mixed + w_xyz, mixed - w_xyz
+        np.multiply(above - below, 0.5 / root, result[:3])
+        np.multiply(root, 0.5, result[3])
+        if not trace.min() > 0.0:
+            diagonal = 1.0 - np.array((yy + zz, xx + zz, xx + yy))
+            _turn_far(~(trace > 0.0), diagonal, above, below, result)
+        rotations[:] = result.T
+        return math.isfinite(poses.sum())
 
-        :param stamp: of what is inserted now (ns): frames that were parted may have their samples
-            in common again after a cache time, or when time has gone back.
-        :returns: the samples that they have in common, if so.
-        """
-        is_found = edges.found_in is self._lookups.version
-        if is_found and edges.common is not nothing:  # they were parted just now
-            edges.common, edges.parted = nothing, stamp
-        may_begin = edges.parted is None or not (
-            edges.parted <= stamp < edges.parted + self._lookups.tree.cache_time)
-        if is_found and not may_begin:
-            return None
-        histories = self._lookups.tree.histories
-        found = [
-            history if isinstance(history := histories.get(child), History)
-            and history.only_parent == parent else None
-            for parent, child in zip(edges.parents, edges.children)]
-        common = in_common(found, may_begin)
-        if common is None and is_found:
-            edges.parted = stamp
-        edges.found = [nothing if history is None else ref(history) for history in found]
-        edges.common = nothing if common is None else ref(common)
-        edges.found_in = self._lookups.version
-        return common
 
-    def _insert_each(self, run: Run, indices: range, authority: str) -> None:
-        edges = run.edges
-        for i in indices:
-            message, edge = divmod(i, len(edges.children))
-            self.insert(run.stamps[message], edges.parents[edge], edges.children[edge],
-                        _unpack_pose(run.poses[i]), authority, False)
+def _turn_far(rows: NDArray[np.bool_], diagonal: NDArray[np.float64], above: NDArray[np.float64],
+              below: NDArray[np.float64], result: NDArray[np.float64]) -> None:
+    """
+    Set some quaternions of matrices whose trace is not positive.
+
+    :param above: (3, n) the elements 21, 02, 10.
+    :param below: (3, n) the elements 12, 20, 01.
+    """
+    m0, m1, m2 = diagonal
+    largest = np.where(np.where(m0 >= m1, m0, m1) < m2, 2, np.where(m0 < m1, 1, 0))
+    for i, j, k in (0, 1, 2), (1, 2, 0), (2, 0, 1):
+        n = (rows & (largest == i)).nonzero()[0]
+        if len(n):
+            root = np.sqrt(diagonal[i, n] - diagonal[j, n] - diagonal[k, n] + 1.0)
+            scale = 0.5 / root
+            result[i, n] = root * 0.5
+            result[j, n] = (above[k, n] + below[k, n]) * scale
+            result[k, n] = (above[j, n] + below[j, n]) * scale
+            result[3, n] = (above[i, n] - below[i, n]) * scale

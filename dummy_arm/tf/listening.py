@@ -1,4 +1,4 @@
-"""The thread of a listener: waiting for messages, waking those who spin the node, ending."""
+"""The thread of a listener: it waits for messages, wakes the node's executor, and ends."""
 
 import atexit
 from collections.abc import Callable
@@ -6,7 +6,7 @@ from contextlib import suppress
 import os
 from threading import current_thread, Lock, Thread
 from time import monotonic
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
@@ -22,34 +22,42 @@ _BETWEEN_WAKES = 0.1
 #: How long those who end a thread wait for it (s); a callback that it runs may take longer.
 _ENDING = 0.5
 
-_running: set['Listening'] = set()
+_running: set['ListenerThread'] = set()
 
 
-class Listening:
+class Round(NamedTuple):
+    """What a listener's thread has done after it was woken."""
+
+    has_news: bool  #: whether there are new data
+    is_urgent: bool  #: whether somebody in the executor waits for them
+    pause: float  #: for how long messages may stay in the queue (s)
+
+
+class ListenerThread:
     """
-    A thread that has messages taken, until it is ended, the node is destroyed or ROS is shut down.
+    A thread that works whenever messages arrive.
 
-    It waits on a wait set of its own. After messages were taken it may pause, so that others
-    gather: to be woken costs it more than what it does then.
+    It ends when it is told to, when the node is destroyed or when ROS is shut down. It waits in a
+    wait set of its own, and may pause after its work, so that messages gather.
     """
 
-    def __init__(self, node: Node, group: CallbackGroup, eager: Subscription, lazy: Subscription,
-                 take: Callable[[], tuple[bool, float]], on_end: Callable[[], object],
+    def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription, tf: Subscription,
+                 work: Callable[[], Round], on_end: Callable[[], object],
                  is_blocked: Callable[[], bool]) -> None:
         """
-        Prepare the thread.
+        Create the thread; `start` starts it.
 
         :param group: of the guard condition by which the node's executor is woken.
-        :param eager: is always waited for.
-        :param lazy: is not waited for during a pause.
-        :param take: takes what has arrived; tells whether there was anything, and for how long
-            (s) to pause.
+        :param tf_static: the subscription that is always waited for.
+        :param tf: the subscription that is not waited for during a pause.
+        :param work: is called by the thread whenever messages have arrived, and at least 5 times a
+            second.
         :param on_end: is called by the thread at its end; or by `stop`, if it was never started.
         :param is_blocked: return whether the calling thread holds what this thread needs to end.
         """
         self._node, self._context = node, node.context
-        self._eager, self._lazy = eager, lazy
-        self._take, self._on_end, self._is_blocked = take, on_end, is_blocked
+        self._tf_static, self._tf = tf_static, tf
+        self._work, self._on_end, self._is_blocked = work, on_end, is_blocked
         self._wake = GuardCondition(None, None, context=node.context)
         self._guard = node.create_guard_condition(_nothing, group)
         # destroy_node() destroys the guard conditions of the node, and no other hook is there.
@@ -67,15 +75,11 @@ class Listening:
             self._thread.start()
 
     def wake(self) -> None:
-        """Have the thread take what has arrived, now."""
+        """Have the thread work now."""
         with suppress(InvalidHandle, _rclpy.RCLError):  # when it ends just now
             self._wake.trigger()
 
-    def is_current(self) -> bool:
-        """Tell whether this is called in the thread."""
-        return self._thread is current_thread()
-
-    def wake_executor(self) -> None:
+    def _wake_executor(self) -> None:
         """Have the executor that spins the node return from its wait."""
         self._wakes_executor = False
         self._next_wake = monotonic() + _BETWEEN_WAKES
@@ -94,7 +98,7 @@ class Listening:
         if not self._thread.is_alive():  # as in a process that was forked
             return
         self.wake()
-        if not self.is_current() and not self._is_blocked():
+        if self._thread is not current_thread() and not self._is_blocked():
             self._thread.join(_ENDING)
 
     def _on_guard_destroyed(self) -> None:
@@ -103,7 +107,7 @@ class Listening:
 
     def _run(self) -> None:
         try:
-            with self._wake.handle, self._eager.handle, self._lazy.handle:
+            with self._wake.handle, self._tf_static.handle, self._tf.handle:
                 self._listen()
         except (InvalidHandle, _rclpy.RCLError):
             if not self.has_ended and self._context.ok():
@@ -124,17 +128,17 @@ class Listening:
             self._wait(wait_set, pause)
             if self.has_ended:
                 return
-            has_news, pause = self._take()
+            has_news, is_urgent, pause = self._work()
             self._wakes_executor |= has_news
-            if self._wakes_executor and monotonic() >= self._next_wake:
-                self.wake_executor()
+            if is_urgent or (self._wakes_executor and monotonic() >= self._next_wake):
+                self._wake_executor()
 
     def _wait(self, wait_set: Any, pause: float) -> None:
         wait_set.clear_entities()
         wait_set.add_guard_condition(self._wake.handle)
-        wait_set.add_subscription(self._eager.handle)
+        wait_set.add_subscription(self._tf_static.handle)
         if not pause:
-            wait_set.add_subscription(self._lazy.handle)
+            wait_set.add_subscription(self._tf.handle)
         limit = pause or _STEP
         if self._wakes_executor and not pause:
             limit = min(limit, max(0.0, self._next_wake - monotonic()))

@@ -1,30 +1,26 @@
-"""The bytes of messages to what a buffer takes; what repeats in a stream is worked out once."""
+"""Streams of messages: the bytes of TFMessages to batches of poses and to rows."""
 
 from array import array
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
-from typing import Any, Optional, Protocol, Union
+import struct
+from typing import NamedTuple, Optional, Protocol, Union
 
 from dummy_arm.tf import wire
 from dummy_arm.tf.refusals import is_too_long
 from dummy_arm.tf.times import SECOND
-from dummy_arm.tf.wire import Layout, MalformedMessage, Row
+from dummy_arm.tf.wire import MalformedMessage, Row
 
 #: The layouts that are kept are those of messages of at most so many bytes, added up.
 _MOST_BYTES = 10_000_000
-#: A run ends with so many transforms: longer arrays would not stay in the caches.
+#: A batch ends with so many transforms: longer arrays would not stay in the caches.
 _LONG = 1000
-
-#: The length of a message, and what its form has for a key.
-_Key = tuple[int, bytes]
 
 
 class Form(Protocol):
-    """What bytes mean: the module `wire` or `wire_ros1`."""
+    """What the bytes mean: the module `wire` (ROS 2) or `wire_ros1`."""
 
-    @property
-    def Layout(self) -> type[wire.Layout]:  # noqa: N802
-        """Where the fields lie of messages whose frames are known."""
+    HEAD: bytes
 
     def unpack(self, data: bytes) -> list[Row]:
         """Unpack the bytes of a message into transforms."""
@@ -33,141 +29,152 @@ class Form(Protocol):
         """Unpack the bytes of a message, one transform after the other."""
 
     def key(self, data: bytes) -> bytes:
-        """Tell what a message is found again by."""
+        """Return what messages with the same frames have in common."""
+
+    def layout(self, edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
+        """Return where the fields of a message lie whose frames are known."""
+
+    def unpack_stamp(self, data: bytes) -> tuple[int, ...]:
+        """Unpack the eight bytes of a stamp: s, ns."""
 
 
-class Edges:
-    """
-    The frames of a stream, without a leading slash; and where an Intake has found them.
+class Rows(NamedTuple):
+    """Transforms to be inserted one by one."""
 
-    That is by weak references: a stream may never come again.
-    """
+    rows: list[Row]
+    authority: str
+    is_static: bool
 
-    __slots__ = ('children', 'common', 'found', 'found_in', 'layout', 'names', 'parents', 'parted')
 
-    def __init__(self, layout: Layout, edges: Sequence[tuple[str, str]]) -> None:
+class Batch:
+    """Messages with the same frames, which move, each with one stamp, in the order of arrival."""
+
+    __slots__ = ('authority', 'children', 'parents', 'poses', 'stamps')
+
+    is_static = False
+
+    def __init__(self, parents: list[str], children: list[str], authority: str) -> None:
         """
-        Keep what is given.
+        Create a batch without messages.
 
-        :param edges: frame_id and child_frame_id of each of the n transforms, as on the wire.
+        :param parents: the parents of the n frames, without a leading slash.
+        :param children: the frames, without a leading slash, each of them once.
         """
-        self.layout = layout
-        self.parents = [parent.removeprefix('/') for parent, _ in edges]
-        self.children = [child.removeprefix('/') for _, child in edges]
-        self.names = frozenset(self.children)
-        self.found: list[Callable[[], Any]] = []
-        self.common: Callable[[], Any] = nothing
-        self.found_in: object = None
-        #: The stamp (ns) at which they were seen not to have their samples in common.
-        self.parted: Optional[int] = None
-
-
-class Run:
-    """Messages with the same frames, each with one stamp, in the order of their arrival."""
-
-    __slots__ = ('edges', 'poses', 'stamps')
-
-    def __init__(self, edges: Edges) -> None:
-        """
-        Begin without a message.
-
-        :param edges: of n transforms.
-        """
-        self.edges = edges
-        #: Of each of the m messages (ns), larger than the one before.
+        self.parents, self.children, self.authority = parents, children, authority
+        #: (m,) the stamp of each message (ns), larger than the one before.
         self.stamps = array('q')
-        #: m x n times 7 float64: x, y, z (m) and the rotation's x, y, z, w.
+        #: (m, n) poses of 7 float64: x, y, z (m) and the rotation's x, y, z, w, of any length.
         self.poses: list[bytes] = []
 
 
+#: What a source brings into a buffer.
+Piece = Union[Batch, Rows]
+
+
+class _Layout:
+    """Where the fields lie of the messages of one stream, whose frames are always the same."""
+
+    def __init__(self, form: Form, edges: Sequence[tuple[str, str]]) -> None:
+        """
+        Create the layout.
+
+        :param edges: frame_id and child_frame_id of each of the n transforms, as on the wire.
+        """
+        self.parents = [parent.removeprefix('/') for parent, _ in edges]
+        self.children = [child.removeprefix('/') for _, child in edges]
+        self.names = frozenset(self.children)
+        fields, names = form.layout(edges)
+        self._struct = struct.Struct(fields)
+        self._head = form.HEAD, len(edges)
+        self._unpack_stamp = form.unpack_stamp
+        self._frame_ids, self._child_frame_ids = tuple(names[::2]), tuple(names[1::2])
+
+    def read(self, data: bytes) -> Optional[tuple[int, tuple[bytes, ...]]]:
+        """
+        Read a message.
+
+        :returns: its stamp (ns), and the pose of each transform (7 float64); None when the message
+            has another layout, or several stamps.
+        """
+        if len(data) < self._struct.size:
+            return None
+        fields = self._struct.unpack_from(data)
+        stamps = fields[2::4]
+        if (fields[:2] != self._head or fields[3::4] != self._frame_ids
+                or fields[4::4] != self._child_frame_ids
+                or stamps.count(stamps[0]) < len(stamps)):
+            return None
+        sec, nanosec = self._unpack_stamp(stamps[0])
+        return sec * SECOND + nanosec, fields[5::4]
+
+
 class MessageReader:
-    """Reads messages, and remembers the layouts of those whose frames repeat."""
+    """Reads the messages of a topic, and remembers the layouts of those whose frames repeat."""
 
     def __init__(self, on_malformed: Callable[[MalformedMessage], object], form: Form = wire
                  ) -> None:
         """
-        Begin with no layout.
+        Create a reader that knows no layout.
 
-        :param on_malformed: is called with the error of each message that is none.
+        :param on_malformed: is called with the error of each message that cannot be decoded.
         :param form: how messages are written.
         """
         self._on_malformed, self._form = on_malformed, form
-        self._known: dict[_Key, Edges] = {}
+        self._layouts: dict[tuple[int, bytes], _Layout] = {}
         self._size = 0  # of the messages (bytes)
 
-    def read(self, messages: Iterable[bytes], only_rows: bool = False
-             ) -> list[Union[list[Row], Run]]:
+    def read(self, messages: Iterable[bytes], authority: str, is_static: bool) -> list[Piece]:
         """
         Read messages.
 
-        :param only_rows: gather none of them into runs.
-        :returns: the transforms of a message whose layout was not known or that has several
-            stamps, as rows; those of others, in runs. What is of one child is in the order of
-            its arrival.
+        :param authority: their publisher.
+        :param is_static: whether they are from /tf_static. Static transforms are inserted in the
+            order in which they were sent, so they are not gathered.
+        :returns: batches; and rows, of a message that is static, whose layout was not known or
+            that has several stamps. The transforms of one child are in the order of arrival.
         """
-        pieces: list[Union[list[Row], Run]] = []
-        runs: dict[Edges, Run] = {}
+        form, pieces = self._form, list[Piece]()
+        batches: dict[_Layout, Batch] = {}  # those that may get more messages
         for data in messages:
             try:
-                rows = self._form.unpack(data) if only_rows else self._read(data, runs, pieces)
-                if rows is not None:
-                    pieces += runs.values()
-                    runs.clear()
-                    pieces.append(rows)
+                if is_static:
+                    pieces.append(Rows(form.unpack(data), authority, True))
+                    continue
+                key = len(data), form.key(data)
+                layout = self._layouts.get(key)
+                fields = None if layout is None else layout.read(data)
+                if layout is None or fields is None:
+                    rows = form.unpack(data)
+                    self._learn(key, data, rows)
+                    pieces += [*batches.values(), Rows(rows, authority, False)]
+                    batches.clear()
+                    continue
+                stamp, poses = fields
+                batch = batches.get(layout)
+                if batch is None or stamp <= batch.stamps[-1] or len(batch.poses) >= _LONG:
+                    # Those with a frame of this one come before it.
+                    for other in tuple(batches):
+                        if not layout.names.isdisjoint(other.names):
+                            pieces.append(batches.pop(other))
+                    batch = Batch(layout.parents, layout.children, authority)
+                    batches[layout] = batch
+                batch.stamps.append(stamp)
+                batch.poses += poses
             except MalformedMessage as error:
                 self._on_malformed(error)
-        return [*pieces, *runs.values()]
+        return [*pieces, *batches.values()]
 
-    def _read(self, data: bytes, runs: dict[Edges, Run], pieces: list[Union[list[Row], Run]]
-              ) -> Optional[list[Row]]:
-        """
-        Append a message to a run, if its layout is known and it has one stamp.
-
-        Runs that have a frame in common with one that begins go to the pieces before it.
-
-        :returns: the rows of another message.
-        """
-        key = len(data), self._form.key(data)
-        edges = self._known.get(key)
-        if edges is None or (fields := edges.layout.read(data)) is None:
-            rows = self._form.unpack(data)
-            self._learn(key, data, rows)
-            return rows
-        stamps, poses = fields
-        if stamps.count(stamps[0]) < len(stamps):
-            return self._form.unpack(data)
-        sec, nanosec = edges.layout.unpack_stamp(stamps[0])
-        stamp = sec * SECOND + nanosec
-        run = runs.get(edges)
-        if run is not None and (stamp <= run.stamps[-1] or len(run.poses) >= _LONG):
-            pieces.append(runs.pop(edges))
-            run = None
-        if run is None:
-            if runs:
-                pieces += [runs.pop(other) for other in list(runs)
-                           if not edges.names.isdisjoint(other.names)]
-            runs[edges] = run = Run(edges)
-        run.stamps.append(stamp)
-        run.poses += poses
-        return None
-
-    def _learn(self, key: _Key, data: bytes, rows: list[Row]) -> None:
-        """Keep the layout of a message."""
-        pairs = [row[2:4] for row in rows]
-        if not pairs or any(map(is_too_long, chain(*pairs))):  # the latter are refused
-            return
-        layout = self._form.Layout(pairs)
-        edges = Edges(layout, pairs)
-        # A frame twice in a message would not keep its order in a run.
-        if (layout.size <= len(data) and layout.read(data) is not None
-                and len(edges.names) == len(pairs)):
+    def _learn(self, key: tuple[int, bytes], data: bytes, rows: list[Row]) -> None:
+        """Keep the layout of a message, if it has one stamp."""
+        edges = [(row.frame_id, row.child_frame_id) for row in rows]
+        if len({row.stamp_ns for row in rows}) != 1 or any(map(is_too_long, chain(*edges))):
+            return  # long names are refused
+        layout = _Layout(self._form, edges)
+        # A frame twice in a message would not keep its order in a batch.
+        if layout.read(data) is not None and len(layout.names) == len(edges):
             if self._size > _MOST_BYTES:
-                self._known.clear()
+                self._layouts.clear()
                 self._size = 0
-            if key not in self._known:
+            if key not in self._layouts:
                 self._size += len(data)
-            self._known[key] = edges
-
-
-def nothing() -> None:
-    """Refer to nothing, in place of a weak reference."""
+            self._layouts[key] = layout

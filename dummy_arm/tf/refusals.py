@@ -6,7 +6,7 @@ import logging
 from math import inf, isnan
 import time
 
-from dummy_arm.tf.history import Pose
+from dummy_arm.tf.pose import Pose
 from dummy_arm.tf.texts import logged
 from dummy_arm.tf.times import display
 

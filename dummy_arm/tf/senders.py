@@ -1,21 +1,23 @@
-"""Who sent a transform: rclpy does not tell of a message, but rcl does, by its publisher's gid."""
+"""The publishers of transforms, by the gids that rcl reports with each message."""
 
-from collections.abc import Callable, Iterable
+from collections import deque
+from collections.abc import Iterable
 import ctypes
 from ctypes import byref, c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
-from functools import cache, partial
+from functools import cache
 from itertools import groupby
 from operator import attrgetter
 from time import monotonic, time_ns
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import finalize
 
+from rclpy.exceptions import InvalidHandle
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
-from rclpy.subscription import Subscription
+from rclpy.node import Node
 
-from dummy_arm.tf.feed import Feed
 from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.subscribing import most_at_once, take_all
+from dummy_arm.tf.message_reader import Piece
+from dummy_arm.tf.subscribing import SubscriptionSource, Topic
 from dummy_arm.tf.transform_listener import TransformListener
 
 UNKNOWN = 'unknown sender'
@@ -27,15 +29,23 @@ _MOST_NAMES = 10_000
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node is not discovered yet
 
 
+#: At most so many messages, and bytes, are kept for `received`.
+_MOST_MESSAGES, _MOST_BYTES = 10_000, 2**24
+
+
 class Sent(bytes):
     """The bytes of a message, with what the middleware knows of it."""
 
-    gid = ''  #: of its publisher, in hex; '' where that cannot be told
-    received = 0  #: when it came in, on the system's clock (ns)
+    gid = ''  #: of its publisher, in hex; '' where that is not known
+    received = 0  #: when it arrived, on the system's clock (ns)
+    is_static = False  #: whether it is from /tf_static
 
 
-#: What is called with messages, and whether they are static.
-Observe = Callable[[list[Sent], bool], object]
+class Received(NamedTuple):
+    """The messages that have arrived since the last call of `SenderListener.received`."""
+
+    messages: list[Sent]  #: in the order of their arrival on each topic
+    dropped: int  #: how many before these were dropped, because there were too many
 
 
 class _Allocator(ctypes.Structure):
@@ -74,24 +84,31 @@ class Taker:
             self._info = _MessageInfo()
             finalize(self, rcutils.rcutils_uint8_array_fini, byref(self._bytes))
 
-    def take_all(self, subscription: Subscription, messages: list[Sent]) -> None:
+    def take(self, topic: Topic, messages: list[Sent]) -> None:
         """Append what has arrived; by one thread at a time."""
         if self._take is None:
-            plain: list[bytes] = []
-            take_all(subscription, plain)
-            messages += map(_sent, plain)
+            plain: list[Any] = []
+            topic.take(plain)
+            messages += [_sent(data) for data, _ in plain]
             return
-        written, info = self._bytes, self._info
-        with subscription.handle:
-            for _ in range(most_at_once(subscription)):
-                code = self._take(subscription.handle.pointer, written, info, None)
+        self._append_taken(messages)  # if Ctrl-C came before that was done
+        with topic.handle:
+            for _ in range(topic.most):
+                code = self._take(topic.handle.pointer, self._bytes, self._info, None)
                 if code == _TAKE_FAILED:
                     break
                 if code:
                     raise _rclpy.RCLError(f'rcl_take_serialized_message returns {code}')
-                messages.append(_sent(
-                    ctypes.string_at(written.buffer, written.length), bytes(info.gid).hex(),
-                    info.received_timestamp))
+                self._append_taken(messages)
+
+    def _append_taken(self, messages: list[Sent]) -> None:
+        """Append the message that was taken last, once."""
+        written, info = self._bytes, self._info
+        if written.length:
+            sent = _sent(ctypes.string_at(written.buffer, written.length), bytes(info.gid).hex(),
+                         info.received_timestamp)
+            messages += [sent]  # no call, after which Ctrl-C could come before the next line
+            written.length = 0
 
 
 def _sent(data: bytes, gid: str = '', received: int = 0) -> Sent:
@@ -111,73 +128,40 @@ def _rcl_take() -> Any:
     return take
 
 
-class SentFeed(Feed):
-    """A Feed that inserts each message with the gid of its publisher as authority."""
+class _Names:
+    """The names of the nodes of publishers."""
 
-    def __init__(self, *arguments: Any, observe: Observe) -> None:
-        """
-        Begin to feed; as Feed.
-
-        :param observe: as SenderListener has it.
-        """
-        self._taker, self._observe = Taker(), observe
-        super().__init__(*arguments)
-
-    def _take_all(self, subscription: Subscription, arrived: list[Any]) -> None:
-        self._taker.take_all(subscription, arrived)
-
-    def _insert_messages(self, messages: list[Any], is_static: bool) -> None:
-        self._observe(messages, is_static)
-        for gid, sent in groupby(messages, attrgetter('gid')):
-            self._buffer.insert_messages(sent, self._reader, gid, is_static)
-
-
-class SenderListener(TransformListener):
-    """A TransformListener that knows which node sent the newest transform of a frame."""
-
-    def __init__(self, *arguments: Any, observe: Observe = lambda *_: None, **how: Any) -> None:
-        """
-        Begin to listen; as TransformListener.
-
-        :param observe: is called with messages before they are inserted, and whether they are
-            static; by any thread that looks something up, but one at a time.
-        """
-        self.feed_class = partial(SentFeed, observe=observe)
+    def __init__(self, node: Node) -> None:
+        """Create without names."""
+        self._node = node
+        self.topics: set[str] = set()
         self._names: dict[str, str] = {}
+        self._next_look = 0.0
         #: The gids of the publishers that there are.
         self.present: frozenset[str] = frozenset()
-        self._next_look = 0.0
-        super().__init__(*arguments, **how)
 
-    def frames(self) -> list[Frame]:
-        """List the frames of the buffer, with the full names of nodes as their authorities."""
-        frames: list[Frame] = self.buffer.frames()
-        names = self.names_of(frame.authority for frame in frames)
-        return [frame._replace(authority=names[frame.authority]) for frame in frames]
-
-    def names_of(self, gids: Iterable[str]) -> dict[str, str]:
-        """Tell the full names of the nodes of publishers."""
-        asked = set(gids)
-        if not asked <= self._names.keys():
-            self._look()
-        return {gid: self._names.get(gid, UNKNOWN) for gid in asked}
-
-    def _take(self) -> tuple[bool, float]:
-        # Now and then, since a node may end before it is asked who it was.
+    def look_now_and_then(self) -> None:
+        """Look up the publishers, since a node may end before somebody asks for its name."""
         if (now := monotonic()) >= self._next_look:
             self._next_look = now + _BETWEEN_LOOKS
-            self._look()
-        return super()._take()
+            self.look()
 
-    def _look(self) -> None:
+    def of(self, gids: Iterable[str]) -> dict[str, str]:
+        """Return the full names of the nodes of publishers, by their gids."""
+        asked = set(gids)
+        if not asked <= self._names.keys():
+            self.look()
+        return {gid: self._names.get(gid, UNKNOWN) for gid in asked}
+
+    def look(self) -> None:
         """
-        Learn the names of the publishers that there are.
+        Look up the names of the publishers that there are.
 
-        Those of publishers that are gone stay known, up to a number; the oldest are forgotten.
+        Those of publishers that are gone are kept, up to a number; the oldest are forgotten.
         """
         present = set()
-        for topic in {self.tf_sub.topic_name, self.tf_static_sub.topic_name}:
-            for info in self.node.get_publishers_info_by_topic(topic):
+        for topic in self.topics:
+            for info in self._node.get_publishers_info_by_topic(topic):
                 gid = bytes(info.endpoint_gid[:_GID_SIZE]).hex()
                 present.add(gid)
                 if info.node_name != _UNKNOWN_NODE:
@@ -187,3 +171,92 @@ class SenderListener(TransformListener):
             gone = [gid for gid in tuple(self._names) if gid not in present]
             for gid in gone[:surplus]:
                 self._names.pop(gid, None)
+
+
+class _SentSource(SubscriptionSource):
+    """A source whose authorities are the gids of the publishers; it keeps the messages, too."""
+
+    def __init__(self, *arguments: Any, names: _Names) -> None:
+        """Create the source; as SubscriptionSource."""
+        super().__init__(*arguments)
+        names.topics = {topic.name for topic, _, _ in self._topics}
+        self._names, self._takers = names, (Taker(), Taker())
+        self._kept: deque[Sent] = deque()
+        self._size = self._dropped = 0
+
+    def take(self) -> list[Piece]:
+        """Return what has arrived; as SubscriptionSource."""
+        try:
+            for taker, (topic, reader, arrived) in zip(self._takers, self._topics):
+                taker.take(topic, arrived)
+                if arrived:
+                    self._count += len(arrived)
+                    for gid, sent in groupby(arrived, attrgetter('gid')):
+                        self._pieces += reader.read(sent, gid, topic.is_static)
+                    self._keep(arrived, topic.is_static)
+        except (InvalidHandle, _rclpy.RCLError):  # the listener ends just now
+            pass
+        return self._pieces
+
+    def end_round(self) -> float:
+        """Look up the publishers now and then; else as SubscriptionSource."""
+        self._names.look_now_and_then()
+        return super().end_round()
+
+    def _keep(self, messages: list[Any], is_static: bool) -> None:
+        """Move messages to those that are kept."""
+        for message in messages:
+            message.is_static = is_static
+        size = sum(map(len, messages))
+        self._size += size  # these lines without a call, after which Ctrl-C could come
+        self._kept += messages
+        del messages[:]
+        while len(self._kept) > _MOST_MESSAGES or self._size > _MOST_BYTES:
+            self._size -= len(self._kept.popleft())
+            self._dropped += 1
+
+    def received(self) -> Received:
+        """Return what was kept, and keep it no more; the lock of the buffer is held."""
+        received = Received(list(self._kept), self._dropped)
+        self._kept.clear()
+        self._size = self._dropped = 0
+        return received
+
+
+class SenderListener(TransformListener):
+    """A TransformListener that knows which node has sent the newest transform of a frame."""
+
+    def __init__(self, *arguments: Any, **kwargs: Any) -> None:
+        """Start to listen; as TransformListener, to a Buffer, MessageBufferCore or BufferCore."""
+        node = kwargs.get('node', arguments[1] if len(arguments) > 1 else None)
+        self._names = names = _Names(node)
+
+        def source(*arguments: Any) -> _SentSource:
+            self._sent = _SentSource(*arguments, names=names)
+            return self._sent
+
+        super().__init__(*arguments, source=source, **kwargs)
+
+    @property
+    def present(self) -> frozenset[str]:
+        """The gids of the publishers that there are, as of half a second ago."""
+        return self._names.present
+
+    def received(self) -> Received:
+        """
+        Return the messages that have arrived since the last call, or since the begin.
+
+        At most 10 000 messages and 16 MiB of them are kept, the newest.
+        """
+        with self.buffer.fetched():
+            return self._sent.received()
+
+    def frames(self) -> list[Frame]:
+        """Return the frames of the buffer, with the full names of nodes as their authorities."""
+        frames: list[Frame] = self.buffer.frames()
+        names = self.names_of(frame.authority for frame in frames)
+        return [frame._replace(authority=names[frame.authority]) for frame in frames]
+
+    def names_of(self, gids: Iterable[str]) -> dict[str, str]:
+        """Return the full names of the nodes of publishers, by their gids."""
+        return self._names.of(gids)

@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from dummy_arm.tf import wire
 from dummy_arm.tf.message import TFMessage
 from dummy_arm.tf.qos import profile
-from dummy_arm.tf.transform_stamped import as_list, bad_fields_named, rows_to_send
+from dummy_arm.tf.transform_stamped import as_list, bad_fields_named, fields_to_send
 
 
 class StaticTransformBroadcaster:
@@ -33,7 +33,7 @@ class StaticTransformBroadcaster:
         self.pub_tf = node.create_publisher(
             TFMessage, '/tf_static',
             profile(qos, 1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-        self._rows: dict[str, wire.Row] = {}
+        self._sent: dict[str, wire.Fields] = {}
         self._lock = Lock()
 
     def sendTransform(  # noqa: N802
@@ -46,9 +46,9 @@ class StaticTransformBroadcaster:
         """
         transforms = as_list(transform)
         with bad_fields_named(transforms), self._lock:
-            rows = dict(self._rows)
-            for row in rows_to_send(transforms):
-                rows[row[3].removeprefix('/')] = row
-            data = wire.pack(rows.values())
-            self._rows = rows
+            sent = dict(self._sent)
+            for fields in fields_to_send(transforms):
+                sent[fields[3].removeprefix('/')] = fields
+            data = wire.pack_fields(sent.values())
+            self._sent = sent
             self.pub_tf.publish(data)

@@ -1,32 +1,48 @@
-"""Subscriptions to TFMessage that no executor sees, and publishers that do not fit."""
+"""The messages of a listener's subscriptions, as a buffer pulls them."""
 
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
+from inspect import unwrap
+from itertools import islice
+from math import inf
+from operator import itemgetter
 from time import monotonic
 from typing import Any
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.event_handler import QoSSubscriptionEventType as EventType
 from rclpy.event_handler import SubscriptionEventCallbacks, UnsupportedEventTypeError
+from rclpy.exceptions import InvalidHandle
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.logging import get_logger
 from rclpy.node import Node
-from rclpy.qos import qos_policy_name_from_kind, QoSProfile
+from rclpy.qos import HistoryPolicy, qos_policy_name_from_kind, QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.type_support import check_is_valid_msg_type
 
 from dummy_arm.tf.message import TFMessage
+from dummy_arm.tf.message_reader import MessageReader, Piece
+from dummy_arm.tf.wire import MalformedMessage
 
-#: How often it is looked for publishers that do not fit (s).
+#: The publisher that tf2_ros's listener in Python names.
+AUTHORITY = 'default_authority'
+#: How often incompatible publishers are looked for (s).
 _BETWEEN_LOOKS = 1.0
 #: So many messages are taken at once, or as many as the queue has places.
 _MOST_AT_ONCE = 1000
+#: The longest pause (s).
+_LONGEST_PAUSE = 0.1
+#: At fewer messages a second there is no pause.
+_SLOW = 100.0
+#: As rclpy has it, without the detour of the TFMessage that is made at run time.
+_take_message = unwrap(_rclpy.Subscription.take_message)
 
 
 def subscribe(node: Node, topic: str, callback: Callable[[TFMessage], None], qos: QoSProfile,
               group: CallbackGroup) -> Subscription:
     """
-    Subscribe a node to a topic; only whoever has the subscription can take messages from it.
+    Subscribe a node to a topic, so that only the owner of the subscription can take messages.
 
     :param callback: what the subscription shows as its callback; nobody calls it.
     """
@@ -38,31 +54,99 @@ def subscribe(node: Node, topic: str, callback: Callable[[TFMessage], None], qos
                         SubscriptionEventCallbacks(use_default_callbacks=False))
 
 
-def most_at_once(subscription: Subscription) -> int:
-    """Tell how many messages are taken at most, so that others have their turn."""
-    return max(_MOST_AT_ONCE, int(subscription.qos_profile.depth))
+class Topic:
+    """A subscription whose messages are taken as bytes."""
+
+    def __init__(self, subscription: Subscription, is_static: bool) -> None:
+        """Create it for a subscription to /tf, or to /tf_static."""
+        self.name: str = subscription.topic_name
+        self.handle: Any = subscription.handle
+        self.is_static = is_static
+        #: So many messages are taken at most, so that others have their turn.
+        self.most = max(_MOST_AT_ONCE, int(subscription.qos_profile.depth))
+        self._take = partial(_take_message, self.handle, TFMessage, True)
+
+    def take(self, messages: list[Any]) -> None:
+        """
+        Append what has arrived: pairs of bytes and message info.
+
+        One call takes all messages, so that a KeyboardInterrupt cannot come between the taking of
+        a message and its appending.
+
+        :raises InvalidHandle: when the subscription was destroyed.
+        """
+        with self.handle:
+            messages.extend(islice(iter(self._take, None), self.most))
 
 
-def take_all(subscription: Subscription, messages: list[bytes]) -> None:
+class SubscriptionSource:
     """
-    Append the bytes of what has arrived to messages, but not of what arrives for ever meanwhile.
+    The source of a buffer: what arrives on /tf and /tf_static.
 
-    :raises InvalidHandle: when the subscription was destroyed.
+    The lock of the buffer is held while messages are taken, so there is no other lock.
     """
-    handle = subscription.handle
-    with handle:
-        for _ in range(most_at_once(subscription)):
-            taken = handle.take_message(TFMessage, True)
-            if taken is None:
-                break
-            messages.append(taken[0])
+
+    def __init__(self, tf_static: Subscription, tf: Subscription,
+                 on_malformed: Callable[[MalformedMessage], None], wake: Callable[[], None],
+                 clock: Callable[[], float] = monotonic) -> None:
+        """
+        Create the source.
+
+        :param on_malformed: is called with the error of each message that cannot be decoded.
+        :param wake: has the listener's thread update the buffer now.
+        :param clock: returns the time (s).
+        """
+        self.wake, self._clock = wake, clock
+        #: Each with its reader, and with what was taken and is not read.
+        self._topics: list[tuple[Topic, MessageReader, list[Any]]] = [
+            (Topic(tf_static, True), MessageReader(on_malformed), []),
+            (Topic(tf, False), MessageReader(on_malformed), [])]
+        #: What was read and is not inserted.
+        self._pieces: list[Piece] = []
+        qos = tf.qos_profile
+        self._depth = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
+        self._count = 0  # of messages since the end of the last round, which was then:
+        self._last = clock()
+
+    def take(self) -> list[Piece]:
+        """Return what has arrived, in a list that is kept; the buffer empties it."""
+        try:
+            for topic, reader, arrived in self._topics:
+                topic.take(arrived)
+                if arrived:
+                    self._count += len(arrived)
+                    self._pieces += reader.read(
+                        map(itemgetter(0), arrived), AUTHORITY, topic.is_static)
+                    arrived.clear()
+        except (InvalidHandle, _rclpy.RCLError):  # the listener ends just now
+            pass
+        return self._pieces
+
+    def end_round(self) -> float:
+        """
+        Return for how long the listener's thread may leave messages in the queue (s).
+
+        The thread calls this after each update, without a lock. To be woken costs it more than to
+        insert a message. At least half of the queue stays free.
+        """
+        now = self._clock()
+        count, self._count, since, self._last = self._count, 0, now - self._last, now
+        if count <= _SLOW * since or self._depth <= 1:
+            return 0.0
+        return min(_LONGEST_PAUSE, 0.5 * self._depth * since / count)
 
 
 class Misfits:
     """Warns of publishers of which a subscription gets nothing."""
 
-    def __init__(self, subscription: Subscription) -> None:
-        """Begin to look out."""
+    def __init__(self, subscription: Subscription, clock: Callable[[], float] = monotonic
+                 ) -> None:
+        """
+        Create the watch over a subscription.
+
+        :param clock: returns the time (s).
+        """
+        self._clock = clock
         self._topic = subscription.topic_name
         self._log = get_logger(subscription.logger_name)
         self._incompatible_qos: Any = None
@@ -73,7 +157,7 @@ class Misfits:
 
     def look(self) -> None:
         """Warn, in rclpy's words, of those that came up since the last look; once a second."""
-        if self._incompatible_qos is None or (now := monotonic()) < self._next:
+        if self._incompatible_qos is None or (now := self._clock()) < self._next:
             return
         self._next = now + _BETWEEN_LOOKS
         status: Any = self._incompatible_qos.take_event()
@@ -85,6 +169,6 @@ class Misfits:
                 f'Change its {policy}, or the qos of the TransformListener.')
 
     def close(self) -> None:
-        """Let go of the subscription."""
+        """Release the subscription."""
         if self._incompatible_qos is not None:
             self._incompatible_qos.destroy_when_not_in_use()

@@ -10,6 +10,7 @@ unpacked outside of the middleware (`wire.py`).
 """
 
 from collections.abc import Collection
+from functools import wraps
 from typing import Any, Optional
 
 from geometry_msgs.msg import TransformStamped
@@ -21,8 +22,8 @@ from dummy_arm.tf import type_support, wire
 from dummy_arm.tf.transform_stamped import (
     bad_fields_named,
     CHECK_FIELDS,
-    message_of,
-    row_of,
+    fields_of,
+    message_of_fields,
 )
 
 
@@ -85,11 +86,11 @@ class TFMessage(metaclass=Metaclass_TFMessage):
 def _serialize(message: TFMessage) -> bytes:
     transforms = list(message.transforms)
     with bad_fields_named(transforms):
-        return wire.pack(map(row_of, transforms))
+        return wire.pack_fields(map(fields_of, transforms))
 
 
 def _deserialize(data: bytes) -> TFMessage:
-    return TFMessage(transforms=[message_of(row) for row in wire.unpack(data)])
+    return TFMessage(transforms=[*map(message_of_fields, wire.fields(data))])
 
 
 def _teach_rclpy() -> None:
@@ -106,6 +107,7 @@ def _teach_rclpy() -> None:
         else:
             publish(self, message)
 
+    @wraps(take_message)
     def take_as_bytes(self: Any, message_type: type, raw: bool) -> Optional[tuple[Any, Any]]:
         if raw or not issubclass(message_type, TFMessage):
             return take_message(self, message_type, raw)  # type: ignore[no-any-return]

@@ -18,7 +18,7 @@ from dummy_arm.tf.transform_stamped import (
     bad_fields_named,
     check_edge,
     check_poses,
-    rows_to_send,
+    fields_to_send,
 )
 
 
@@ -50,7 +50,7 @@ class TransformBroadcaster:
         """
         transforms = as_list(transform)
         with bad_fields_named(transforms):
-            self.pub_tf.publish(wire.pack(rows_to_send(transforms)))
+            self.pub_tf.publish(wire.pack_fields(fields_to_send(transforms)))
 
     def prepare(self, edges: Sequence[tuple[str, str]]) -> 'PreparedTransforms':
         """

@@ -1,4 +1,4 @@
-"""Listening to /tf and /tf_static: what comes in goes into a buffer."""
+"""The listener of tf2_ros: it subscribes to /tf and /tf_static and fills a buffer."""
 
 from collections.abc import Callable
 from functools import partial, wraps
@@ -14,54 +14,48 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from dummy_arm.tf import wire
 from dummy_arm.tf.buffer import Buffer
 from dummy_arm.tf.buffer_core import BufferCore
-from dummy_arm.tf.feed import AUTHORITY, Feed
-from dummy_arm.tf.listening import Listening
+from dummy_arm.tf.engine import Engine, Source
+from dummy_arm.tf.listening import ListenerThread, Round
 from dummy_arm.tf.message import TFMessage
+from dummy_arm.tf.message_buffer import MessageBufferCore
+from dummy_arm.tf.message_reader import Piece
 from dummy_arm.tf.qos import profile
 from dummy_arm.tf.refusals import Refusals
-from dummy_arm.tf.subscribing import Misfits, subscribe, take_all
-from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tf.subscribing import AUTHORITY, Misfits, subscribe, SubscriptionSource, Topic
+from dummy_arm.tf.transform_stamped import message_of_fields
 
 
-class _Callbacks:
+class _CallbackSource:
     """
-    The source of a buffer that a listener fills by callbacks.
+    The source of a buffer whose listener calls callbacks: there is nothing to take.
 
-    There is nothing to fetch from it; but the buffer knows by it that transforms may come in. If
-    the callbacks are those of a subclass, their thread does not run before the constructor of the
-    subclass has returned, unless that constructor looks up or waits for a transform.
+    By it, the buffer knows that transforms may come. If the callbacks are those of a subclass, the
+    thread that calls them does not run before the constructor of the subclass has returned, unless
+    that constructor looks up or waits for a transform.
     """
 
-    def __init__(self, buffer: BufferCore, listening: Listening) -> None:
-        self._buffer, self._listening, self._thread_id = buffer, listening, get_ident()
+    def __init__(self, start: Callable[[], None]) -> None:
+        self._start, self._thread_id = start, get_ident()
 
-    def begin(self) -> None:
-        """Add this to the sources of the buffer."""
-        self._buffer.add_source(self)
+    def take(self) -> list[Piece]:
+        """Return nothing."""
+        self.wake()
+        return []
 
-    def end(self) -> None:
-        """Remove this from the sources of the buffer."""
-        self._buffer.remove_source(self)
-
-    def fetch(self) -> None:
+    def wake(self) -> None:
         """Start the listener's thread, if it is the constructor that looks up or waits."""
         if get_ident() == self._thread_id:
-            self._listening.start()
-
-    hurry = fetch
-
-    def abandon(self) -> None:
-        """Do nothing: in a process that was forked, there is no such thread."""
+            self._start()
 
 
 class TransformListener:
     """
-    Fills a buffer with what is sent on /tf and /tf_static, as the class of this name in tf2_ros.
+    Fills a buffer with what is published on /tf and /tf_static, as tf2_ros.TransformListener.
 
     A thread of its own takes the messages, so that they come in while callbacks of the node run
     or wait, and whether the node is spun or not. They are taken as bytes and go straight into
-    the buffer; a lookup has all that has arrived by then. The executor that spins the node is
-    woken by new data, but at most 10 times a second.
+    the buffer; a lookup has everything that has arrived by then. The executor that spins the node
+    is woken by new data, but at most 10 times a second.
 
     It listens until `unregister()`, `node.destroy_node()` or `rclpy.shutdown()`.
 
@@ -70,7 +64,6 @@ class TransformListener:
     in the buffer, or waits for one.
     """
 
-    feed_class: Callable[..., Feed] = Feed
     #: The constructor of a subclass that starts the thread at its end.
     _starting_constructor: Optional[Callable[..., None]] = None
 
@@ -88,27 +81,30 @@ class TransformListener:
             try:
                 construct(*args, **kwargs)
             except BaseException:
-                if hasattr(self, '_listening'):
+                if hasattr(self, '_thread'):
                     self.unregister()
                 raise
-            if hasattr(self, '_listening'):  # else TransformListener's constructor was not called
-                self._listening.start()
+            if hasattr(self, '_thread'):  # else TransformListener's constructor was not called
+                self._thread.start()
 
         cls.__init__ = cls._starting_constructor = construct_and_start  # type: ignore
 
     def __init__(self, buffer: Buffer, node: Node, *, spin_thread: bool = False,
                  qos: Optional[Union[QoSProfile, int]] = None,
-                 static_qos: Optional[Union[QoSProfile, int]] = None) -> None:
+                 static_qos: Optional[Union[QoSProfile, int]] = None,
+                 source: Callable[..., SubscriptionSource] = SubscriptionSource) -> None:
         """
-        Begin to listen.
+        Start to listen.
 
-        :param buffer: what is filled: a Buffer or BufferCore, or whatever has `set_transform` and
-            `set_transform_static`. Those are called, from the thread, if they are not Buffer's.
+        :param buffer: what is filled: a Buffer, MessageBufferCore or BufferCore, or any object
+            with `set_transform` and `set_transform_static`. These are called by the thread if they
+            are overridden.
         :param node: the node that subscribes; its remappings apply.
         :param spin_thread: no matter: there is a thread in any case, and it never spins the node.
         :param qos: profile or depth for /tf; None: reliable, volatile, the last 100.
         :param static_qos: profile or depth for /tf_static; None: a depth of 100. Unless a profile
             says otherwise it is reliable and transient local.
+        :param source: makes what takes the messages from the subscriptions.
         """
         self.node = node
         self.group = ReentrantCallbackGroup()
@@ -121,9 +117,17 @@ class TransformListener:
         self.malformed = 0
         self._faults = Refusals()
         self._faults.log = get_logger('tf2_listener').warning
-        self._listening = Listening(node, self.group, self.tf_static_sub, self.tf_sub,
-                                    self._take, self._close, self._holds_lock)
-        self._source: Union[Feed, _Callbacks, None] = None
+        self._thread = ListenerThread(node, self.group, self.tf_static_sub, self.tf_sub,
+                                      self._work, self._close, self._is_in_block)
+        self._messages = source(
+            self.tf_static_sub, self.tf_sub, self._on_fault, self._thread.wake)
+        self._callbacks = _CallbackSource(self._thread.start)
+        #: The buffer that pulls, and what it pulls from.
+        self._attached: Optional[tuple[Engine, Source]] = None
+        #: Whether messages are passed to callbacks, since something is overridden.
+        self._calls_back = False
+        #: Of the attached buffer, at the last look.
+        self._generation = 0
         #: Held for a moment, in which no other lock is taken; reentrant, since a signal handler or
         #: the garbage collector may end the listener just then.
         self._switching = RLock()
@@ -131,16 +135,18 @@ class TransformListener:
         self.buffer = buffer
         if (not self._has_own_callbacks()
                 or type(self).__init__ is not type(self)._starting_constructor):
-            self._listening.start()
+            self._thread.start()
 
     def unregister(self) -> None:
-        """Stop to listen, for good."""
-        self._listening.end()
-        self._switch(None)
+        """Stop listening, for good."""
+        try:
+            self._attach(None)
+        finally:
+            self._thread.end()
 
     @property
     def buffer(self) -> Any:
-        """What is filled."""
+        """The buffer that is filled."""
         return self._buffer
 
     @buffer.setter
@@ -148,26 +154,26 @@ class TransformListener:
         if buffer is self._buffer:
             return
         self._buffer = buffer
-        if not isinstance(buffer, BufferCore):
-            self._switch(None)
-        elif self._has_own_callbacks() or _has_own_setters(buffer):
-            self._switch(_Callbacks(buffer, self._listening))
-        else:
-            self._switch(self.feed_class(
-                buffer, self.tf_sub, self.tf_static_sub, self._listening, self._on_fault))
+        if not isinstance(buffer, Engine):
+            self._calls_back = True
+            self._attach(None)
+            return
+        self._calls_back = self._has_own_callbacks() or _has_own_setters(buffer)
+        self._attach((buffer, self._callbacks if self._calls_back else self._messages))
 
-    def _switch(self, source: Union[Feed, _Callbacks, None]) -> None:
-        """Remove the present source from its buffer, and add another one to its own."""
+    def _attach(self, attached: Optional[tuple[Engine, Source]]) -> None:
+        """Remove the present source from its buffer, then add another one to its buffer."""
         with self._switching:
-            if self._listening.has_ended:
-                source = None
-            before, self._source = self._source, source
+            if self._thread.has_ended:
+                attached = None
+            before, self._attached = self._attached, attached
         if before is not None:
-            before.end()
-        if source is not None:
-            source.begin()
-            if self._source is not source or self._listening.has_ended:  # meanwhile
-                source.end()
+            _detach(*before)
+        if attached is not None:
+            buffer, source = attached
+            buffer.add_source(source)
+            if self._attached is not attached or self._thread.has_ended:  # meanwhile
+                _detach(buffer, source)
 
     def _has_own_callbacks(self) -> bool:
         """Return whether a callback is overridden."""
@@ -175,8 +181,8 @@ class TransformListener:
                 getattr(self.static_callback, '__func__', None)} != {
                     TransformListener.callback, TransformListener.static_callback}
 
-    def _holds_lock(self) -> bool:
-        return isinstance(self._buffer, BufferCore) and self._buffer.is_held
+    def _is_in_block(self) -> bool:
+        return isinstance(self._buffer, Engine) and self._buffer.is_in_block()
 
     def callback(self, data: TFMessage) -> None:
         """Set the transforms of a message, as moving ones."""
@@ -188,31 +194,44 @@ class TransformListener:
         for transform in data.transforms:
             self._buffer.set_transform_static(transform, AUTHORITY)
 
-    def _take(self) -> tuple[bool, float]:
-        """Take what has arrived; tell whether there is news, and how long to pause then (s)."""
+    def _work(self) -> Round:
+        """Fill the buffer with what has arrived; the thread calls this."""
         for misfits in self._misfits:
             misfits.look()
-        source = self._source
-        taken = source.take() if isinstance(source, Feed) else self._call_back()
+        attached, done = self._attached, Round(False, False, 0.0)
+        if self._calls_back:
+            done = Round(self._call_back(), False, 0.0)
+        elif attached is not None:
+            buffer, is_urgent = attached[0], False
+            generation = buffer.update()
+            if has_news := generation != self._generation:
+                self._generation = generation
+                try:
+                    is_urgent = buffer.after_insertion()
+                except BaseException as error:  # of a future's callback
+                    self._on_fault(error)
+            pause = self._messages.end_round()
+            done = Round(has_news, is_urgent, 0.0 if buffer.is_waited_for else pause)
         self._faults.log_all()
-        return taken
+        return done
 
-    def _call_back(self) -> tuple[bool, float]:
+    def _call_back(self) -> bool:
+        """Call the callbacks with what has arrived; return whether there was anything."""
         has_news = False
-        for subscription, callback in ((self.tf_static_sub, self.static_callback),
-                                       (self.tf_sub, self.callback)):
-            arrived: list[bytes] = []
-            take_all(subscription, arrived)
-            for data in arrived:
+        for topic, callback in ((Topic(self.tf_static_sub, True), self.static_callback),
+                                (Topic(self.tf_sub, False), self.callback)):
+            arrived: list[Any] = []
+            topic.take(arrived)
+            for data, _ in arrived:
                 has_news = True
                 try:
-                    callback(TFMessage(transforms=[*map(message_of, wire.unpack(data))]))
+                    callback(TFMessage(transforms=[*map(message_of_fields, wire.fields(data))]))
                 except BaseException as error:  # SystemExit, too, is not of this thread
                     self._on_fault(error)
-        return has_news, 0.0
+        return has_news
 
     def _on_fault(self, error: BaseException) -> None:
-        """Count a malformed message, and tell of its kind once; of other errors once a second."""
+        """Count a malformed message, and note it, once of a kind; other errors once a second."""
         if isinstance(error, wire.MalformedMessage):
             self.malformed += 1
             self._faults.tell_once(str(error).partition(':')[0], (
@@ -222,17 +241,26 @@ class TransformListener:
             self._faults.tell(''.join(format_exception(error)))
 
     def _close(self) -> None:
-        """Let go of the subscriptions."""
-        self._switch(None)
+        """Release the subscriptions; the thread calls this at its end."""
+        try:
+            self._attach(None)
+        except BaseException as error:  # of a future's callback
+            self._on_fault(error)
+        self._faults.log_all()
         for misfits in self._misfits:
             misfits.close()
         self.tf_sub.destroy()
         self.tf_static_sub.destroy()
 
 
-def _has_own_setters(buffer: BufferCore) -> bool:
+def _detach(buffer: Engine, source: Source) -> None:
+    buffer.remove_source(source)
+    buffer.after_insertion()
+
+
+def _has_own_setters(buffer: Any) -> bool:
     """Return whether a method between the messages and the buffer is overridden."""
-    own = {BufferCore.insert, *(getattr(kind, name) for kind in (BufferCore, Buffer)
-                                for name in ('set_transform', 'set_transform_static'))}
+    own = {Engine.insert, *(getattr(kind, name) for kind in (BufferCore, MessageBufferCore)
+                            for name in ('set_transform', 'set_transform_static'))}
     return not all(getattr(method, '__func__', None) in own for method in (
         buffer.insert, buffer.set_transform, buffer.set_transform_static))

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from std_msgs.msg import Header
 
 from dummy_arm.tf import wire
+from dummy_arm.tf.times import SECOND
 
 #: Whether messages check what they are assigned, as generated message modules decide it.
 CHECK_FIELDS = getenv('ROS_PYTHON_CHECK_FIELDS', default='') == '1'
@@ -31,7 +32,17 @@ _KINDS = {'i': 'an int32', 'I': 'a uint32', 'd': 'a number'}
 
 def row_of(message: TransformStamped) -> wire.Row:
     """
-    Read a TransformStamped as it is, without a check of its values.
+    Read a TransformStamped, without a check of its values.
+
+    :raises TypeError: when it is none.
+    """
+    sec, nanosec, frame_id, child_frame_id, pose = fields_of(message)
+    return wire.Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
+
+
+def fields_of(message: TransformStamped) -> wire.Fields:
+    """
+    Read the fields of a TransformStamped as they are, without a check of their values.
 
     :raises TypeError: when it is none.
     """
@@ -42,13 +53,19 @@ def row_of(message: TransformStamped) -> wire.Row:
     header, transform = message._header, message._transform
     stamp, translation, rotation = header._stamp, transform._translation, transform._rotation
     return (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
-            translation._x, translation._y, translation._z,
-            rotation._x, rotation._y, rotation._z, rotation._w)
+            (translation._x, translation._y, translation._z,
+             rotation._x, rotation._y, rotation._z, rotation._w))
 
 
 def message_of(row: wire.Row) -> TransformStamped:
+    """Build the TransformStamped of a row; as `message_of_fields`."""
+    stamp_ns, frame_id, child_frame_id, pose = row
+    return message_of_fields((*divmod(stamp_ns, SECOND), frame_id, child_frame_id, pose))
+
+
+def message_of_fields(fields: wire.Fields) -> TransformStamped:
     """
-    Build the TransformStamped of a row; by slots, at a tenth of what its constructors cost.
+    Build the TransformStamped of its fields; by slots, at a tenth of what its constructors cost.
 
     The compiled conversion of generated messages takes what is in the slot of a float64 for a
     float, unchecked: an int there would become another number on the wire.
@@ -61,7 +78,7 @@ def message_of(row: wire.Row) -> TransformStamped:
     header._stamp = stamp
     transform._translation, transform._rotation = translation, rotation
     (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
-     x, y, z, qx, qy, qz, qw) = row
+     (x, y, z, qx, qy, qz, qw)) = fields
     # One by one: that takes a tenth of the time of any loop.
     translation._x, translation._y, translation._z = float(x), float(y), float(z)
     rotation._x, rotation._y, rotation._z = float(qx), float(qy), float(qz)
@@ -121,20 +138,20 @@ def as_list(transform: Union[TransformStamped, Iterable[TransformStamped]]
     return list(transform) if isinstance(transform, Iterable) else [transform]
 
 
-def rows_to_send(messages: Iterable[TransformStamped]) -> list[wire.Row]:
+def fields_to_send(messages: Iterable[TransformStamped]) -> list[wire.Fields]:
     """
     Read transforms that are to be broadcast.
 
     :raises TypeError: on an element that is no TransformStamped.
     :raises ValueError: on a transform that no buffer would take.
     """
-    rows = []
+    transforms = []
     for message in messages:
-        row = row_of(message)
-        check_edge(row[2], row[3])
-        check_pose(row[2], row[3], row[4:])
-        rows.append(row)
-    return rows
+        fields = fields_of(message)
+        check_edge(*fields[2:4])
+        check_pose(*fields[2:])
+        transforms.append(fields)
+    return transforms
 
 
 @lru_cache(maxsize=4096)

@@ -5,10 +5,11 @@ from contextlib import suppress
 from functools import partial
 import heapq
 from itertools import count
-from threading import Condition, RLock, Thread, TIMEOUT_MAX
+from queue import Empty, SimpleQueue
+from threading import RLock, Thread, TIMEOUT_MAX
 from time import monotonic
 from typing import Any, Optional
-from weakref import ref, WeakSet
+from weakref import ref
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.exceptions import InvalidHandle
@@ -22,14 +23,14 @@ class TransformFuture(Future):
     """
     A future whose result is a TransformStamped.
 
-    Whoever drops it without having added a callback, or cancels it, leaves nothing behind.
+    To stop waiting, cancel it, or drop the last reference to it if it has no done callback.
     """
 
     def __init__(self, waits: 'Waits', lookup: Callable[[], TransformStamped], what: str) -> None:
         """
-        Wait for what a lookup gives.
+        Create a future that is not done.
 
-        :param lookup: raises a TransformException as long as there is no answer.
+        :param lookup: returns the result, or raises a TransformException as long as there is none.
         :param what: what is waited for, for the error when it takes too long.
         """
         super().__init__()
@@ -37,44 +38,47 @@ class TransformFuture(Future):
         self._waits = waits
 
     def add_done_callback(self, callback: Callable[[Future], None]) -> None:
-        """Add a function to be called when this is done; until then it is not forgotten."""
+        """Add a function to be called when this is done; until then the future is kept."""
         super().add_done_callback(callback)
         # An executor that spins until this is done holds it, and never removes its callback.
         if callback.__module__ != 'rclpy.executors':
             self._waits.keep(self)
 
     def cancel(self) -> None:
-        """End the wait."""
+        """Stop waiting."""
         if self._waits.forget(self):
             super().cancel()
 
 
 #: When (s, of the monotonic clock), a number that differs, after how long (s), of what.
-_Deadline = tuple[float, int, float, ref[TransformFuture]]
+_Deadline = tuple[float, int, float, 'ref[TransformFuture]']
 
 
 class Waits:
     """
     The futures that wait for the data of a buffer.
 
-    A future is done, and its callbacks run, in the thread that brings the data or that sees that
-    its time is up; then the executor of the node is woken, for coroutines that wait. The lock is
-    reentrant and held for moments only: the garbage collector may come by at any of them.
+    There is no lock: each change of `_futures` is one operation of a dict, and whoever removes a
+    future from it is the one that finishes it. So a signal handler or the garbage collector may
+    interrupt any of these methods.
     """
 
     def __init__(self, node: Optional[Node]) -> None:
         """
-        Begin with none.
+        Create without futures.
 
-        :param node: whose executor is woken when a wait is over.
+        :param node: its executor is woken when a future is done.
         """
         self._node = node
-        self.lock = RLock()
-        self._futures: WeakSet[TransformFuture] = WeakSet()
+        self._futures: dict[int, ref[TransformFuture]] = {}
+        #: Those that somebody waits for by a callback.
         self._kept: set[TransformFuture] = set()
-        self._changed = Condition(self.lock)
-        self._deadlines: list[_Deadline] = []
         self._numbers = count()
+        #: New deadlines for the thread that watches them; None wakes it.
+        self._queue: SimpleQueue[Optional[_Deadline]] = SimpleQueue()
+        #: A heap of deadlines, which only that thread uses.
+        self._deadlines: list[_Deadline] = []
+        self._starting = RLock()
         self._thread: Optional[Thread] = None
 
     def __len__(self) -> int:
@@ -83,14 +87,14 @@ class Waits:
     def add(self, lookup: Callable[[], TransformStamped], timeout: Optional[float], what: str
             ) -> Future:
         """
-        Make a future, done at once if its lookup gives an answer.
+        Return a future, which is done if its lookup returns an answer now.
 
         :param timeout: after how long the wait ends with a TimeoutException (s); None: never.
         :param what: what is waited for, for that error.
         """
         future = TransformFuture(self, lookup, what)
-        with self.lock:
-            self._futures.add(future)
+        key = id(future)
+        self._futures[key] = ref(future, partial(self._futures.pop, key))
         try:
             transform = lookup()
         except TransformException:
@@ -105,32 +109,23 @@ class Waits:
 
     def keep(self, future: TransformFuture) -> None:
         """Keep a future that somebody waits for, until it is done."""
-        with self.lock:
-            if future in self._futures:
-                self._kept.add(future)
+        self._kept.add(future)
+        if id(future) not in self._futures:
+            self._kept.discard(future)
 
     def forget(self, future: TransformFuture) -> bool:
-        """Forget a future; tell whether it was waiting still."""
-        with self.lock:
-            waited = future in self._futures
-            self._futures.discard(future)
-            self._kept.discard(future)
-            self._changed.notify_all()
+        """Forget a future; return whether it was waiting."""
+        was_waiting = self._futures.pop(id(future), None) is not None
+        self._kept.discard(future)
         future.lookup = _nothing  # rclpy may hold the future on: not the buffer with it
-        return waited
-
-    def forget_all(self) -> None:
-        """Forget all futures: this is in a process that was forked, where no data come in."""
-        self._node = self._thread = None
-        self._futures.clear()
-        self._kept.clear()
-        self._deadlines.clear()
-        self._changed = Condition(self.lock)
+        if self._thread is not None:
+            self._queue.put(None)
+        return was_waiting
 
     def check(self) -> bool:
-        """Look for answers, now that there are new data; tell whether there were any."""
-        with self.lock:
-            futures = list(self._futures)
+        """Finish the futures for which there are answers now; return whether there were any."""
+        futures = [future for reference in self._futures.copy().values()
+                   if (future := reference()) is not None]
         return sum(map(self._try, futures)) > 0
 
     def _try(self, future: TransformFuture, waited: Optional[float] = None) -> bool:
@@ -162,45 +157,46 @@ class Waits:
                 executor.wake()
 
     def _end_after(self, future: TransformFuture, timeout: float) -> None:
-        """See to it that a wait ends after a timeout (s)."""
-        with self.lock:
-            if len(self._deadlines) > 2 * len(self._futures) + 10:
-                self._deadlines = [entry for entry in self._deadlines if self._waits(entry)]
-                heapq.heapify(self._deadlines)
-            heapq.heappush(self._deadlines, (
-                monotonic() + timeout, next(self._numbers), timeout, ref(future, self._notify)))
-            self._changed.notify_all()
+        """Have the thread end a wait after a timeout (s)."""
+        reference = ref(future, lambda _: self._queue.put(None))
+        self._queue.put((monotonic() + timeout, next(self._numbers), timeout, reference))
+        with self._starting:
             if self._thread is None or not self._thread.is_alive():
                 self._thread = Thread(target=self._watch_deadlines, daemon=True)
                 self._thread.start()
 
-    def _waits(self, entry: _Deadline) -> bool:
-        return entry[3]() in self._futures
-
-    def _notify(self, _: Any) -> None:
-        with self.lock:
-            self._changed.notify_all()
-
     def _watch_deadlines(self) -> None:
-        """End the waits whose time is up, as long as there are any that may have to be ended."""
+        """End the waits whose time is up, until there are none that may have to be ended."""
+        deadlines = self._deadlines
         while True:
-            with self.lock:
-                while self._deadlines and not self._waits(self._deadlines[0]):
-                    heapq.heappop(self._deadlines)
-                if not self._deadlines:
-                    self._thread = None
-                    return
-                deadline, _, timeout, future_ref = self._deadlines[0]
-                left = deadline - monotonic()
-                if left > 0.0:
-                    self._changed.wait(min(left, TIMEOUT_MAX))
-                    continue
-                heapq.heappop(self._deadlines)
-            if (future := future_ref()) is not None:
-                self._try(future, timeout)
-                del future
+            if len(deadlines) > 2 * len(self._futures) + 10:
+                deadlines[:] = filter(self._is_waiting, deadlines)
+                heapq.heapify(deadlines)
+            while deadlines and not self._is_waiting(deadlines[0]):
+                heapq.heappop(deadlines)
+            left = deadlines[0][0] - monotonic() if deadlines else 0.0
+            try:
+                if entry := self._queue.get(timeout=min(max(0.0, left), TIMEOUT_MAX)):
+                    heapq.heappush(deadlines, entry)
+                continue
+            except Empty:
+                pass
+            if not deadlines:
+                with self._starting:
+                    if self._queue.empty():
+                        self._thread = None
+                        return
+            elif deadlines[0][0] <= monotonic():
+                _, _, timeout, reference = heapq.heappop(deadlines)
+                if (future := reference()) is not None:
+                    self._try(future, timeout)
+                    del future
+
+    def _is_waiting(self, deadline: _Deadline) -> bool:
+        future = deadline[3]()
+        return future is not None and id(future) in self._futures
 
 
 def _nothing() -> TransformStamped:
-    """Give no answer, in place of the lookup of a future that needs none."""
+    """Raise, in place of the lookup of a future that needs none."""
     raise TransformException

@@ -16,25 +16,30 @@ A message is plain CDR (XCDR1), as every RMW of Jazzy sends it:
 from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 import struct
-from typing import Optional
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dummy_arm.tf.pose import IDENTITY, Pose
 from dummy_arm.tf.times import SECOND
-
-#: One transform, in the order of the wire: sec, nanosec, frame_id, child_frame_id,
-#: translation x, y, z (m) and rotation x, y, z, w.
-Row = tuple[int, int, str, str, float, float, float, float, float, float, float]
 
 _ENCAPSULATION = b'\x00\x01\x00\x00'
 _BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}
-#: The size of a pose.
-POSE_BYTES = 7 * 8
+_POSE_BYTES = 7 * 8
 _FIRST_NAME = 16
-_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + POSE_BYTES
+_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + _POSE_BYTES
 _pack_stamp = struct.Struct('<iI').pack
 _pack_pose = struct.Struct('<7d').pack
+
+
+class Row(NamedTuple):
+    """One transform of a message."""
+
+    stamp_ns: int  #: ns
+    frame_id: str  #: as it is on the wire, so maybe with a leading slash
+    child_frame_id: str
+    pose: Pose  #: x, y, z (m) and the rotation's x, y, z, w, which may be of any length
 
 
 class MalformedMessage(ValueError):
@@ -61,19 +66,34 @@ def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
     return packed
 
 
+#: One transform as it is on the wire, where the nanoseconds may be more than a second: sec,
+#: nanosec, frame_id, child_frame_id, pose.
+Fields = tuple[int, int, str, str, Pose]
+
+
 def pack(rows: Iterable[Row]) -> bytes:
     """
     Pack transforms into the bytes of one message.
+
+    :raises ValueError: as `pack_fields`, and on a stamp whose seconds do not fit an int32.
+    :raises struct.error: as `pack_fields`.
+    """
+    return pack_fields((*split_stamp(row.stamp_ns), *row[1:]) for row in map(Row._make, rows))
+
+
+def pack_fields(transforms: Iterable[Fields]) -> bytes:
+    """
+    Pack the fields of transforms into the bytes of one message.
 
     :raises ValueError: on a frame id with a NUL in it or that is not valid Unicode.
     :raises struct.error: on a number that is none or does not fit its field.
     """
     parts = []
     position = 4
-    for row in rows:
-        parts.append(_pack_stamp(row[0], row[1]))
-        parts.append(_pack_names(row[2], row[3], position + 8 & 7))
-        parts.append(_pack_pose(*row[4:]))
+    for sec, nanosec, frame_id, child_frame_id, pose in transforms:
+        parts.append(_pack_stamp(sec, nanosec))
+        parts.append(_pack_names(frame_id, child_frame_id, position + 8 & 7))
+        parts.append(_pack_pose(*pose))
         position = 0
     count = struct.pack('<I', len(parts) // 3)
     return b''.join((_ENCAPSULATION, count, *parts))
@@ -85,6 +105,12 @@ def unpack(data: bytes) -> list[Row]:
 
 
 def rows(data: bytes) -> Iterator[Row]:
+    """Unpack the bytes of a message, one transform after the other; as `fields`."""
+    for sec, nanosec, frame_id, child_frame_id, pose in fields(data):
+        yield Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
+
+
+def fields(data: bytes) -> Iterator[Fields]:
     """
     Unpack the bytes of a message, of either byte order, one transform after the other.
 
@@ -106,13 +132,13 @@ def rows(data: bytes) -> Iterator[Row]:
             raise MalformedMessage(
                 f'impossible count: {len(data)} bytes cannot hold the {count} transforms that '
                 'they announce')
-        yield from _unpack_rows(data, order, count)
+        yield from _unpack_fields(data, order, count)
     except struct.error:
         raise MalformedMessage(
             f'truncated: a TFMessage of {len(data)} bytes ends in the midst of a field') from None
 
 
-def _unpack_rows(data: bytes, order: str, count: int) -> Iterator[Row]:
+def _unpack_fields(data: bytes, order: str, count: int) -> Iterator[Fields]:
     unpack_head = struct.Struct(order + 'iII').unpack_from
     unpack_length = struct.Struct(order + 'I').unpack_from
     unpack_pose = struct.Struct(order + '7d').unpack_from
@@ -127,7 +153,7 @@ def _unpack_rows(data: bytes, order: str, count: int) -> Iterator[Row]:
         child_frame_id = data[start:start + length]
         start += length
         start += 4 - start & 7
-        yield (sec, nanosec, _text(frame_id), _text(child_frame_id), *unpack_pose(data, start))
+        yield sec, nanosec, _text(frame_id), _text(child_frame_id), unpack_pose(data, start)
         start += 56
 
 
@@ -159,7 +185,7 @@ class Packet:
         lengths = [len(_pack_names(parent, child, 0 if i else 4)) + 8
                    for i, (parent, child) in enumerate(edges)]
         ends = 4 + np.cumsum(np.array(lengths) + 56)
-        template = pack((0, 0, parent, child, 0, 0, 0, 0, 0, 0, 0) for parent, child in edges)
+        template = pack(Row(0, parent, child, IDENTITY) for parent, child in edges)
         self._body = np.frombuffer(template, '<f8', offset=4)
         self._poses_at = ((ends - 56) // 8)[:, np.newaxis] + np.arange(7)
         self._sec_at = (ends - 56 - lengths) // 4
@@ -186,7 +212,12 @@ class Packet:
 
 
 def key(data: bytes) -> bytes:
-    """Tell what a little-endian message is found again by: its first two names, if not long."""
+    """
+    Return what messages with the same frames have in common, and few others.
+
+    :param data: a little-endian message.
+    :returns: the bytes of its first two names, if they are not long.
+    """
     try:
         end = _FIRST_NAME + 7 + data[_FIRST_NAME] & ~3
         return data[_FIRST_NAME:end + 4 + data[end]]
@@ -194,48 +225,30 @@ def key(data: bytes) -> bytes:
         return b''
 
 
-class Layout:
+#: Unpacks the eight bytes of a stamp: s, ns.
+unpack_stamp = struct.Struct('<iI').unpack
+#: How a little-endian message begins.
+HEAD = _ENCAPSULATION[:2]
+
+
+def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     """
-    Where the fields of a little-endian message lie whose frames are known.
+    Return where the fields of a little-endian message lie whose frames are known.
 
     :param edges: (frame_id, child_frame_id) of each of the n transforms.
+    :returns: the format, for `struct`, of these fields: the head, the number of transforms, and of
+        each transform the bytes of its stamp, its two names and its pose; and these 2 n names.
     """
-
-    #: Unpacks what `read` gives for a stamp: s, ns.
-    unpack_stamp = staticmethod(struct.Struct('<iI').unpack)
-
-    def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
-        fields = '<2s2xI'
-        position = 4
-        names = []
-        for edge in edges:
-            fields += '8s'
-            position += 8
-            for name, alignment in zip(edge, (4, 8)):
-                names.append(_pack_name(name))
-                padding = -(position + len(names[-1])) % alignment
-                fields += f'{len(names[-1])}s{padding}x'
-                position += len(names[-1]) + padding
-            fields += f'{POSE_BYTES}s'
-        self._set(fields, _ENCAPSULATION[:2], names)
-
-    def _set(self, fields: str, encapsulation: bytes, names: list[bytes]) -> None:
-        """Keep the fields: encapsulation, count, and of each transform stamp, names and pose."""
-        self._struct = struct.Struct(fields)
-        #: The length of such a message (bytes).
-        self.size = self._struct.size
-        self._head = encapsulation, len(names) // 2
-        self._frame_ids, self._child_frame_ids = tuple(names[::2]), tuple(names[1::2])
-
-    def read(self, data: bytes) -> Optional[tuple[tuple[bytes, ...], tuple[bytes, ...]]]:
-        """
-        Read a message of at least the size.
-
-        :returns: the stamp and the pose (7 float64) of each transform, as they are on the wire;
-            None when it is another message.
-        """
-        fields = self._struct.unpack_from(data)
-        if (fields[:2] == self._head and fields[3::4] == self._frame_ids
-                and fields[4::4] == self._child_frame_ids):
-            return fields[2::4], fields[5::4]
-        return None
+    form = '<2s2xI'
+    position = 4
+    names = []
+    for edge in edges:
+        form += '8s'
+        position += 8
+        for name, alignment in zip(edge, (4, 8)):
+            names.append(_pack_name(name))
+            padding = -(position + len(names[-1])) % alignment
+            form += f'{len(names[-1])}s{padding}x'
+            position += len(names[-1]) + padding
+        form += f'{_POSE_BYTES}s'
+    return form, names

@@ -15,11 +15,12 @@ All is little-endian, and nothing is aligned:
 from collections.abc import Iterator, Sequence
 import struct
 
-from dummy_arm.tf import wire
-from dummy_arm.tf.wire import MalformedMessage, POSE_BYTES, Row
+from dummy_arm.tf.times import SECOND
+from dummy_arm.tf.wire import MalformedMessage, Row
 
+_POSE_BYTES = 7 * 8
 _FIRST_NAME = 16
-_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 4 + POSE_BYTES
+_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 4 + _POSE_BYTES
 _unpack_length = struct.Struct('<I').unpack_from
 _unpack_head = struct.Struct('<4xII').unpack_from
 _unpack_pose = struct.Struct('<7d').unpack_from
@@ -47,8 +48,9 @@ def rows(data: bytes) -> Iterator[Row]:
             sec, nanosec = _unpack_head(data, position)
             frame_id, position = _name(data, position + 12)
             child_frame_id, position = _name(data, position)
-            yield (sec, nanosec, frame_id, child_frame_id, *_unpack_pose(data, position))
-            position += POSE_BYTES
+            yield Row(sec * SECOND + nanosec, frame_id, child_frame_id,
+                      _unpack_pose(data, position))
+            position += _POSE_BYTES
     except struct.error:
         raise MalformedMessage(
             f'truncated: a TFMessage of {len(data)} bytes ends in the midst of a field') from None
@@ -62,7 +64,11 @@ def _name(data: bytes, position: int) -> tuple[str, int]:
 
 
 def key(data: bytes) -> bytes:
-    """Tell what a message is found again by: its first two names, if they are not long."""
+    """
+    Return what messages with the same frames have in common, and few others.
+
+    :returns: the bytes of the first two names, if they are not long.
+    """
     try:
         end = _FIRST_NAME + 4 + data[_FIRST_NAME]
         return data[_FIRST_NAME:end + 4 + data[end]]
@@ -70,23 +76,26 @@ def key(data: bytes) -> bytes:
         return b''
 
 
-class Layout(wire.Layout):
+#: Unpacks the eight bytes of a stamp: s, ns.
+unpack_stamp = struct.Struct('<II').unpack
+#: How a message begins: with the number of transforms.
+HEAD = b''
+
+
+def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     """
-    Where the fields of a message lie whose frames are known.
+    Return where the fields of a message lie whose frames are known.
 
     :param edges: (frame_id, child_frame_id) of each of the n transforms.
+    :returns: as `wire.layout`.
     """
-
-    unpack_stamp = staticmethod(struct.Struct('<II').unpack)
-
-    def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
-        fields = '<0sI'
-        names = []
-        for edge in edges:
-            fields += '4x8s'
-            for name in edge:
-                text = name.encode()
-                names.append(struct.pack('<I', len(text)) + text)
-                fields += f'{len(names[-1])}s'
-            fields += f'{POSE_BYTES}s'
-        self._set(fields, b'', names)
+    fields = '<0sI'
+    names = []
+    for edge in edges:
+        fields += '4x8s'
+        for name in edge:
+            text = name.encode()
+            names.append(struct.pack('<I', len(text)) + text)
+            fields += f'{len(names[-1])}s'
+        fields += f'{_POSE_BYTES}s'
+    return fields, names

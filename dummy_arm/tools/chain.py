@@ -1,7 +1,5 @@
 """The way between two frames, as it is heard."""
 
-from rclpy.time import Time
-
 from dummy_arm.tf import TransformException
 from dummy_arm.tf.texts import shortened, visible
 from dummy_arm.tf.times import SECOND
@@ -38,10 +36,9 @@ class Chain:
 
     def frames(self) -> list[str]:
         """List the frames; none while they are not connected."""
-        latest = Time()
         first, last = self.ends
         try:
-            return self._listening.buffer._chain(last, latest, first, latest, first)
+            return self._listening.buffer.chain(last, first)
         except TransformException:
             return []
 

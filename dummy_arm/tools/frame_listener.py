@@ -11,7 +11,7 @@ from rclpy.time import Time
 from dummy_arm.tf import Buffer
 from dummy_arm.tf.frames import Frame
 from dummy_arm.tf.hints import nearest, quoted, searched, some
-from dummy_arm.tf.senders import Observe, SenderListener
+from dummy_arm.tf.senders import SenderListener
 
 _SHOWN = 20
 _DISCOVERY = 1.0  # s
@@ -20,17 +20,15 @@ _DISCOVERY = 1.0  # s
 class FrameListener:
     """A buffer that is filled by what a node hears; it knows who sent what."""
 
-    def __init__(self, node: Node, seconds: float = 10.0, observe: Observe = lambda *_: None
-                 ) -> None:
+    def __init__(self, node: Node, seconds: float = 10.0) -> None:
         """
-        Begin to listen.
+        Start to listen.
 
         :param seconds: how long transforms are kept.
-        :param observe: is called with the messages; as SenderListener has it.
         """
         self.node, self._begin, self._has_told = node, monotonic(), False
         self.buffer = Buffer(Duration(seconds=seconds), node)
-        self.listener = SenderListener(self.buffer, node, observe=observe)
+        self.listener = SenderListener(self.buffer, node)
 
     def now(self) -> int:
         """Tell the time (ns)."""
@@ -62,7 +60,7 @@ class FrameListener:
         is_there, why = self.buffer.can_transform_core(target, source, Time(nanoseconds=time))
         if is_there:
             return ''
-        known = self.buffer._getFrameStrings()
+        known = self.buffer.frame_names()
         if not known:
             if self._has_told or monotonic() < self._begin + _DISCOVERY:
                 return why

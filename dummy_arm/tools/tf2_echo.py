@@ -106,10 +106,9 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
                 sleep(_BETWEEN_LOOKS)
         while True:
             try:
-                row = row_of(listening.buffer.lookup_transform(
+                stamp, parent, child, pose = row_of(listening.buffer.lookup_transform(
                     source_frame, target_frame, Time(nanoseconds=time)))
-                print(text_of(Transform(row[0] * SECOND + row[1], row[2], row[3], row[4:7],
-                                        row[7:]), precision))
+                print(text_of(Transform(stamp, parent, child, pose[:3], pose[3:]), precision))
                 if once:
                     return 0
             except TransformException as error:

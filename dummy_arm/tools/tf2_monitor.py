@@ -76,17 +76,22 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
     from dummy_arm.tools.frame_listener import FrameListener
     with spun_node('tf2_monitor', ros_args) as node:
         traffic = Traffic(lambda: int(node.get_clock().now().nanoseconds))
-        listening = FrameListener(node, observe=traffic.observe)
+        listening = FrameListener(node)
         chain = Chain(listening, (ends[0], ends[1])) if len(ends) == 2 else None
         while True:
+            dropped = 0
             for _ in range(_SAMPLES):
+                messages, too_many = listening.listener.received()
+                traffic.observe(messages)
+                dropped += too_many
                 if chain is not None:
                     chain.sample()
                 sleep(_REFRESH / _SAMPLES)
-            show(_results(listening, traffic, chain))
+            show(_results(listening, traffic, chain, dropped))
 
 
-def _results(listening: 'FrameListener', traffic: Traffic, chain: 'Optional[Chain]') -> list[str]:
+def _results(listening: 'FrameListener', traffic: Traffic, chain: 'Optional[Chain]',
+             dropped: int) -> list[str]:
     streams = traffic.streams(listening.listener.names_of, listening.listener.present)
     if not streams:
         return wrapped(f'nothing yet. {listening.why_none()}')
@@ -95,6 +100,8 @@ def _results(listening: 'FrameListener', traffic: Traffic, chain: 'Optional[Chai
     if not listening.now():
         lines += wrapped('Warning: use_sim_time is set, but nothing comes in on /clock: there are '
                          'no delays')
+    if dropped:
+        lines += wrapped(f'Warning: {dropped} messages came too fast to be counted')
     if chain is not None:
         lines += chain.lines()
         if names := chain.frames():

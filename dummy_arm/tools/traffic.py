@@ -9,7 +9,7 @@ from typing import NamedTuple, Optional, TYPE_CHECKING
 
 from dummy_arm.tf.refusals import is_too_long
 from dummy_arm.tf.times import in_seconds, SECOND
-from dummy_arm.tf.wire import MalformedMessage, Row, unpack
+from dummy_arm.tf.wire import MalformedMessage, unpack
 
 if TYPE_CHECKING:
     from dummy_arm.tf.senders import Sent
@@ -135,15 +135,15 @@ class Traffic:
         #: The time at the last look, and when on the system's clock it was last set back (ns).
         self._latest = self._set_back = 0
 
-    def observe(self, messages: 'Iterable[Sent]', is_static: bool) -> None:
-        """Count messages; as SenderListener has it."""
+    def observe(self, messages: 'Iterable[Sent]') -> None:
+        """Count messages that have arrived."""
         with self._lock:
             now, system = self._look()
             for message in messages:
                 if message.find(self._bytes_of_name) < 0:
                     continue
                 with suppress(MalformedMessage):  # the listener tells of it
-                    self._count(message, is_static, now - system if now else None)
+                    self._count(message, now - system if now else None)
 
     def _look(self) -> tuple[int, int]:
         """Tell the time and that of the system (ns); forget all when time has gone back."""
@@ -155,7 +155,7 @@ class Traffic:
         self._latest = now
         return now, system
 
-    def _count(self, message: 'Sent', is_static: bool, offset: Optional[int]) -> None:
+    def _count(self, message: 'Sent', offset: Optional[int]) -> None:
         """
         Count a message.
 
@@ -163,11 +163,11 @@ class Traffic:
         """
         rows = unpack(message)
         if self._only:
-            rows = [row for row in rows if row[3].removeprefix('/') == self._only]
+            rows = [row for row in rows if row.child_frame_id.removeprefix('/') == self._only]
         streams = [(self._of(frame, message.gid), row) for row in rows
-                   if (frame := row[3].removeprefix('/')) and not is_too_long(frame)]
+                   if (frame := row.child_frame_id.removeprefix('/')) and not is_too_long(frame)]
         everything = self._of('', message.gid)
-        if is_static or not rows:
+        if message.is_static or not rows:
             return
         for heard in [everything, *(heard for heard, _ in streams)]:
             heard.moves = True
@@ -178,9 +178,9 @@ class Traffic:
         if offset is None or message.received < max(since + _SETTLING, self._set_back):
             return
         arrival = message.received + offset
-        everything.delays.add(arrival, sum(_delay(arrival, row) for row in rows) // len(rows))
+        everything.delays.add(arrival, sum(arrival - row.stamp_ns for row in rows) // len(rows))
         for heard, row in streams:
-            heard.delays.add(arrival, _delay(arrival, row))
+            heard.delays.add(arrival, arrival - row.stamp_ns)
 
     def _of(self, frame: str, gid: str) -> _Heard:
         known = self._heard.get((frame, gid))
@@ -218,7 +218,3 @@ class Traffic:
         return Stream(frame, sender, not any(heard.moves for heard in all_heard),
                       any(gid in present for gid in gids), summed_up(delays, now),
                       in_seconds(max(0, now - last)) if last else None)
-
-
-def _delay(arrival: int, row: Row) -> int:
-    return arrival - row[0] * SECOND - row[1]

@@ -4,13 +4,11 @@ from typing import Optional
 
 from rclpy.node import Node
 
-from dummy_arm.tf import BufferCore
 from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.senders import Sent
 from dummy_arm.tools.frame_listener import FrameListener
 from dummy_arm.tools.traffic import Traffic
 from dummy_arm.view.player import Player
-from dummy_arm.view.source import Facts
+from dummy_arm.view.source import AnyBuffer, Facts
 from dummy_arm.view.trail import LENGTH
 
 
@@ -23,19 +21,18 @@ class Live:
         self.player: Optional[Player] = None
         self._asked = ''
         self._traffic: Optional[Traffic] = None
-        self._listening = FrameListener(node, LENGTH, self._observe)
-        self.buffer: BufferCore = self._listening.buffer
-
-    def _observe(self, messages: list[Sent], is_static: bool) -> None:
-        if self._traffic is not None:
-            self._traffic.observe(messages, is_static)
+        self._listening = FrameListener(node, LENGTH)
+        self.buffer: AnyBuffer = self._listening.buffer
 
     def facts(self, frame: Frame) -> Facts:
         """Tell how a frame is published; rate and delay since it was first asked for."""
+        listener = self._listening.listener
+        messages, _ = listener.received()
         if self._traffic is None or frame.name != self._asked:
             self._asked = frame.name
             self._traffic = Traffic(self._listening.now, frame.name)
-        listener = self._listening.listener
+        else:
+            self._traffic.observe(messages)
         publisher = listener.names_of([frame.authority])[frame.authority]
         streams = [stream for stream in self._traffic.streams(listener.names_of, listener.present)
                    if stream.frame == frame.name and stream.is_present]

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf.path import compose
+from dummy_arm.tf.pose import compose
 from dummy_arm.view.shown import Shown
 
 #: After so long without news a frame is gone (s); rviz's Frame Timeout.

@@ -9,11 +9,11 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf import BufferCore, Transform
+from dummy_arm.tf import Transform
 from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.placing import place_in_each
 from dummy_arm.tf.times import in_seconds
 from dummy_arm.tools.forest import Forest
+from dummy_arm.view.source import AnyBuffer
 
 #: How far apart the roots of trees are shown that nothing connects (m, along -y).
 SPACING = 2.0
@@ -55,7 +55,7 @@ class Shown(NamedTuple):
 class Stage:
     """Looks at the frames of a buffer again and again."""
 
-    def __init__(self, buffer: BufferCore) -> None:
+    def __init__(self, buffer: AnyBuffer) -> None:
         """Begin; nothing was heard so far."""
         self._buffer = buffer
         #: The newest stamp of each frame (ns), and when it came (s).
@@ -85,7 +85,7 @@ class Stage:
         placed: dict[str, Transform] = {}
         heights: list[float] = []
         nowhere: list[str] = []
-        for y, tree in zip(trees.values(), place_in_each(self._buffer, trees, until)):
+        for y, tree in zip(trees.values(), self._buffer.lookup_all(trees, until)):
             placed |= {name: transform for name, transform in tree.items()
                        if all(map(isfinite, transform.translation))}
             nowhere += [name for name in tree if name not in placed]

@@ -1,11 +1,17 @@
 """What can be looked at: a bag; `live` has the other, what a node hears."""
 
-from typing import NamedTuple, Optional, Protocol
+from typing import NamedTuple, Optional, Protocol, TYPE_CHECKING, Union
 
 from dummy_arm.tf import BufferCore
 from dummy_arm.tf.frames import Frame
 from dummy_arm.tools.forest import frequency
 from dummy_arm.view.player import Player
+
+if TYPE_CHECKING:
+    from dummy_arm.tf import Buffer
+
+#: The buffer of a bag, or of a node.
+AnyBuffer = Union[BufferCore, 'Buffer']
 
 
 class Facts(NamedTuple):
@@ -20,7 +26,7 @@ class Source(Protocol):
     """What frames come from."""
 
     name: str
-    buffer: BufferCore
+    buffer: AnyBuffer
     player: Optional[Player]  #: the time of a bag; None: it is now
 
     def facts(self, frame: Frame) -> Facts:
@@ -35,7 +41,8 @@ class Bag:
 
     def __init__(self, buffer: BufferCore, name: str) -> None:
         """Stand at its begin."""
-        self.buffer, self.name = buffer, name
+        self.buffer: AnyBuffer = buffer
+        self.name = name
         self.player: Optional[Player] = Player(buffer.frames())
 
     def facts(self, frame: Frame) -> Facts:

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf import BufferCore
 from dummy_arm.tf.times import SECOND
+from dummy_arm.view.source import AnyBuffer
 
 #: How long it is (s).
 LENGTH = 20
@@ -15,7 +15,7 @@ _GAP = 4 * _STEP
 class Trail:
     """Draws the path of a frame again and again; what was drawn before stays as it is."""
 
-    def __init__(self, buffer: BufferCore) -> None:
+    def __init__(self, buffer: AnyBuffer) -> None:
         """Begin with no frame."""
         self._buffer = buffer
         self._begin('', '')

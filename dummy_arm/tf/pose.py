@@ -1,0 +1,104 @@
+"""
+Poses of frames in other frames: composed, inverted, interpolated.
+
+A pose is seven numbers: x, y, z (m) and the quaternion x, y, z, w of its rotation. The functions
+for many poses take and return columns: seven arrays, one for each number.
+"""
+
+from math import acos, sin, sqrt
+from typing import Any
+
+import numpy as np
+
+#: x, y, z (m) and the rotation's quaternion x, y, z, w.
+Pose = tuple[float, float, float, float, float, float, float]
+#: The same for many poses: arrays of shape (n,), or (1,) for one pose that holds for all of them.
+Columns = tuple[Any, Any, Any, Any, Any, Any, Any]
+
+IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+#: Above this cosine, its last bits change the result, so that tf2's division by the norms matters.
+_NEAR = 0.999999999999
+
+
+def inverse(pose: Pose) -> Pose:
+    """
+    Return the inverse of a pose: b_from_a of a_from_b.
+
+    :param pose: one pose, or columns.
+    """
+    x, y, z, qx, qy, qz, qw = pose
+    return compose((0.0, 0.0, 0.0, -qx, -qy, -qz, qw), (-x, -y, -z, 0.0, 0.0, 0.0, 1.0))
+
+
+def compose(left: Pose, right: Pose) -> Pose:
+    """
+    Return a_from_c for a_from_b and b_from_c.
+
+    A vector v is rotated by u = 2 q x v: v + q_w u + q x u.
+
+    :param left: a_from_b; one pose, or columns.
+    :param right: b_from_c; one pose, or columns.
+    """
+    x, y, z, ax, ay, az, aw = left
+    vx, vy, vz, bx, by, bz, bw = right
+    ux, uy, uz = 2.0 * (ay * vz - az * vy), 2.0 * (az * vx - ax * vz), 2.0 * (ax * vy - ay * vx)
+    return (x + vx + aw * ux + ay * uz - az * uy,
+            y + vy + aw * uy + az * ux - ax * uz,
+            z + vz + aw * uz + ax * uy - ay * ux,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by + ay * bw + az * bx - ax * bz,
+            aw * bz + az * bw + ax * by - ay * bx,
+            aw * bw - ax * bx - ay * by - az * bz)
+
+
+def interpolate(two_poses: tuple[float, ...], ratio: float) -> Pose:
+    """
+    Interpolate between two poses: the translation linearly, the rotation by slerp.
+
+    K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH 1985; the shorter way round.
+
+    :param two_poses: the fourteen numbers of both, as they lie in the memory of a history.
+    :param ratio: from 0 at the first pose to 1 at the second.
+    """
+    x, y, z, ax, ay, az, aw, nx, ny, nz, bx, by, bz, bw = two_poses
+    s = 1.0 - ratio
+    cosine = ax * bx + ay * by + az * bz + aw * bw
+    sign = 1.0
+    if cosine < 0.0:
+        cosine, sign = -cosine, -1.0
+    if cosine > _NEAR:
+        cosine = min(1.0, cosine / sqrt((ax * ax + ay * ay + az * az + aw * aw)
+                                        * (bx * bx + by * by + bz * bz + bw * bw)))
+    x, y, z = s * x + ratio * nx, s * y + ratio * ny, s * z + ratio * nz
+    angle = acos(cosine)
+    if not angle:
+        return x, y, z, ax, ay, az, aw
+    scale = 1.0 / sin(angle)
+    a, b = sin(s * angle) * scale, sin(ratio * angle) * scale * sign
+    return x, y, z, a * ax + b * bx, a * ay + b * by, a * az + b * bz, a * aw + b * bw
+
+
+def interpolate_columns(before: Columns, after: Columns, ratio: Any) -> Columns:
+    """
+    Interpolate between many pairs of poses, each as `interpolate` does.
+
+    :param before: the first pose of each of n pairs.
+    :param after: the second pose of each pair.
+    :param ratio: (n,) from 0 at the first pose to 1 at the second.
+    """
+    x, y, z, ax, ay, az, aw = before
+    nx, ny, nz, bx, by, bz, bw = after
+    s = 1.0 - ratio
+    x, y, z = s * x + ratio * nx, s * y + ratio * ny, s * z + ratio * nz
+    cosine = ax * bx + ay * by + az * bz + aw * bw
+    sign = np.where(cosine < 0.0, -1.0, 1.0)
+    cosine *= sign
+    if (cosine > _NEAR).any():
+        cosine /= np.sqrt((ax * ax + ay * ay + az * az + aw * aw)
+                          * (bx * bx + by * by + bz * bz + bw * bw))
+    angle = np.arccos(np.minimum(cosine, 1.0))
+    same = angle == 0.0
+    scale = 1.0 / np.where(same, 1.0, np.sin(angle))
+    a = np.where(same, 1.0, np.sin(s * angle) * scale)
+    b = np.sin(ratio * angle) * scale * sign
+    return x, y, z, a * ax + b * bx, a * ay + b * by, a * az + b * bz, a * aw + b * bw
