@@ -3,7 +3,6 @@
 import math
 import re
 import signal
-import time
 
 from conftest import ARM, tool
 import pytest
@@ -113,10 +112,10 @@ def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments):
     assert re.fullmatch(r'param: .*usage: param \[-h\] node \[name\] \[value\]\n', line)
 
 
-def test_ctrl_c_while_it_looks_for_a_node(start):
+def test_ctrl_c_while_it_looks_for_a_node(start, ros):
     """A normal end."""
     process = start(*tool('param', 'nobody', '--ros-args', '--log-level', 'info'))
-    time.sleep(1.5)
+    ros.until(lambda: len(ros.node.get_node_names()) > 1)
     process.end(signal.SIGINT)
     assert process.exit_code() == 0
     assert process.output == ''

@@ -203,9 +203,12 @@ def test_async_waits_end_while_the_node_is_spun(ros, sender, listen, with_node):
 
 def test_a_late_joiner_has_what_is_static(sender, listen, ros):
     """Although it was sent once, long ago, by two."""
+    first, _ = listen()
     sender('map a')
     sender('map b')
-    time.sleep(0.5)
+    first.lookup_transform('a_static', 'b_static', LATEST, timeout=WAIT)
+    for name in 'ab':  # long after that
+        first.lookup_transform('map', name, LATEST, timeout=WAIT)
     buffer, _ = listen()
     assert buffer.lookup_transform('a_static', 'b_static', LATEST, timeout=WAIT)
 
@@ -536,7 +539,8 @@ def test_the_buffer_can_be_changed(ros, sender, listen):
     assert listener.buffer is core
     assert core.lookup_transform('map', 'robot', 0, timeout=WAIT).stamp > last.nanoseconds
     number = len(recorder.moving)
-    time.sleep(0.1)
+    later = core.get_latest_common_time('map', 'robot') + 10**8
+    assert core.lookup_transform('map', 'robot', later, timeout=WAIT)
     assert len(recorder.moving) == number
     assert first.get_latest_common_time('map', 'robot') == last
 
@@ -690,10 +694,11 @@ def test_after_the_end_nothing_more_comes_in(ros, sender, listen):
     assert not [thread for thread in threading.enumerate() if thread.name == 'tf of test']
     last = buffer.get_latest_common_time('map', 'robot')
     listener.buffer = other = Buffer(node=ros.node)
-    time.sleep(0.1)
+    assert not ros.node.get_subscriptions_info_by_topic('/tf')
+    heard, _ = listen()
+    heard.lookup_transform('map', 'robot', last + Duration(seconds=0.1), timeout=WAIT)
     assert buffer.get_latest_common_time('map', 'robot') == last
     assert not other.can_transform('map', 'robot', LATEST)
-    assert not ros.node.get_subscriptions_info_by_topic('/tf')
 
 
 @pytest.mark.parametrize('end', ['unregister', 'destroy_node'])
@@ -701,13 +706,15 @@ def test_all_that_had_arrived_is_there_after_the_end(ros, listen, end):
     """Whether it was taken already or not."""
     node = Node('ending', context=ros.context)
     buffer, listener = listen(node=node)
+    also, _ = listen()
     publish = flood(ros, listener)
     publish(2000 * 10**9)
-    time.sleep(0.02)
+    last = Time(nanoseconds=2000 * 10**9 + 19)
+    eventually(lambda: also.can_transform('map', 'robot', last))  # to which it was sent last
     if end == 'unregister':
         listener.unregister()
     node.destroy_node()
-    assert buffer.get_latest_common_time('map', 'robot') == Time(nanoseconds=2000 * 10**9 + 19)
+    assert buffer.get_latest_common_time('map', 'robot') == last
 
 
 def test_messages_come_in_though_nobody_looks_up(ros):
@@ -833,12 +840,13 @@ def test_a_buffer_that_is_set_gets_all_that_is_sent_from_then_on(ros, listen):
     first, listener = listen()
     flood(ros, listener)
     second = Buffer(node=ros.node)
+    also, _ = listen()
     with first.fetched():
         TransformBroadcaster(ros.node).sendTransform(made(2000 * 10**9))
-        time.sleep(0.1)
+        eventually(lambda: also.can_transform('map', 'robot', Time(seconds=2000)))
         listener.buffer = second
         StaticTransformBroadcaster(ros.node).sendTransform(made(child='static'))
-        time.sleep(0.1)
+        eventually(lambda: also.can_transform('map', 'static', LATEST))
     assert second.lookup_transform('map', 'static', LATEST, timeout=WAIT)
     assert not first.can_transform('map', 'static', LATEST)
 
@@ -899,7 +907,9 @@ def test_what_a_done_callback_does_leaves_the_thread_alive(ros, listen, said):
     broadcaster = TransformBroadcaster(ros.node)
     ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
     broadcaster.sendTransform(made(1))
-    time.sleep(0.2)
+    also, _ = listen()
+    broadcaster.sendTransform(made(1, child='also'))
+    eventually(lambda: also.can_transform('map', 'also', LATEST))
     assert not found
     broadcaster.sendTransform(made(1, child='moving'))
     StaticTransformBroadcaster(ros.node).sendTransform(made(child='static'))
@@ -940,13 +950,21 @@ def threads_of_listeners():
     return [thread for thread in threading.enumerate() if thread.name == 'tf of test']
 
 
+def latched_has_come(node):
+    """Wait until a thread that ran already would have called the callbacks."""
+    buffer = Buffer(node=node)
+    listener = TransformListener(buffer, node)
+    buffer.lookup_transform('map', 'latched', LATEST, timeout=WAIT)
+    listener.unregister()
+
+
 class Filter(TransformListener):
     """A listener whose callbacks need what its constructor sets at its end."""
 
     def __init__(self, *args, **kwargs):
         """Listen, and take one's time."""
         super().__init__(*args, **kwargs)
-        time.sleep(0.3)  # in which a thread that ran already would call the callbacks
+        latched_has_come(self.node)
         self.heard = []
 
     def static_callback(self, data):
@@ -977,7 +995,7 @@ class Mixin:
     def __init__(self, *args, **kwargs):
         """Listen, and take one's time."""
         super().__init__(*args, **kwargs)
-        time.sleep(0.3)
+        latched_has_come(self.node)
         self.names = []
 
 
@@ -1132,6 +1150,12 @@ def test_a_listener_that_gets_its_own_buffer_again_goes_on(ros):
     assert buffer.removed == 1
 
 
+def later_looks(buffer):
+    """Wait as long as somebody waits who looks again twice without news."""
+    with pytest.raises(LookupException):
+        buffer.lookup_transform('map', 'nobody', LATEST, timeout=Duration(seconds=0.45))
+
+
 class Ignoring(TransformListener):
     """A listener that sets nothing."""
 
@@ -1157,7 +1181,7 @@ def test_a_blocked_lookup_ends_when_the_last_listener_ends(ros, end, kind):
     thread.start()
     eventually(lambda: buffer.is_waited_for)
     listeners[0].unregister()
-    time.sleep(0.5)
+    later_looks(buffer)
     assert not results
     begin = time.monotonic()
     if end == 'unregister':
@@ -1182,7 +1206,7 @@ def test_a_lookup_that_began_before_any_listener_waits_on(ros, sender):
     thread.start()
     eventually(lambda: buffer.is_waited_for)
     TransformListener(buffer, ros.node).unregister()
-    time.sleep(0.5)
+    later_looks(buffer)
     assert thread.is_alive()
     listener = TransformListener(buffer, ros.node)
     sender('map robot')

@@ -43,7 +43,7 @@ class ListenerThread:
 
     def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription, tf: Subscription,
                  work: Callable[[], Round], on_end: Callable[[], object],
-                 is_blocked: Callable[[], bool]) -> None:
+                 is_blocked: Callable[[], bool], clock: Callable[[], float] = monotonic) -> None:
         """
         Create the thread; `start` starts it.
 
@@ -54,8 +54,9 @@ class ListenerThread:
             second.
         :param on_end: is called by the thread at its end; or by `stop`, if it was never started.
         :param is_blocked: return whether the calling thread holds what this thread needs to end.
+        :param clock: returns the time (s).
         """
-        self._node, self._context = node, node.context
+        self._node, self._context, self._clock = node, node.context, clock
         self._tf_static, self._tf = tf_static, tf
         self._work, self._on_end, self._is_blocked = work, on_end, is_blocked
         self._wake = GuardCondition(None, None, context=node.context)
@@ -82,7 +83,7 @@ class ListenerThread:
     def _wake_executor(self) -> None:
         """Have the executor that spins the node return from its wait."""
         self._wakes_executor = False
-        self._next_wake = monotonic() + _BETWEEN_WAKES
+        self._next_wake = self._clock() + _BETWEEN_WAKES
         self._guard.trigger()
 
     def end(self) -> None:
@@ -130,7 +131,7 @@ class ListenerThread:
                 return
             has_news, is_urgent, pause = self._work()
             self._wakes_executor |= has_news
-            if is_urgent or (self._wakes_executor and monotonic() >= self._next_wake):
+            if is_urgent or (self._wakes_executor and self._clock() >= self._next_wake):
                 self._wake_executor()
 
     def _wait(self, wait_set: Any, pause: float) -> None:
@@ -141,7 +142,7 @@ class ListenerThread:
             wait_set.add_subscription(self._tf.handle)
         limit = pause or _STEP
         if self._wakes_executor and not pause:
-            limit = min(limit, max(0.0, self._next_wake - monotonic()))
+            limit = min(limit, max(0.0, self._next_wake - self._clock()))
         wait_set.wait(int(limit * 1e9))
 
 

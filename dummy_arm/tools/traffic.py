@@ -119,13 +119,16 @@ class _Heard:
 class Traffic:
     """All that comes in on /tf and /tf_static."""
 
-    def __init__(self, now: Callable[[], int], only: str = '') -> None:
+    def __init__(self, now: Callable[[], int], only: str = '',
+                 system_clock: Callable[[], int] = time_ns) -> None:
         """
         Begin to observe.
 
         :param now: the clock that stamps count by (ns); 0: it does not run.
         :param only: the frame that is observed; '': all.
+        :param system_clock: the clock that receptions count by (ns).
         """
+        self._system_clock = system_clock
         self._now, self._only, self._bytes_of_name = now, only, only.encode()
         self._lock = Lock()
         #: By frame and gid of the publisher; the frame '' stands for all that it sends.
@@ -147,7 +150,7 @@ class Traffic:
 
     def _look(self) -> tuple[int, int]:
         """Tell the time and that of the system (ns); forget all when time has gone back."""
-        now, system = self._now(), time_ns()
+        now, system = self._now(), self._system_clock()
         if now < self._latest - SECOND:
             self._set_back = system
             for heard in self._heard.values():
