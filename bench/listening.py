@@ -89,7 +89,8 @@ def over_dds() -> Iterator[Row]:
         ('rclpy to objects, compiled conversion, set one by one', 'Compiled', 'poses'),
         ("rclpy to objects, this package's TFMessage, set one by one", 'Objects', 'tf'),
         ('TransformListener, node spun', 'TransformListener', 'tf'),
-        ('TransformListener, node not spun', 'TransformListener unspun', 'tf')]
+        ('TransformListener, node not spun', 'TransformListener unspun', 'tf'),
+        ('the same while a future waits, so that there are no pauses', 'Waiting unspun', 'tf')]
     if find_spec('tf2_ros'):
         listeners.insert(0, ('tf2_ros.TransformListener', 'tf2_ros', 'tf'))
     for rate, frames in STREAMS:

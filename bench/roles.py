@@ -116,6 +116,14 @@ class Compiled:
                 (point.x, point.y, point.z, turn.x, turn.y, turn.z, turn.w))
 
 
+class Waiting(TransformListener):
+    """A TransformListener while somebody waits for a transform, so that it never pauses."""
+
+    def __init__(self, buffer: Buffer, node: Node) -> None:
+        super().__init__(buffer, node)
+        self.future = buffer.wait_for_transform_async('frame_0', 'nowhere', Time())
+
+
 def listener(name: str, node: Node, cache: Duration) -> Listener:
     """Make a listener."""
     if name == 'tf2_ros':
@@ -123,7 +131,8 @@ def listener(name: str, node: Node, cache: Duration) -> Listener:
         real: Listener = tf2_ros.TransformListener(tf2_ros.Buffer(cache, node), node)
         return real
     classes: dict[str, Any] = {
-        'TransformListener': TransformListener, 'Objects': Objects, 'Compiled': Compiled}
+        'TransformListener': TransformListener, 'Waiting': Waiting, 'Objects': Objects,
+        'Compiled': Compiled}
     made: Listener = classes[name](Buffer(cache, node), node)
     return made
 

@@ -630,6 +630,26 @@ print('end')
     assert process.output.split() == ['50', 'end']
 
 
+def test_the_buffer_of_tf2_py():
+    """Messages and rclpy's times, but no node, nothing that waits and nothing that transforms."""
+    buffer = MessageBufferCore(Duration(seconds=5))
+    buffer.set_transform(made(), 'me')
+    buffer.set_transform_static(made('tool', 'tip', x=1.0), 'me')
+    assert buffer.lookup_transform_core('map', 'tool', T) == made()
+    assert buffer.lookup_transform_full_core('map', T, 'tool', Time(), 'map') == made()
+    assert buffer.can_transform_core('map', 'tip', Time()) == (True, '')
+    assert buffer.can_transform_full_core('map', T, 'tip', T, 'map') == (True, '')
+    is_there, why = buffer.can_transform_core('map', 'tip', Time(seconds=1))
+    assert not is_there
+    assert 'extrapolation' in why
+    assert buffer.get_latest_common_time('map', 'tip') == T
+    assert buffer._getFrameStrings() == ['tool', 'map', 'tip']
+    assert not hasattr(buffer, 'lookup_transform')
+    assert not hasattr(buffer, 'transform')
+    with pytest.raises(TypeError, match='expected a TransformStamped'):
+        buffer.set_transform('tool', 'me')
+
+
 def test_a_buffer_without_node_has_a_clock():
     """That of the system."""
     assert type(Buffer().clock) is Clock

@@ -3,6 +3,7 @@
 from contextlib import suppress
 import gc
 from itertools import pairwise
+import json
 import logging
 import math
 import pickle
@@ -672,6 +673,45 @@ def test_nobody_sees_a_half_written_state():
         for reader in readers:
             reader.join()
     assert not failures
+
+
+def test_everything_that_is_known_as_json():
+    """Also of frames that were only named, or cleared; what is changed in it is not in there."""
+    buffer = BufferCore(10 * S)
+    put(buffer, 'map', 'tool', T, 1.0, authority='me')
+    put(buffer, '/base', '/tool', T + S, 2.0, authority='you')
+    put(buffer, 'map', 'fixed', 5, 3.0, authority='he', is_static=True)
+    known = json.loads(json.dumps(buffer.dump()))
+    nothing = {'parents': [], 'stamps': [], 'poses': [], 'authority': '', 'is_static': False}
+    assert known == {
+        'tool': {'parents': ['map', 'base'], 'stamps': [T, T + S], 'poses': [
+            [1, 0, 0, 0, 0, 0, 1], [2, 0, 0, 0, 0, 0, 1]], 'authority': 'you', 'is_static': False},
+        'map': nothing, 'base': nothing,
+        'fixed': {'parents': ['map'], 'stamps': [0], 'poses': [[3, 0, 0, 0, 0, 0, 1]],
+                  'authority': 'he', 'is_static': True}}
+    assert [*known] == buffer.frame_names()
+    for of_frame in buffer.dump().values():
+        of_frame['stamps'].append(7)
+    assert json.loads(json.dumps(buffer.dump())) == known
+    for i in range(2, 13):
+        put(buffer, 'base', 'tool', T + i * S)
+    assert buffer.dump()['tool']['stamps'][0] == T + S  # as tf2, which drops before it inserts
+    buffer.clear()
+    assert buffer.dump()['tool'] == nothing
+    assert buffer.dump()['fixed'] == known['fixed']
+
+
+def test_the_chain_between_two_frames():
+    """From the source to the target, as they are connected now."""
+    buffer = BufferCore()
+    for parent, child in ('map', 'odom'), ('odom', 'base'), ('base', 'left'), ('base', 'right'):
+        put(buffer, parent, child)
+    assert buffer.chain('left', 'right') == ['right', 'base', 'left']
+    assert buffer.chain('map', 'left') == ['left', 'base', 'odom', 'map']
+    assert buffer.chain('left', 'odom') == ['odom', 'base', 'left']
+    assert buffer.chain('map', 'map') == ['map']
+    with pytest.raises(TransformException, match='"nobody" passed to canTransform'):
+        buffer.chain('map', 'nobody')
 
 
 def test_an_error_that_nobody_has_read_keeps_names_only():

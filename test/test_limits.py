@@ -396,7 +396,7 @@ class Watched:
 
     def __call__(self, *arguments):
         """Write it."""
-        self.held.append(self.buffer.is_in_block())
+        self.held.append(self.buffer.is_held())
         return self.work(*arguments)
 
 

@@ -25,6 +25,7 @@ from dummy_arm.tf import (
     Buffer,
     BufferCore,
     LookupException,
+    MessageBufferCore,
     StaticTransformBroadcaster,
     TFMessage,
     TransformBroadcaster,
@@ -542,6 +543,8 @@ def test_the_buffer_can_be_changed(ros, sender, listen):
     later = core.get_latest_common_time('map', 'robot') + 10**8
     assert core.lookup_transform('map', 'robot', later, timeout=WAIT)
     assert len(recorder.moving) == number
+    listener.buffer = messages = MessageBufferCore()
+    eventually(lambda: messages.can_transform_core('map', 'robot', LATEST)[0])
     assert first.get_latest_common_time('map', 'robot') == last
 
 
@@ -1147,7 +1150,7 @@ def test_a_listener_that_gets_its_own_buffer_again_goes_on(ros):
     listener.buffer = buffer
     assert not buffer.removed
     listener.unregister()
-    assert buffer.removed == 1
+    assert buffer.removed
 
 
 def later_looks(buffer):
@@ -1238,7 +1241,7 @@ def test_ctrl_c_in_who_ends_a_listener_is_not_swallowed(ros, ending):
     eventually(lambda: buffer.can_transform('map', 'robot', LATEST))  # which finishes no future
     with pytest.raises(ending):
         listener.unregister()
-    assert not buffer.is_in_block()
+    assert not buffer.is_held()
     eventually(lambda: not threads_of_listeners())
 
 

@@ -60,16 +60,16 @@ class Buffer(MessageBufferCore, BufferInterface):
         self.clear()
 
     def after_insertion(self) -> bool:
-        """Log what was refused, and finish futures; return whether one was finished."""
+        """Log what was refused, and complete futures; return whether there was one."""
         super().after_insertion()
         return len(self._futures) > 0 and self._futures.check()
 
-    def _can_come(self) -> tuple[bool, ...]:
-        return (*super()._can_come(), self._context is not None and bool(self._context.ok()))
+    def _is_alive(self) -> tuple[bool, ...]:
+        return (*super()._is_alive(), self._context is not None and bool(self._context.ok()))
 
-    def leave_parent(self, is_whole: bool) -> None:
+    def after_fork_in_child(self, was_held: bool) -> None:
         """Drop what works in the parent process only: this one was forked."""
-        super().leave_parent(is_whole)
+        super().after_fork_in_child(was_held)
         self._context = None  # and no logger of rclpy: other threads may have held their locks
         self._intake.refusals.log = logging.getLogger('dummy_arm.tf').warning
         self._futures = Waits(None)

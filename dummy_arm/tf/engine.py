@@ -4,61 +4,66 @@ What all buffers share: the lock, the sources, the data, and the threads that wa
 Theory of operation
 ===================
 
-Nothing pushes transforms into a buffer. A buffer has sources, and it pulls what has arrived out of
-them: whenever somebody looks up, and whenever a listener's thread calls `update`. So a lookup sees
-every message that has arrived, although the thread may pause while messages come in fast.
+A buffer pulls. It has sources, such as the subscriptions of a listener, and takes what has arrived
+out of them whenever somebody looks up, and whenever a listener's thread calls `update`. So a
+lookup sees every message that has arrived, although the thread pauses while messages come in fast.
+`insert` and `set_transform` first pull, too, so that nothing overtakes what was sent before.
 
-    source.take() -> pieces -> Intake -> History         under the lock, by any thread
-    lookup -> Lookups -> FrameTree -> Path -> pose       under the lock, by any thread
+    source.take() -> pieces -> Intake -> History        under the lock, in any thread
+    lookup -> Lookups -> FrameTree -> Path -> pose      under the lock, in any thread
 
-Threads. A listener has one thread. It waits in a wait set of the middleware; when it is woken it
-calls `update` and then `after_insertion`, which needs no lock. Users' threads look up, insert and
-wait. A thread in `waits` ends futures whose time is up. No thread waits for another but in
-`TransformListener.unregister`, which joins the listener's thread for half a second at most.
+Only if a user has overridden a callback of the listener or a setter of the buffer, the listener's
+thread takes and decodes the messages, without the lock, and calls what is overridden.
 
-The lock. A buffer has one lock, which is reentrant and only ever taken by `with`. While it is
-held, no code of users runs, nothing is logged or joined, and no other lock of this package is
-taken; only a block of `with buffer.fetched()` may do all that, and is the user's affair.
-`_is_nested` is True while this thread is inside of the buffer: in a block of `fetched`, or in a
-call that a signal handler or a weakref callback has interrupted. A nested call answers from the
-data as they are: it does not update, and it does not wait.
+Threads. Each listener has one thread. It waits in a wait set of the middleware; when it wakes up,
+it calls `update`, and `after_insertion` if there is something new. Users' threads look up, insert
+and wait. A thread of `waits` ends futures whose time is up. To end a listener joins its thread,
+for half a second at most, unless it is that thread or one that holds the lock.
 
-What a lookup sees. `_look` takes the lock, takes from all sources (/tf_static first, as the
-broadcaster of a static transform sends it before those that build on it), inserts, and looks up.
-All of that is one step for other threads, so a lookup never sees half of a message.
+The lock. A buffer has one lock, which is reentrant and, but for a fork, only taken by `with`.
+While it is held, no callback runs, nothing is logged or joined, and no other lock of this package
+is taken; in a block of `with buffer.fetched()`, that is the user's responsibility. A call in a
+thread that holds the lock already is nested: in such a block, or in a signal handler or weakref
+callback that interrupted a call of this buffer. It answers from the data as they are: it does not
+pull, and it does not wait. A signal handler may look up, but must not insert: it may have
+interrupted an insertion.
 
-Nothing is lost. `Source.take` returns a list that the source keeps. `update` empties it after the
-insertion, so that after a KeyboardInterrupt in between, the next update inserts it once more; a
-sample that is there already is not inserted again. `History` keeps its lists in step.
+Ctrl-C. CPython raises KeyboardInterrupt in the main thread only, and there only after a call, at
+the start of a function and when a loop jumps back. `with` on a lock of C code is safe then. The
+statements of `History` that change several lists stand next to each other, with one call at most,
+the last. `Source.take` returns a list that the source keeps; `update` clears it after the
+insertion, so that what was interrupted is inserted once more by the next update. A sample that is
+there already is not inserted again.
 
-Who wakes whom. Each insertion increments `generation`.
-- A blocked lookup has a queue, into which each insertion puts the generation. It takes one out,
-  ignores it unless it is newer than the data that it has looked at, and looks again. It is a
-  `SimpleQueue`, since a KeyboardInterrupt inside of a `Condition` can leave a lock held. Before it
-  blocks, it is registered first, then wakes the sources, which ends a pause of the listener's
-  thread, and then looks up. In this order it cannot miss anything: either the thread sees that
-  somebody waits and pauses no more, or the lookup has the data. It looks again after 0.2 s in any
-  case, since nobody tells it that ROS was shut down.
-- Futures are finished by `after_insertion`, without the lock since their callbacks are users':
-  by the thread that has called `set_transform`, or by a listener's thread if the generation has
-  changed. A lookup that inserts messages while futures wait does not finish them; it wakes the
-  sources, so that a listener's thread does.
-- The executor that spins the node is woken by the listener's thread: at once when a future was
-  finished, for new data at most ten times a second, since that costs it 0.1 to 0.3 ms.
+Who wakes whom. Each insertion increments the generation.
+- A blocked lookup has a queue, into which each insertion puts the new generation. The lookup reads
+  generations and looks again only for one that is newer than its last look. It is a `SimpleQueue`,
+  since a KeyboardInterrupt inside a `Condition` can leave a lock held. It registers the queue
+  first, then wakes the sources, which ends a pause of the listener's thread, and then looks. In
+  this order it cannot miss anything: either the thread sees that somebody waits and does not
+  pause, or the look sees the data. It looks again every 0.2 s, since a shutdown of ROS wakes
+  nobody.
+- `after_insertion` completes futures, without the lock, since their callbacks are users' code. It
+  is called by the thread that has inserted by `set_transform`, and by the listener's thread
+  whenever the generation has changed. A lookup that pulls messages while futures wait wakes the
+  sources, so that the listener's thread does it.
+- The listener's thread wakes the executor that spins its node: at once when it has completed a
+  future, for new data at most ten times a second, since that costs 0.1 to 0.3 ms. `waits` wakes
+  the executor of the buffer's node for each future.
 
-Shutdown. `remove_source` takes from the source once more, and drops it. A lookup that has begun to
-wait while there was a source ends with its last error when there is none any more. The listener's
-thread ends when its listener is unregistered, its node destroyed or its context shut down. Ctrl-C
-raises KeyboardInterrupt in the main thread only; locks are released by `with`, a waiting lookup
-removes its queue in `finally`, and what was taken stays in the list of its source.
+Shutdown. `remove_source` pulls once more, and drops the source. A blocked lookup that began while
+there was a source ends with its last error when there is none left, and when its context is shut
+down. Futures end by their timeout only, as in tf2_ros. The listener's thread ends when the
+listener is unregistered, its node is destroyed, its context is shut down or Python exits; at its
+end it removes its source and destroys the subscriptions.
 
 Fork. As in the module `logging`, the locks of all buffers are held while the process forks, so
-that no thread that is not there in the child holds them. The child has the data, but no sources,
-no threads and no futures; see `forking`.
+that no lock of the child is held by a thread that it does not have. The child has the data, but no
+sources, threads or futures; see `forking`.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sized
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterable, Sized
+from contextlib import AbstractContextManager, suppress
 from queue import Empty, SimpleQueue
 from threading import RLock
 from time import monotonic
@@ -82,7 +87,7 @@ _Answer = TypeVar('_Answer')
 
 #: A blocked lookup looks again after so long (s) without news.
 _STEP = 0.2
-#: So many poses are looked up at once, so that nobody waits long for the lock.
+#: The number of poses that are looked up before the lock is released.
 _CHUNK = 2048
 
 
@@ -91,9 +96,9 @@ class Source(Protocol):
 
     def take(self) -> list[Piece]:
         """
-        Return what has arrived, in a list that is kept; who has inserted it empties it.
+        Return what has arrived, in a list that the source keeps; whoever inserts it clears it.
 
-        It is called with the lock of the buffer held. It does not block and calls nobody back.
+        It is called with the lock of the buffer held. It does not block.
         """
 
     def wake(self) -> None:
@@ -107,21 +112,20 @@ class Engine:
         """
         Create an empty buffer.
 
-        :param cache_time: as `BufferCore` has it, and so are the others.
+        :param cache_time: this and the others: see `BufferCore`.
         """
         cache_time = nanoseconds_or_int(cache_time, 'cache_time')
         if cache_time < 0:
             raise ValueError(f'cache_time must not be negative, got {cache_time} ns')
         if max_samples is not None and max_samples < 1:
             raise ValueError(f'max_samples must be at least 1, or None, got {max_samples}')
-        self._lock = RLock()
-        self._is_nested = False
+        self._lock: Any = RLock()
         self._tree = FrameTree(cache_time)
         self._lookups = Lookups(self._tree)
         self._intake = Intake(self._tree, self._lookups, max_frames, max_samples)
         self._sources: tuple[Source, ...] = ()
         self._generation = 0
-        #: One of each blocked lookup, for the generations.
+        #: One for each blocked lookup, which gets the new generations.
         self._queues: set[SimpleQueue[int]] = set()
         self._futures: Sized = ()
         forking.register(self)
@@ -135,31 +139,30 @@ class Engine:
 
     def remove_source(self, source: Source) -> None:
         """Insert what has arrived, and pull nothing more from a source."""
-        with self._lock:
-            if source in self._sources:
-                if not self._is_nested:  # a block sees nothing that comes in during it
-                    self.update()
-                self._sources = tuple(other for other in self._sources if other is not source)
-                self._announce()  # blocked lookups, if it was the last one
+        others = tuple(other for other in self._sources if other is not source)
+        try:
+            self.update()
+        finally:
+            with self._lock:
+                if source in self._sources:
+                    self._sources = others
+                    self._announce()  # blocked lookups end, if it was the last one
 
     def update(self) -> int:
         """
-        Insert what has arrived, unless this thread is inside of the buffer.
+        Insert what has arrived, unless this thread holds the lock.
 
-        :returns: a number that is larger after each insertion than before.
+        :returns: the generation: a number that is larger after each insertion than before.
         """
+        is_nested = self._lock._is_owned()
         with self._lock:
-            if not self._is_nested:
-                self._is_nested = True
-                try:
-                    for source in self._sources:
-                        pieces = source.take()
-                        if pieces:
-                            self._intake.insert_pieces(pieces)
-                            pieces.clear()
-                            self._announce()
-                finally:
-                    self._is_nested = False
+            if not is_nested:
+                for source in self._sources:
+                    pieces = source.take()
+                    if pieces:
+                        self._intake.insert_pieces(pieces)
+                        self._announce()
+                        pieces.clear()
             return self._generation
 
     def _announce(self) -> None:
@@ -180,30 +183,31 @@ class Engine:
         :param authority: the publisher; shown by `frames`.
         :param is_static: whether the pose holds at all times.
         :returns: False when it was refused, as tf2 refuses it; the log says why.
-        :raises TypeError: when a name is no str, or a number none.
+        :raises TypeError: when a name is no str, or something is no number.
         :raises ValueError: when the pose is of another length.
         :raises OverflowError: when a stamp is no int64.
         """
+        if self._sources:
+            self.update()  # so that this does not overtake what was sent before
         with self._lock:
-            if self._sources:
-                self.update()  # what was sent before comes in before
-            taken = self._intake.insert(stamp, frame_id, child_frame_id, pose, authority,
-                                        is_static)
-            if taken:
+            is_accepted = self._intake.insert(stamp, frame_id, child_frame_id, pose, authority,
+                                              is_static)
+            if is_accepted:
                 self._announce()
         self.after_insertion()
-        return taken
+        return is_accepted
 
     def insert_messages(self, messages: Iterable[bytes], reader: MessageReader,
                         authority: str = 'default_authority', is_static: bool = False) -> None:
         """
-        Insert the transforms of TFMessages as they are on the wire, at a fraction of the cost.
+        Insert the transforms of TFMessages as they are on the wire; much faster than `insert`.
 
         :param reader: one for each topic; it reports malformed messages.
         :param authority: the publisher; shown by `frames`.
         :param is_static: whether the poses hold at all times.
         """
         pieces = reader.read(messages, authority, is_static)
+        self.update()
         with self._lock:
             self._intake.insert_pieces(pieces)
             self._announce()
@@ -211,54 +215,50 @@ class Engine:
 
     def after_insertion(self) -> bool:
         """
-        Log what was refused; a Buffer finishes its futures, too. The lock must not be held.
+        Log what was refused; a Buffer completes its futures, too. The lock must not be held.
 
-        :returns: whether a future was finished.
+        :returns: whether a future was completed.
         """
         self._intake.refusals.log_all()
         return False
 
     def clear(self) -> None:
         """Forget all but the names of the frames and what is static."""
+        self._update_for_user()  # so that nothing that was sent before comes in after this
         with self._lock:
-            self.update()  # so that nothing that was sent before comes in after this
             try:
                 self._tree.clear()
             finally:
-                self._lookups.forget_paths()
+                self._lookups.paths.clear()
 
     # Looking and waiting
 
     def _look(self, lookup: Callable[..., _Answer], *arguments: Any) -> _Answer:
-        """Insert what has arrived, unless this is nested, and look up."""
+        """Insert what has arrived, unless this thread holds the lock, and look up."""
+        if self._sources:
+            self._update_for_user()
         with self._lock:
-            if self._is_nested or not self._sources:
-                return lookup(*arguments)
-            before = self._generation
-            if self.update() > before and len(self._futures):
-                self._wake_sources()
-            self._is_nested = True
-            try:
-                return lookup(*arguments)
-            finally:
-                self._is_nested = False
+            return lookup(*arguments)
 
-    @contextmanager
-    def fetched(self) -> Iterator[None]:
-        """Context manager: insert what has arrived, then hold the lock for one consistent view."""
-        with self._lock:
-            was_nested = self._is_nested
-            self.update()
-            self._is_nested = True
-            try:
-                yield
-            finally:
-                self._is_nested = was_nested
+    def _update_for_user(self) -> None:
+        """Insert what has arrived, in a thread that does not complete futures."""
+        before = self._generation
+        if self.update() > before and len(self._futures):
+            self._wake_sources()
 
-    def is_in_block(self) -> bool:
-        """Return whether this thread is inside of the buffer, as in a `fetched` block."""
-        with self._lock:
-            return self._is_nested
+    def fetched(self) -> AbstractContextManager[Any]:
+        """
+        Insert what has arrived, and return a context manager that holds the lock.
+
+        So a block `with buffer.fetched():` sees one consistent state.
+        """
+        self._update_for_user()
+        lock: AbstractContextManager[Any] = self._lock
+        return lock
+
+    def is_held(self) -> bool:
+        """Return whether this thread holds the lock, as in a block of `fetched`."""
+        return bool(self._lock._is_owned())
 
     @property
     def is_waited_for(self) -> bool:
@@ -269,8 +269,8 @@ class Engine:
         for source in self._sources:
             source.wake()
 
-    def _can_come(self) -> tuple[bool, ...]:
-        """Return conditions; a wait ends when one held at its begin and holds no longer."""
+    def _is_alive(self) -> tuple[bool, ...]:
+        """Return flags; a wait ends early when one that was True at its start becomes False."""
         return (bool(self._sources),)
 
     def _wait(self, timeout: float, lookup: Callable[..., _Answer], *arguments: Any) -> _Answer:
@@ -283,21 +283,22 @@ class Engine:
         try:
             return self._look(lookup, *arguments)
         except TransformException:
-            if timeout <= 0.0 or self.is_in_block():
+            if timeout <= 0.0 or self.is_held():
                 raise
-        deadline, before = monotonic() + timeout, self._can_come()
+        deadline, before = monotonic() + timeout, self._is_alive()
         queue: SimpleQueue[int] = SimpleQueue()
         try:
             self._queues.add(queue)
             while True:
-                now = self._can_come()  # before the lookup, which then sees the last data
+                now = self._is_alive()  # before the lookup, which then sees the last data
                 self._wake_sources()
+                self.update()
                 with self._lock:
                     try:
-                        return self._look(lookup, *arguments)
+                        return lookup(*arguments)
                     except TransformException:
                         if monotonic() >= deadline or any(
-                                held and not holds for held, holds in zip(before, now)):
+                                was and not is_ for was, is_ in zip(before, now)):
                             raise
                         seen = self._generation
                 look_again = min(deadline, monotonic() + _STEP)
@@ -378,7 +379,7 @@ class Engine:
         return self._look(self._lookups.chain, target_frame, 0, source_frame, 0, source_frame)
 
     def frame_names(self) -> list[str]:
-        """Return all frames, also those without parent, in the order of their naming."""
+        """Return all frames, also those without parent, in the order in which they were named."""
         return self._look(list, self._tree.histories)
 
     def frames(self, until: int = 0) -> list[Frame]:
@@ -418,29 +419,28 @@ class Engine:
         :param timeout: how long to wait for the lock at most (s).
         :returns: False when another thread holds it still.
         """
-        return self._lock.acquire(timeout=timeout)
+        return bool(self._lock.acquire(timeout=timeout))
 
     def release_after_fork(self) -> None:
         """Release the lock."""
         self._lock.release()
 
-    def leave_parent(self, is_whole: bool) -> None:
+    def after_fork_in_child(self, was_held: bool) -> None:
         """
         Drop what works in the parent process only: this one was forked.
 
         It has one thread, and the middleware does not work in it. So lookups answer from the data
         as of the fork.
 
-        :param is_whole: whether the lock was held; if not, another thread was changing the data,
-            and everything that moves is dropped.
+        :param was_held: whether the lock was held; if not, another thread may have been changing
+            the data, and everything that moves is dropped.
         """
         self._sources = ()
         self._queues.clear()
-        if not is_whole:
+        if not was_held:
             self._lock = RLock()
-            self._is_nested = False
             self._tree.clear()
-            self._lookups.forget_paths()
+            self._lookups.paths.clear()
 
 
 def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:

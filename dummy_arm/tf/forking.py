@@ -25,7 +25,7 @@ class _Buffer(Protocol):
 
     def release_after_fork(self) -> None: ...
 
-    def leave_parent(self, is_whole: bool) -> None: ...
+    def after_fork_in_child(self, was_held: bool) -> None: ...
 
 
 #: Every buffer, by its id.
@@ -45,7 +45,8 @@ class _Fork:
 
     def __init__(self) -> None:
         """Create without a lock taken."""
-        self._buffers = [buffer for reference in _buffers.valuerefs() if (buffer := reference())]
+        self._buffers = [buffer for reference in _buffers.valuerefs()
+                         if (buffer := reference()) is not None]
         self._held: list[_Buffer] = []
         self.is_interrupted = False
 
@@ -90,11 +91,11 @@ class _Fork:
         while self._held:
             self._held.pop().release_after_fork()
 
-    def leave_parent(self) -> None:
+    def after_fork_in_child(self) -> None:
         """Leave to the child what works in it."""
         held = set(map(id, self._held))
         for buffer in self._buffers:
-            buffer.leave_parent(id(buffer) in held)
+            buffer.after_fork_in_child(id(buffer) in held)
 
 
 def _before_fork() -> None:
@@ -114,7 +115,7 @@ def _after_fork_in_parent() -> None:
 
 def _after_fork_in_child() -> None:
     fork = _forks.pop()
-    fork.leave_parent()
+    fork.after_fork_in_child()
     fork.release()
     _forking.release()
 

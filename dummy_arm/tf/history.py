@@ -104,7 +104,7 @@ class History:
         :returns: False if they are not all newer than the newest sample: use `insert` for these.
         """
         own = self.stamps
-        if not own or stamps[0] <= own[-1]:
+        if self.parents is not None or not own or stamps[0] <= own[-1]:
             return False
         self.authority = authority
         # What a single insertion of each would leave, which is before the last of them.

@@ -34,7 +34,7 @@ from dummy_arm.tf.times import SECOND
 _INT64 = 1 << 63
 #: So many samples of a frame are kept for a second of cache time.
 _PER_SECOND = 10_000
-#: From so many rotations on, arrays of them are faster.
+#: The number of rotations from which numpy is faster.
 _MANY = 20
 _unpack_pose = struct.Struct('7d').unpack
 
@@ -45,9 +45,9 @@ class Intake:
     def __init__(self, tree: FrameTree, lookups: Lookups, max_frames: int,
                  max_samples: Optional[int]) -> None:
         """
-        Create the way into a tree.
+        Create what inserts into a tree.
 
-        :param lookups: is told when paths that were found may not hold any more.
+        :param lookups: its paths are cleared when they become invalid.
         :param max_frames: how many frames there may be; transforms with more are refused.
         :param max_samples: how many samples there may be, of all frames; None: any number, of one
             frame, too.
@@ -80,18 +80,18 @@ class Intake:
             self.refusals.tell(*found)
             return False
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
-            # As tf2 answers, although it takes infinity.
+            # tf2 accepts infinite translations, and then answers NaN.
             pose = (math.nan, math.nan, math.nan, *pose[3:])
         if self._tree.has_edge(parent, child, is_static):
-            taken = self._tree.insert(stamp, parent, child, pose, authority, is_static)
-        elif self._takes_names(parent, child, authority):
+            is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
+        elif self._accepts_names(parent, child, authority):
             try:
-                taken = self._tree.insert(stamp, parent, child, pose, authority, is_static)
+                is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
             finally:
-                self._lookups.forget_paths()
+                self._lookups.paths.clear()  # no function of ours, in which Ctrl-C may come
         else:
             return False
-        if not taken:
+        if not is_accepted:
             self.refusals.tell(too_old(child, stamp, authority))
         elif not is_static:
             history = self._tree.histories[child]
@@ -99,9 +99,9 @@ class Intake:
             self._room -= 1
             if self._room < 0 or len(history) > self._most:
                 self._drop_oldest(history, 1, child, authority)
-        return taken
+        return is_accepted
 
-    def _takes_names(self, parent: str, child: str, authority: str) -> bool:
+    def _accepts_names(self, parent: str, child: str, authority: str) -> bool:
         """Return whether two names may be those of frames."""
         if is_too_long(parent) or is_too_long(child):
             self.refusals.tell(too_long_name(parent, child, authority))
@@ -248,13 +248,14 @@ def normalize_poses(poses: NDArray[np.float64]) -> bool:
         np.multiply(root, 0.5, result[3])
         if not trace.min() > 0.0:
             diagonal = 1.0 - np.array((yy + zz, xx + zz, xx + yy))
-            _turn_far(~(trace > 0.0), diagonal, above, below, result)
+            _large_angles(~(trace > 0.0), diagonal, above, below, result)
         rotations[:] = result.T
         return math.isfinite(poses.sum())
 
 
-def _turn_far(rows: NDArray[np.bool_], diagonal: NDArray[np.float64], above: NDArray[np.float64],
-              below: NDArray[np.float64], result: NDArray[np.float64]) -> None:
+def _large_angles(
+        rows: NDArray[np.bool_], diagonal: NDArray[np.float64], above: NDArray[np.float64],
+        below: NDArray[np.float64], result: NDArray[np.float64]) -> None:
     """
     Set some quaternions of matrices whose trace is not positive.
 

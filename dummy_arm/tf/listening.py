@@ -15,11 +15,11 @@ from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.node import Node
 from rclpy.subscription import Subscription
 
-#: The longest wait (s): signals shut a context down without a word.
+#: The longest wait (s): a signal shuts a context down without waking this thread.
 _STEP = 0.2
 #: The executor of the node is woken at most once in this time (s): it takes 0.1 to 0.3 ms.
 _BETWEEN_WAKES = 0.1
-#: How long those who end a thread wait for it (s); a callback that it runs may take longer.
+#: How long a thread is joined at its end (s); a callback that it runs may take longer.
 _ENDING = 0.5
 
 _running: set['ListenerThread'] = set()
@@ -61,11 +61,11 @@ class ListenerThread:
         self._work, self._on_end, self._is_blocked = work, on_end, is_blocked
         self._wake = GuardCondition(None, None, context=node.context)
         self._guard = node.create_guard_condition(_nothing, group)
-        # destroy_node() destroys the guard conditions of the node, and no other hook is there.
+        # destroy_node() destroys the guard conditions of the node; there is no other hook.
         self._guard.destroy = self._on_guard_destroyed
         self.has_ended = self._wakes_executor = False
         self._next_wake = 0.0
-        #: Acquired by whoever starts the thread, or sees to it that it is never started.
+        #: Acquired by whoever starts the thread; or by `stop`, so that it never starts.
         self._once = Lock()
         self._thread = Thread(target=self._run, name=f'tf of {node.get_name()}', daemon=True)
 
@@ -87,16 +87,16 @@ class ListenerThread:
         self._guard.trigger()
 
     def end(self) -> None:
-        """End the thread, wherever this is called and however often."""
+        """End the thread; from any thread, any number of times."""
         self._node.destroy_guard_condition(self._guard)  # which calls `stop`, unless it has
 
     def stop(self) -> None:
-        """Stop the thread, and wait for its end, unless that would be in vain."""
+        """Stop the thread and join it, unless this thread is it, or holds what it needs."""
         self.has_ended = True
         if self._once.acquire(blocking=False):
             self._on_end()
             return
-        if not self._thread.is_alive():  # as in a process that was forked
+        if self not in _running:
             return
         self.wake()
         if self._thread is not current_thread() and not self._is_blocked():
@@ -115,7 +115,7 @@ class ListenerThread:
                 raise
         finally:
             self.has_ended = True
-            # Ctrl-C shuts ROS down without always waking who waits for ever in a spin.
+            # Ctrl-C shuts ROS down, but does not always wake a thread that is blocked in a spin.
             with suppress(InvalidHandle, _rclpy.RCLError):
                 self._guard.trigger()
             self._on_end()
@@ -150,13 +150,20 @@ def _nothing() -> None:
     """Have an executor return from a wait, and do nothing more."""
 
 
+def _after_fork_in_child() -> None:
+    """Mark the threads as ended: a process that was forked does not have them."""
+    for listening in _running:
+        listening.has_ended = True
+    _running.clear()
+
+
 if hasattr(os, 'register_at_fork'):  # not on Windows
-    os.register_at_fork(after_in_child=_running.clear)
+    os.register_at_fork(after_in_child=_after_fork_in_child)
 
 
 @atexit.register
 def _stop_all() -> None:
-    """End all threads before the interpreter does: it would abort in the midst of a wait."""
+    """End all threads before the interpreter does, which would abort during a wait."""
     running = list(_running)
     for listening in running:
         listening.has_ended = True

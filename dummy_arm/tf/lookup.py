@@ -37,11 +37,8 @@ class Lookups:
     def __init__(self, tree: FrameTree) -> None:
         """Create lookups in a tree."""
         self.tree = tree
-        self._paths: dict[tuple[str, str], Path] = {}
-
-    def forget_paths(self) -> None:
-        """Forget the paths that were found: a frame has another history, or a new parent."""
-        self._paths.clear()
+        #: Paths that were found; cleared when a frame gets another history, or a new parent.
+        self.paths: dict[tuple[str, str], Path] = {}
 
     def pose(self, target: str, source: str, time: int) -> tuple[int, Pose]:
         """
@@ -50,7 +47,7 @@ class Lookups:
         :returns: the time (ns), and the pose.
         :raises TransformException: when there is none.
         """
-        path = self._paths.get((target, source))
+        path = self.paths.get((target, source))
         if path is not None:
             try:
                 answered = time or path.latest_common_time()
@@ -85,11 +82,11 @@ class Lookups:
         :param times: (n,).
         :returns: (n, 7), NaN where there is none, and (n,) whether there is one.
         """
-        path = self._paths.get((target, source))
+        path = self.paths.get((target, source))
         if path is None:
             with suppress(TransformException):  # the latest, which most likely can be had
                 self.pose(target, source, 0)
-            path = self._paths.get((target, source))
+            path = self.paths.get((target, source))
         if path is not None:
             poses, known = path.poses(times)
         else:
@@ -107,7 +104,7 @@ class Lookups:
 
         :raises TransformException: when there is none.
         """
-        path = self._paths.get((target, source))
+        path = self.paths.get((target, source))
         if path is None or not path.covers(time or path.latest_common_time()):
             if target == source:
                 return
@@ -149,9 +146,9 @@ class Lookups:
         time = time or self.tree.latest_common_time(target, source)
         path = self.tree.path(target, source, time)
         if path.is_fixed() and self.tree.is_plain(source) and self.tree.is_plain(target):
-            if len(self._paths) >= _MOST_PATHS:
-                self._paths.clear()
-            self._paths[target, source] = path
+            if len(self.paths) >= _MOST_PATHS:
+                self.paths.clear()
+            self.paths[target, source] = path
         return time, path
 
     def all_poses(self, targets: Iterable[str], until: int) -> list[dict[str, tuple[int, Pose]]]:

@@ -187,15 +187,16 @@ class _SentSource(SubscriptionSource):
     def take(self) -> list[Piece]:
         """Return what has arrived; as SubscriptionSource."""
         try:
-            for taker, (topic, reader, arrived) in zip(self._takers, self._topics):
+            for taker, (topic, _, arrived) in zip(self._takers, reversed(self._topics)):
                 taker.take(topic, arrived)
-                if arrived:
-                    self._count += len(arrived)
-                    for gid, sent in groupby(arrived, attrgetter('gid')):
-                        self._pieces += reader.read(sent, gid, topic.is_static)
-                    self._keep(arrived, topic.is_static)
-        except (InvalidHandle, _rclpy.RCLError):  # the listener ends just now
+        except (InvalidHandle, _rclpy.RCLError):  # the listener is ended concurrently
             pass
+        for topic, reader, arrived in self._topics:
+            if arrived:
+                self._count += len(arrived)
+                for gid, sent in groupby(arrived, attrgetter('gid')):
+                    self._pieces += reader.read(sent, gid, topic.is_static)
+                self._keep(arrived, topic.is_static)
         return self._pieces
 
     def end_round(self) -> float:

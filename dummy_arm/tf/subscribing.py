@@ -23,7 +23,6 @@ from rclpy.type_support import check_is_valid_msg_type
 
 from dummy_arm.tf.message import TFMessage
 from dummy_arm.tf.message_reader import MessageReader, Piece
-from dummy_arm.tf.wire import MalformedMessage
 
 #: The publisher that tf2_ros's listener in Python names.
 AUTHORITY = 'default_authority'
@@ -35,7 +34,7 @@ _MOST_AT_ONCE = 1000
 _LONGEST_PAUSE = 0.1
 #: At fewer messages a second there is no pause.
 _SLOW = 100.0
-#: As rclpy has it, without the detour of the TFMessage that is made at run time.
+#: The method of rclpy itself, not the one that makes a TFMessage of the bytes.
 _take_message = unwrap(_rclpy.Subscription.take_message)
 
 
@@ -62,7 +61,7 @@ class Topic:
         self.name: str = subscription.topic_name
         self.handle: Any = subscription.handle
         self.is_static = is_static
-        #: So many messages are taken at most, so that others have their turn.
+        #: So many messages are taken at most, so that a flood does not hold the lock.
         self.most = max(_MOST_AT_ONCE, int(subscription.qos_profile.depth))
         self._take = partial(_take_message, self.handle, TFMessage, True)
 
@@ -87,39 +86,48 @@ class SubscriptionSource:
     """
 
     def __init__(self, tf_static: Subscription, tf: Subscription,
-                 on_malformed: Callable[[MalformedMessage], None], wake: Callable[[], None],
+                 on_fault: Callable[[Exception], None], wake: Callable[[], None],
                  clock: Callable[[], float] = monotonic) -> None:
         """
         Create the source.
 
-        :param on_malformed: is called with the error of each message that cannot be decoded.
+        :param on_fault: is called with the error of each message that cannot be decoded.
         :param wake: has the listener's thread update the buffer now.
         :param clock: returns the time (s).
         """
-        self.wake, self._clock = wake, clock
-        #: Each with its reader, and with what was taken and is not read.
+        self.wake, self._on_fault, self._clock = wake, on_fault, clock
+        #: Each with its reader, and with the messages that were taken and are not decoded.
         self._topics: list[tuple[Topic, MessageReader, list[Any]]] = [
-            (Topic(tf_static, True), MessageReader(on_malformed), []),
-            (Topic(tf, False), MessageReader(on_malformed), [])]
-        #: What was read and is not inserted.
+            (Topic(tf_static, True), MessageReader(on_fault), []),
+            (Topic(tf, False), MessageReader(on_fault), [])]
+        #: What was decoded and is not inserted.
         self._pieces: list[Piece] = []
         qos = tf.qos_profile
         self._depth = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
-        self._count = 0  # of messages since the end of the last round, which was then:
-        self._last = clock()
+        #: The end of the last round (s), and the number of messages since then.
+        self._last, self._count = clock(), 0
 
     def take(self) -> list[Piece]:
-        """Return what has arrived, in a list that is kept; the buffer empties it."""
+        """
+        Return what has arrived, in a list that is kept; the buffer clears it.
+
+        /tf is taken before /tf_static, but inserted after it: so a transform that was sent after a
+        static one is not seen without that.
+        """
         try:
-            for topic, reader, arrived in self._topics:
+            for topic, _, arrived in reversed(self._topics):
                 topic.take(arrived)
-                if arrived:
-                    self._count += len(arrived)
+        except (InvalidHandle, _rclpy.RCLError):  # the listener is ended concurrently
+            pass
+        for topic, reader, arrived in self._topics:
+            if arrived:
+                self._count += len(arrived)
+                try:
                     self._pieces += reader.read(
                         map(itemgetter(0), arrived), AUTHORITY, topic.is_static)
-                    arrived.clear()
-        except (InvalidHandle, _rclpy.RCLError):  # the listener ends just now
-            pass
+                except Exception as error:  # a fault of this package
+                    self._on_fault(error)
+                arrived.clear()
         return self._pieces
 
     def end_round(self) -> float:
@@ -137,7 +145,7 @@ class SubscriptionSource:
 
 
 class Misfits:
-    """Warns of publishers of which a subscription gets nothing."""
+    """Warns of publishers whose QoS is incompatible with a subscription."""
 
     def __init__(self, subscription: Subscription, clock: Callable[[], float] = monotonic
                  ) -> None:

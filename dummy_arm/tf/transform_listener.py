@@ -12,7 +12,6 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from dummy_arm.tf import wire
-from dummy_arm.tf.buffer import Buffer
 from dummy_arm.tf.buffer_core import BufferCore
 from dummy_arm.tf.engine import Engine, Source
 from dummy_arm.tf.listening import ListenerThread, Round
@@ -29,9 +28,9 @@ class _CallbackSource:
     """
     The source of a buffer whose listener calls callbacks: there is nothing to take.
 
-    By it, the buffer knows that transforms may come. If the callbacks are those of a subclass, the
-    thread that calls them does not run before the constructor of the subclass has returned, unless
-    that constructor looks up or waits for a transform.
+    Its presence tells the buffer that transforms may still come. If the callbacks are those of a
+    subclass, the thread that calls them does not run before the constructor of the subclass has
+    returned, unless that constructor looks up or waits for a transform.
     """
 
     def __init__(self, start: Callable[[], None]) -> None:
@@ -89,7 +88,7 @@ class TransformListener:
 
         cls.__init__ = cls._starting_constructor = construct_and_start  # type: ignore
 
-    def __init__(self, buffer: Buffer, node: Node, *, spin_thread: bool = False,
+    def __init__(self, buffer: Any, node: Node, *, spin_thread: bool = False,
                  qos: Optional[Union[QoSProfile, int]] = None,
                  static_qos: Optional[Union[QoSProfile, int]] = None,
                  source: Callable[..., SubscriptionSource] = SubscriptionSource) -> None:
@@ -100,38 +99,38 @@ class TransformListener:
             with `set_transform` and `set_transform_static`. These are called by the thread if they
             are overridden.
         :param node: the node that subscribes; its remappings apply.
-        :param spin_thread: no matter: there is a thread in any case, and it never spins the node.
+        :param spin_thread: ignored: there is a thread in any case, and it never spins the node.
         :param qos: profile or depth for /tf; None: reliable, volatile, the last 100.
         :param static_qos: profile or depth for /tf_static; None: a depth of 100. Unless a profile
             says otherwise it is reliable and transient local.
-        :param source: makes what takes the messages from the subscriptions.
+        :param source: makes the source that takes the messages from the subscriptions.
         """
         self.node = node
         self.group = ReentrantCallbackGroup()
+        #: How many messages could not be decoded, and were dropped.
+        self.malformed = 0
+        self._faults = Refusals()
+        self._faults.log = get_logger('tf2_listener').warning
+        #: The buffer that is filled; the one that pulls, if it does, and what it pulls from.
+        self._buffer: Any = None
+        self._attached: Optional[tuple[Engine, Source]] = None
+        #: Of the attached buffer, at the last look.
+        self._generation = -1
+        #: Whether messages are passed to callbacks, since something is overridden.
+        self._calls_back = False
+        #: Held for a moment, in which no other lock is taken; reentrant, since a signal handler or
+        #: the garbage collector may end the listener just then.
+        self._switching = RLock()
         self.tf_sub = subscribe(node, '/tf', self.callback, profile(qos, 100), self.group)
         self.tf_static_sub = subscribe(
             node, '/tf_static', self.static_callback,
             profile(static_qos, 100, durability=DurabilityPolicy.TRANSIENT_LOCAL), self.group)
         self._misfits = Misfits(self.tf_sub), Misfits(self.tf_static_sub)
-        #: How many messages could not be decoded, and were dropped.
-        self.malformed = 0
-        self._faults = Refusals()
-        self._faults.log = get_logger('tf2_listener').warning
         self._thread = ListenerThread(node, self.group, self.tf_static_sub, self.tf_sub,
-                                      self._work, self._close, self._is_in_block)
+                                      self._work, self._close, self._holds_lock)
         self._messages = source(
             self.tf_static_sub, self.tf_sub, self._on_fault, self._thread.wake)
         self._callbacks = _CallbackSource(self._thread.start)
-        #: The buffer that pulls, and what it pulls from.
-        self._attached: Optional[tuple[Engine, Source]] = None
-        #: Whether messages are passed to callbacks, since something is overridden.
-        self._calls_back = False
-        #: Of the attached buffer, at the last look.
-        self._generation = 0
-        #: Held for a moment, in which no other lock is taken; reentrant, since a signal handler or
-        #: the garbage collector may end the listener just then.
-        self._switching = RLock()
-        self._buffer: Any = None
         self.buffer = buffer
         if (not self._has_own_callbacks()
                 or type(self).__init__ is not type(self)._starting_constructor):
@@ -153,7 +152,7 @@ class TransformListener:
     def buffer(self, buffer: Any) -> None:
         if buffer is self._buffer:
             return
-        self._buffer = buffer
+        self._buffer, self._generation = buffer, -1
         if not isinstance(buffer, Engine):
             self._calls_back = True
             self._attach(None)
@@ -172,7 +171,7 @@ class TransformListener:
         if attached is not None:
             buffer, source = attached
             buffer.add_source(source)
-            if self._attached is not attached or self._thread.has_ended:  # meanwhile
+            if self._attached is not attached or self._thread.has_ended:  # in the meantime
                 _detach(buffer, source)
 
     def _has_own_callbacks(self) -> bool:
@@ -181,8 +180,8 @@ class TransformListener:
                 getattr(self.static_callback, '__func__', None)} != {
                     TransformListener.callback, TransformListener.static_callback}
 
-    def _is_in_block(self) -> bool:
-        return isinstance(self._buffer, Engine) and self._buffer.is_in_block()
+    def _holds_lock(self) -> bool:
+        return isinstance(self._buffer, Engine) and self._buffer.is_held()
 
     def callback(self, data: TFMessage) -> None:
         """Set the transforms of a message, as moving ones."""
@@ -208,7 +207,7 @@ class TransformListener:
                 self._generation = generation
                 try:
                     is_urgent = buffer.after_insertion()
-                except BaseException as error:  # of a future's callback
+                except BaseException as error:  # raised by a done callback
                     self._on_fault(error)
             pause = self._messages.end_round()
             done = Round(has_news, is_urgent, 0.0 if buffer.is_waited_for else pause)
@@ -226,25 +225,29 @@ class TransformListener:
                 has_news = True
                 try:
                     callback(TFMessage(transforms=[*map(message_of_fields, wire.fields(data))]))
-                except BaseException as error:  # SystemExit, too, is not of this thread
+                except BaseException as error:  # SystemExit, too, must not end this thread
                     self._on_fault(error)
         return has_news
 
     def _on_fault(self, error: BaseException) -> None:
-        """Count a malformed message, and note it, once of a kind; other errors once a second."""
+        """Count a malformed message and note its kind once; note other errors once a second."""
         if isinstance(error, wire.MalformedMessage):
             self.malformed += 1
             self._faults.tell_once(str(error).partition(':')[0], (
                 f'Dropped a message that cannot be decoded, {error}. Others of this kind are '
-                'dropped without a word.'))
+                'dropped silently.'))
         else:
             self._faults.tell(''.join(format_exception(error)))
 
     def _close(self) -> None:
         """Release the subscriptions; the thread calls this at its end."""
+        buffer = self._buffer
         try:
             self._attach(None)
-        except BaseException as error:  # of a future's callback
+            if isinstance(buffer, Engine):  # Ctrl-C may have come in the midst of `unregister`
+                for source in self._messages, self._callbacks:
+                    buffer.remove_source(source)
+        except BaseException as error:  # raised by a done callback
             self._on_fault(error)
         self._faults.log_all()
         for misfits in self._misfits:
@@ -259,7 +262,7 @@ def _detach(buffer: Engine, source: Source) -> None:
 
 
 def _has_own_setters(buffer: Any) -> bool:
-    """Return whether a method between the messages and the buffer is overridden."""
+    """Return whether `insert` or a setter is overridden."""
     own = {Engine.insert, *(getattr(kind, name) for kind in (BufferCore, MessageBufferCore)
                             for name in ('set_transform', 'set_transform_static'))}
     return not all(getattr(method, '__func__', None) in own for method in (

@@ -8,11 +8,13 @@ from itertools import count
 from queue import Empty, SimpleQueue
 from threading import RLock, Thread, TIMEOUT_MAX
 from time import monotonic
+from traceback import format_exc
 from typing import Any, Optional
 from weakref import ref
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.exceptions import InvalidHandle
+from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -50,7 +52,7 @@ class TransformFuture(Future):
             super().cancel()
 
 
-#: When (s, of the monotonic clock), a number that differs, after how long (s), of what.
+#: The deadline (s, of the monotonic clock), a tie-breaker, the timeout (s), and the future.
 _Deadline = tuple[float, int, float, 'ref[TransformFuture]']
 
 
@@ -71,7 +73,7 @@ class Waits:
         """
         self._node = node
         self._futures: dict[int, ref[TransformFuture]] = {}
-        #: Those that somebody waits for by a callback.
+        #: Those with a done callback, which are kept alive.
         self._kept: set[TransformFuture] = set()
         self._numbers = count()
         #: New deadlines for the thread that watches them; None wakes it.
@@ -117,7 +119,7 @@ class Waits:
         """Forget a future; return whether it was waiting."""
         was_waiting = self._futures.pop(id(future), None) is not None
         self._kept.discard(future)
-        future.lookup = _nothing  # rclpy may hold the future on: not the buffer with it
+        future.lookup = _nothing  # rclpy may keep the future alive, but not the buffer with it
         if self._thread is not None:
             self._queue.put(None)
         return was_waiting
@@ -126,7 +128,15 @@ class Waits:
         """Finish the futures for which there are answers now; return whether there were any."""
         futures = [future for reference in self._futures.copy().values()
                    if (future := reference()) is not None]
-        return sum(map(self._try, futures)) > 0
+        is_done, error = False, None
+        for future in futures:
+            try:
+                is_done |= self._try(future)
+            except BaseException as raised:  # by a done callback; the others have their turn, too
+                error = raised
+        if error is not None:
+            raise error
+        return is_done
 
     def _try(self, future: TransformFuture, waited: Optional[float] = None) -> bool:
         """
@@ -189,7 +199,10 @@ class Waits:
             elif deadlines[0][0] <= monotonic():
                 _, _, timeout, reference = heapq.heappop(deadlines)
                 if (future := reference()) is not None:
-                    self._try(future, timeout)
+                    try:
+                        self._try(future, timeout)
+                    except BaseException:  # of a done callback; the other deadlines go on
+                        get_logger('tf2_buffer').error(format_exc())
                     del future
 
     def _is_waiting(self, deadline: _Deadline) -> bool:
@@ -198,5 +211,5 @@ class Waits:
 
 
 def _nothing() -> TransformStamped:
-    """Raise, in place of the lookup of a future that needs none."""
+    """Raise, in place of the lookup of a completed future."""
     raise TransformException
