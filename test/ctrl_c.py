@@ -2,10 +2,12 @@
 
 from collections.abc import Callable, Iterator
 import dis
+from functools import cache
 from itertools import count
 from pathlib import Path
 import re
 import sys
+from types import CodeType
 from typing import Any, Optional
 
 
@@ -28,6 +30,13 @@ def interruptions(prepare: Callable[[], Callable[[], object]], *files: str
             return
 
 
+@cache
+def _handler(code: CodeType, offset: int) -> Any:
+    """Return where an exception of an instruction is handled; from Python 3.11 on."""
+    entries = getattr(dis.Bytecode(code), 'exception_entries', ())
+    return next((entry.target for entry in entries if entry.start <= offset < entry.end), None)
+
+
 def _interrupted(work: Callable[[], object], number: int, files: tuple[str, ...]
                  ) -> Optional[KeyboardInterrupt]:
     left, last = number, {}
@@ -38,12 +47,16 @@ def _interrupted(work: Callable[[], object], number: int, files: tuple[str, ...]
             return None
         frame.f_trace_opcodes = True
         if event == 'call':
-            last[id(frame)] = 'start'
+            last[id(frame)] = 'start', None
         if event == 'opcode':
-            before, last[id(frame)] = last[id(frame)], dis.opname[
-                frame.f_code.co_code[frame.f_lasti]]
-            is_raised = last[id(frame)] in ('PUSH_EXC_INFO', 'POP_EXCEPT')  # by what was called
-            if re.match('start|CALL|JUMP_BACKWARD|JUMP_ABS', before) and not is_raised:
+            now = dis.opname[frame.f_code.co_code[frame.f_lasti]]
+            handler = _handler(frame.f_code, frame.f_lasti)
+            (before, handler_before), last[id(frame)] = last[id(frame)], (now, handler)
+            is_raised = now in ('PUSH_EXC_INFO', 'POP_EXCEPT')  # by what was called
+            # What CPython raises after a call, the handler of the call gets; this cannot do that.
+            is_same = before == 'start' or handler == handler_before
+            if re.match('start|CALL|JUMP_BACKWARD|JUMP_ABS', before) and is_same and (
+                    not is_raised):
                 left -= 1
                 if left < 0:
                     sys.settrace(None)

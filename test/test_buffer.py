@@ -491,6 +491,26 @@ def test_timeouts_go_on_after_a_callback_that_ended_their_thread():
     assert done.wait(20)
 
 
+@pytest.mark.filterwarnings('ignore::pytest.PytestUnhandledThreadExceptionWarning')
+def test_a_callback_that_exits_does_not_keep_other_futures_from_their_end():
+    """Neither from their timeouts nor from their answers."""
+    buffer, done = Buffer(), threading.Event()
+    futures = [buffer.wait_for_transform_async('map', 'tool', T, timeout=SOON) for _ in range(3)]
+    for future in futures:
+        future.add_done_callback(lambda _: sys.exit())
+    futures[-1].add_done_callback(lambda _: None)
+    last = buffer.wait_for_transform_async('map', 'tool', T, timeout=Duration(seconds=0.1))
+    last.add_done_callback(lambda _: done.set())
+    assert done.wait(20)
+    assert all(isinstance(future.exception(), TimeoutException) for future in futures)
+    futures = [buffer.wait_for_transform_async('map', 'tool', T) for _ in range(3)]
+    for future in futures:
+        future.add_done_callback(lambda _: sys.exit())
+    with pytest.raises(SystemExit):
+        buffer.set_transform(made(), 'test')
+    assert all(future.result() == made() for future in futures)
+
+
 def test_a_finalizer_may_cancel_a_wait():
     """Wherever the garbage collector finds it, in the midst of another wait's beginning."""
     buffer = Buffer()

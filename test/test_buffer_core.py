@@ -7,8 +7,10 @@ import json
 import logging
 import math
 import pickle
+import signal
 import sys
 import threading
+from time import monotonic
 import tracemalloc
 import weakref
 
@@ -26,7 +28,10 @@ from dummy_arm.tf import (
     LookupException,
     Transform,
     TransformException,
+    wire,
 )
+from dummy_arm.tf.frame_tree import FrameTree
+from dummy_arm.tf.message_reader import MessageReader
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -621,6 +626,104 @@ def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free(lookup):
         assert results == [0.0], f'locked by Ctrl-C at place {places}: {interrupt!r}'
         assert not buffer.is_waited_for
     assert places > 20
+
+
+def test_ctrl_c_in_a_block_leaves_the_buffer_free():
+    """As it begins, ends or goes on, and though the exception is kept."""
+    buffer, places = BufferCore(), 0
+
+    def block():
+        with buffer.fetched():
+            buffer.frames()
+
+    for interrupt in interruptions(lambda: block, 'engine.py', 'test_buffer_core.py',
+                                   'contextlib.py'):
+        places += 1
+        free = []
+        thread = threading.Thread(
+            target=lambda: free.append(buffer.frames()), daemon=True)  # noqa: B023
+        thread.start()
+        thread.join(10.0)
+        assert free == [[]], f'locked by Ctrl-C at place {places}: {interrupt!r}'
+        assert not buffer.is_held()
+    assert places > 5
+
+
+@pytest.mark.parametrize('is_static', [True, False])
+def test_ctrl_c_as_a_frame_gets_a_new_parent_leaves_no_old_path(is_static):
+    """A path that was found before does not answer, once the frame has the new parent."""
+    buffer, places = None, 0
+
+    def prepare():
+        nonlocal buffer
+        buffer = BufferCore()
+        put(buffer, 'map', 'old', x=1.0, is_static=True)
+        put(buffer, 'map', 'new', x=2.0, is_static=True)
+        put(buffer, 'old', 'tool', T, 10.0, is_static=is_static)
+        assert x_at(buffer, 'map', 'tool') == 11.0
+        return lambda: put(buffer, 'new', 'tool', T + S, 20.0, is_static=is_static)
+
+    for _ in interruptions(prepare, 'engine.py', 'intake.py', 'lookup.py', 'frame_tree.py',
+                           'history.py'):
+        places += 1
+        put(buffer, 'new', 'tool', T + S, 20.0, is_static=is_static)
+        assert x_at(buffer, 'map', 'tool') == 22.0
+    assert places > 10
+
+
+def test_ctrl_c_in_an_update_does_not_keep_those_who_wait_from_looking():
+    """The insertion is announced, at the latest by the next update."""
+    class Source:
+        def __init__(self):
+            reader = MessageReader(pytest.fail)
+            self.pieces = reader.read(
+                [wire.pack([(T, 'map', 'tool', (0.0, 0.0, 0.0, *STILL))])], 'sent', False)
+
+        def take(self):
+            return self.pieces
+
+        def wake(self):
+            pass
+
+    buffer, before = None, 0
+
+    def prepare():
+        nonlocal buffer, before
+        buffer = BufferCore()
+        before = buffer.update()
+        buffer.add_source(Source())
+        return buffer.update
+
+    for _ in interruptions(prepare, 'engine.py', 'intake.py', 'history.py', 'frame_tree.py'):
+        assert buffer.update() > before
+        assert buffer.can_transform('map', 'tool', T)
+
+
+def test_a_signal_handler_does_not_wait(monkeypatch):
+    """Nor does what it interrupted: it may be what is waited for."""
+    buffer = BufferCore()
+    times = []
+
+    def handle(*_):
+        begin = monotonic()
+        with pytest.raises(LookupException):
+            buffer.lookup_transform('map', 'tool', timeout=20 * S)
+        times.append(monotonic() - begin)
+
+    before = signal.signal(signal.SIGALRM, handle)
+    clear = FrameTree.clear
+
+    def interrupted(tree):
+        signal.raise_signal(signal.SIGALRM)
+        clear(tree)
+
+    monkeypatch.setattr(FrameTree, 'clear', interrupted)
+    try:
+        buffer.clear()
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert len(times) == 1
+    assert times[0] < 10.0
 
 
 def test_nobody_sees_a_half_written_state():

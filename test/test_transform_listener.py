@@ -948,6 +948,29 @@ def test_an_end_within_a_block_of_the_buffer(ros, way, own_callback):
         node.destroy_node()
 
 
+def test_an_end_while_another_thread_is_in_a_block(ros):
+    """It takes no longer than to wait for the listener's thread: half a second."""
+    node = Node('test', context=ros.context, namespace='/own')
+    buffer = Buffer(node=node)
+    TransformListener(buffer, node)
+    is_held, is_over = threading.Event(), threading.Event()
+
+    def hold():
+        with buffer.fetched():
+            is_held.set()
+            is_over.wait(2 * TIMEOUT)
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    assert is_held.wait(TIMEOUT)
+    begin = time.monotonic()
+    node.destroy_node()
+    assert time.monotonic() - begin < TIMEOUT
+    is_over.set()
+    thread.join()
+    eventually(lambda: not threads_of_listeners())
+
+
 def threads_of_listeners():
     """List the threads of listeners."""
     return [thread for thread in threading.enumerate() if thread.name == 'tf of test']
