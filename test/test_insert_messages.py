@@ -419,6 +419,41 @@ def test_more_frames_than_allowed_are_refused_and_that_is_said_once(logs):
     assert '4 frames are known' in said
 
 
+@pytest.mark.parametrize('parent', ['', '/'])
+def test_a_parent_without_a_name_is_refused_of_a_frame_with_several(parent, logs):
+    """As of any other; it is not taken for one of them."""
+    buffer, reader = BufferCore(), MessageReader(fail)
+    buffer.insert(1, 'a', 'x', STILL)
+    buffer.insert(2, 'b', 'x', STILL)
+    for stamp in 3, 4:
+        insert(buffer, reader, wire.pack([(stamp, parent, 'x', STILL)]))
+    assert buffer.dump()['x']['stamps'] == [1, 2]
+    assert logs[0].getMessage().startswith('TF_NO_FRAME_ID')
+
+
+def test_one_leading_slash_is_removed_however_a_message_comes():
+    """In a batch, and late."""
+    buffer, reader = BufferCore(), MessageReader(fail)
+    for stamp in 10, 11, 5, 12:
+        insert(buffer, reader, wire.pack([(stamp, '//map', 'x', STILL)]))
+    assert buffer.dump()['x']['parents'] == ['/map'] * 4
+
+
+def test_an_insertion_that_fails_leaves_each_pose_its_stamp():
+    """While an array is viewed, it cannot grow."""
+    buffer = BufferCore()
+    for stamp in 10, 20, 30:
+        buffer.insert(stamp, 'a' if stamp < 30 else 'b', 'x', (float(stamp), *STILL[1:]))
+    history = buffer._tree.histories['x']
+    view = memoryview(history.stamps)
+    with pytest.raises(BufferError):
+        buffer.insert(15, 'a', 'x', (15.0, *STILL[1:]))
+    view.release()
+    buffer.insert(25, 'a', 'x', (25.0, *STILL[1:]))
+    assert xs(buffer, 'x') == {10: 10.0, 20: 20.0, 25: 25.0, 30: 30.0}
+    assert buffer.dump()['x']['parents'] == ['a', 'a', 'a', 'b']
+
+
 def test_messages_wake_a_lookup_that_waits():
     """Which then has them."""
     buffer, reader = BufferCore(), MessageReader(fail)

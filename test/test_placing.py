@@ -104,3 +104,9 @@ def test_no_such_frame():
         buffer.lookup_all(['odon'])
     with pytest.raises(InvalidArgumentException, match='cannot start with'):
         buffer.lookup_all(['/map'])
+
+
+def test_a_single_name_is_an_error():
+    """It would be taken for its letters."""
+    with pytest.raises(TypeError, match="must be several names, got 'map'"):
+        BufferCore().lookup_all('map')

@@ -62,8 +62,10 @@ that no lock of the child is held by a thread that it does not have. The child h
 sources, threads or futures; see `forking`.
 """
 
+from array import array
 from collections.abc import Callable, Iterable, Sized
 from contextlib import AbstractContextManager, suppress
+from operator import index
 from queue import Empty, SimpleQueue
 from threading import RLock
 from time import monotonic
@@ -84,6 +86,8 @@ from dummy_arm.tf.times import int64_times, nanoseconds_or_int
 from dummy_arm.tf.transform import Transform
 
 _Answer = TypeVar('_Answer')
+
+_INT64 = 1 << 63
 
 #: A blocked lookup looks again after so long (s) without news.
 _STEP = 0.2
@@ -139,13 +143,13 @@ class Engine:
 
     def remove_source(self, source: Source) -> None:
         """Insert what has arrived, and pull nothing more from a source."""
-        others = tuple(other for other in self._sources if other is not source)
         try:
             self.update()
         finally:
             with self._lock:
                 if source in self._sources:
-                    self._sources = others
+                    i = self._sources.index(source)
+                    self._sources = self._sources[:i] + self._sources[i + 1:]
                     self._announce()  # blocked lookups end, if it was the last one
 
     def update(self) -> int:
@@ -187,6 +191,13 @@ class Engine:
         :raises ValueError: when the pose is of another length.
         :raises OverflowError: when a stamp is no int64.
         """
+        if not (isinstance(frame_id, str) and isinstance(child_frame_id, str)):
+            raise TypeError(f'a frame id must be a str, got {frame_id!r} and {child_frame_id!r}')
+        stamp = index(stamp)
+        if not -_INT64 <= stamp < _INT64:
+            raise OverflowError(f'a stamp must be an int64 of ns, got {stamp}')
+        x, y, z, qx, qy, qz, qw = array('d', pose)
+        pose = x, y, z, qx, qy, qz, qw
         if self._sources:
             self.update()  # so that this does not overtake what was sent before
         with self._lock:
@@ -289,9 +300,9 @@ class Engine:
         queue: SimpleQueue[int] = SimpleQueue()
         try:
             self._queues.add(queue)
+            self._wake_sources()
             while True:
                 now = self._is_alive()  # before the lookup, which then sees the last data
-                self._wake_sources()
                 self.update()
                 with self._lock:
                     try:
@@ -361,7 +372,10 @@ class Engine:
         :returns: for each target frame, the transforms by the names of the frames, the nearest
             first; without frames of which nothing is known at that time.
         :raises TransformException: when a target frame does not exist.
+        :raises TypeError: on a single name.
         """
+        if isinstance(target_frames, str):
+            raise TypeError(f'target_frames must be several names, got {target_frames!r}')
         targets = list(target_frames)
         return [{name: Transform(time, target, name, pose[:3], pose[3:])
                  for name, (time, pose) in placed.items()}

@@ -153,7 +153,13 @@ class History:
         if self.parents is not None:
             self.parents[position:position] = [parent]
         self.poses[position * POSE_BYTES:position * POSE_BYTES] = packed
-        stamps.insert(position, stamp)
+        try:
+            stamps.insert(position, stamp)
+        except (BufferError, MemoryError):
+            del self.poses[position * POSE_BYTES:(position + 1) * POSE_BYTES]
+            if self.parents is not None:
+                del self.parents[position]
+            raise
         return True
 
     def _delete(self, begin: int, end: int) -> None:
@@ -229,9 +235,11 @@ class History:
         :param times: (n,) ns.
         :param known: (n,) is set to False where there is no pose.
         """
-        stamps = np.frombuffer(self.stamps, np.int64)[self.start:]
-        poses = np.frombuffer(self.poses, f'V{POSE_BYTES}')[self.start:]
+        stamps: Any = None
+        poses: Any = None
         try:
+            stamps = np.frombuffer(self.stamps, np.int64)[self.start:]
+            poses = np.frombuffer(self.poses, f'V{POSE_BYTES}')[self.start:]
             newest = len(stamps) - 1
             before = stamps.searchsorted(times, 'right') - 1
             known &= (before >= 0) & ((before < newest) | (times == stamps[newest]))

@@ -1,10 +1,8 @@
 """Insertion into a tree of frames: transforms are checked, normalised, kept or refused."""
 
-from array import array
 from collections.abc import Iterable
 from itertools import starmap
 import math
-from operator import index
 import struct
 import sys
 from traceback import format_exc
@@ -31,7 +29,6 @@ from dummy_arm.tf.refusals import (
 from dummy_arm.tf.rotations import Quaternion
 from dummy_arm.tf.times import SECOND
 
-_INT64 = 1 << 63
 #: So many samples of a frame are kept for a second of cache time.
 _PER_SECOND = 10_000
 #: The number of rotations from which numpy is faster.
@@ -67,14 +64,14 @@ class Intake:
 
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
-        """Insert one transform; as `BufferCore.insert`."""
-        if not (isinstance(frame_id, str) and isinstance(child_frame_id, str)):
-            raise TypeError(f'a frame id must be a str, got {frame_id!r} and {child_frame_id!r}')
-        stamp = index(stamp)
-        if not -_INT64 <= stamp < _INT64:
-            raise OverflowError(f'a stamp must be an int64 of ns, got {stamp}')
-        parent, child = frame_id.removeprefix('/'), child_frame_id.removeprefix('/')
-        x, y, z, qx, qy, qz, qw = array('d', pose)
+        """Insert one transform; as `Engine.insert`, of values of the right types."""
+        return self._insert(stamp, frame_id.removeprefix('/'), child_frame_id.removeprefix('/'),
+                            pose, authority, is_static)
+
+    def _insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
+                is_static: bool) -> bool:
+        """Insert one transform whose names have lost their leading slash."""
+        x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
         if found := problems(parent, child, pose, authority):
             self.refusals.tell(*found)
@@ -142,8 +139,8 @@ class Intake:
                             self._drop_oldest(history, count, child, piece.authority)
                         continue
                     for stamp, packed in zip(piece.stamps, piece.poses[i::number]):
-                        self.insert(stamp, parent, child, _unpack_pose(packed), piece.authority,
-                                    False)
+                        self._insert(stamp, parent, child, _unpack_pose(packed),
+                                     piece.authority, False)
             except Exception:  # a fault of this package; the next pieces may be good
                 self.refusals.tell(format_exc())
 

@@ -141,6 +141,8 @@ class SubscriptionSource:
         count, self._count, since, self._last = self._count, 0, now - self._last, now
         if count <= _SLOW * since or self._depth <= 1:
             return 0.0
+        if count > 0.75 * self._depth:  # some may have been lost: the rate is higher than that
+            return 0.0
         return min(_LONGEST_PAUSE, 0.5 * self._depth * since / count)
 
 

@@ -6,6 +6,7 @@ from threading import get_ident, RLock
 from traceback import format_exception
 from typing import Any, Optional, Union
 
+from geometry_msgs.msg import TransformStamped
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.logging import get_logger
 from rclpy.node import Node
@@ -21,7 +22,8 @@ from dummy_arm.tf.message_reader import Piece
 from dummy_arm.tf.qos import profile
 from dummy_arm.tf.refusals import Refusals
 from dummy_arm.tf.subscribing import AUTHORITY, Misfits, subscribe, SubscriptionSource, Topic
-from dummy_arm.tf.transform_stamped import message_of_fields
+from dummy_arm.tf.transform import Transform
+from dummy_arm.tf.transform_stamped import message_of_fields, row_of
 
 
 class _CallbackSource:
@@ -186,12 +188,19 @@ class TransformListener:
     def callback(self, data: TFMessage) -> None:
         """Set the transforms of a message, as moving ones."""
         for transform in data.transforms:
-            self._buffer.set_transform(transform, AUTHORITY)
+            self._buffer.set_transform(self._converted(transform), AUTHORITY)
 
     def static_callback(self, data: TFMessage) -> None:
         """Set the transforms of a message, as static ones."""
         for transform in data.transforms:
-            self._buffer.set_transform_static(transform, AUTHORITY)
+            self._buffer.set_transform_static(self._converted(transform), AUTHORITY)
+
+    def _converted(self, message: TransformStamped) -> Union[TransformStamped, Transform]:
+        """Return a transform as the buffer takes it."""
+        if not isinstance(self._buffer, BufferCore):
+            return message
+        stamp, parent, child, pose = row_of(message)
+        return Transform(stamp, parent, child, pose[:3], pose[3:])
 
     def _work(self) -> Round:
         """Fill the buffer with what has arrived; the thread calls this."""
