@@ -74,6 +74,7 @@ def _serialize(message):
     from rclpy.serialization import deserialize_message, serialize_message
 
     from dummy_arm.tf import wire
-    from dummy_arm.tf.transform_stamped import row_of
-    return wire.pack(row_of(deserialize_message(serialize_message(transform), TransformStamped))
-                     for transform in message.transforms)
+    from dummy_arm.tf.transform_stamped import fields_of
+    return wire.pack_fields(
+        fields_of(deserialize_message(serialize_message(transform), TransformStamped))
+        for transform in message.transforms)
