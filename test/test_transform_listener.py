@@ -8,7 +8,7 @@ import threading
 import time
 
 from conftest import TIMEOUT
-from endings import without_fast_dds
+from endings import without_others
 from geometry_msgs.msg import TransformStamped
 import pytest
 from rclpy.context import Context
@@ -1296,7 +1296,7 @@ def ended(start, kind, *ways):
     processes = [start(script, '101', kind, way, str(100 * i)) for i, way in enumerate(ways)]
     for process in processes:
         assert process.exit_code(300) == 0
-        assert without_fast_dds(process.output) == 'all ended\n'
+        assert without_others(process.output) == 'all ended\n'
 
 
 def test_every_order_of_ending_in_a_thread(start):
