@@ -26,6 +26,7 @@ from typing import Any
 
 import pytest
 
+from dummy_arm.tf.message_reader import MessageReader, Piece
 from dummy_arm.tf.wire import Fields, Row
 
 TIMEOUT = 20.0  # s; for what takes well under a second on a machine that is not overloaded
@@ -84,6 +85,20 @@ def golden_messages() -> list[dict]:
     """TFMessages with the bytes that tf2_msgs' own type support makes of them."""
     path = Path(__file__).parent / 'data' / 'tf_message_cdr.json'
     return json.loads(path.read_text())['cases']
+
+
+class Arrived:
+    """A source of a buffer, with messages that have arrived on /tf."""
+
+    def __init__(self, *messages: bytes) -> None:
+        self._pieces = MessageReader(pytest.fail).read(messages, 'sent', False)
+
+    def take(self) -> list[Piece]:
+        """Return them, as long as nobody has inserted them."""
+        return self._pieces
+
+    def wake(self) -> None:
+        """Do nothing: there is no thread."""
 
 
 def golden_fields(case: dict) -> list[Fields]:

@@ -14,6 +14,7 @@ from time import monotonic
 import tracemalloc
 import weakref
 
+from conftest import Arrived
 from ctrl_c import interruptions
 from model import Model
 import numpy as np
@@ -31,7 +32,6 @@ from dummy_arm.tf import (
     wire,
 )
 from dummy_arm.tf.frame_tree import FrameTree
-from dummy_arm.tf.message_reader import MessageReader
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -673,25 +673,13 @@ def test_ctrl_c_as_a_frame_gets_a_new_parent_leaves_no_old_path(is_static):
 
 def test_ctrl_c_in_an_update_does_not_keep_those_who_wait_from_looking():
     """The insertion is announced, at the latest by the next update."""
-    class Source:
-        def __init__(self):
-            reader = MessageReader(pytest.fail)
-            self.pieces = reader.read(
-                [wire.pack([(T, 'map', 'tool', (0.0, 0.0, 0.0, *STILL))])], 'sent', False)
-
-        def take(self):
-            return self.pieces
-
-        def wake(self):
-            pass
-
     buffer, before = None, 0
 
     def prepare():
         nonlocal buffer, before
         buffer = BufferCore()
         before = buffer.update()
-        buffer.add_source(Source())
+        buffer.add_source(Arrived(wire.pack([(T, 'map', 'tool', (0.0, 0.0, 0.0, *STILL))])))
         return buffer.update
 
     for _ in interruptions(prepare, 'engine.py', 'intake.py', 'history.py', 'frame_tree.py'):

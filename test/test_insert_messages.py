@@ -7,7 +7,7 @@ import struct
 import threading
 import warnings
 
-from conftest import golden_rows
+from conftest import Arrived, golden_rows
 from ctrl_c import interruptions
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -218,22 +218,11 @@ def test_what_the_user_inserts_does_not_overtake_what_was_sent_before():
     """Though that waits to be inserted."""
     buffer = BufferCore()
 
-    class Source:
-        def __init__(self):
-            self.pieces = MessageReader(fail).read(
-                [wire.pack([(T * S, 'a', 'b', STILL)])], 'sent', False)
-
-        def take(self):
-            return self.pieces
-
-        def wake(self):
-            pass
-
-    source = Source()
+    source = Arrived(wire.pack([(T * S, 'a', 'b', STILL)]))
     buffer.add_source(source)
     buffer.insert(T * S, 'a', 'b', (1.0, *STILL[1:]), is_static=True)
     assert buffer.frames()[0].is_static
-    assert not source.pieces
+    assert not source.take()
 
 
 def test_streams_that_have_frames_in_common_answer_as_single_transforms_do():
@@ -362,21 +351,10 @@ def test_ctrl_c_at_any_place_at_one_stamp_leaves_each_sample_its_parent():
 
 def test_ctrl_c_at_any_place_of_an_update_loses_no_message():
     """What was taken stays in the list of its source until it is in the buffer."""
-    class Source:
-        def __init__(self):
-            self.pieces = MessageReader(fail).read(
-                [chain(3, (T + i) * S) for i in range(3)], 'sent', False)
-
-        def take(self):
-            return self.pieces
-
-        def wake(self):
-            pass
-
     def prepare():
         nonlocal buffer
         buffer = BufferCore()
-        buffer.add_source(Source())
+        buffer.add_source(Arrived(*(chain(3, (T + i) * S) for i in range(3))))
         return buffer.update
 
     buffer = None

@@ -17,8 +17,8 @@ thread takes and decodes the messages, without the lock, and calls what is overr
 
 Threads. Each listener has one thread. It waits in a wait set of the middleware; when it wakes up,
 it calls `update`, and `after_insertion` if there is something new. Users' threads look up, insert
-and wait. A thread of `waits` ends futures whose time is up. To end a listener joins its thread,
-for half a second at most, unless it is that thread or one that holds the lock.
+and wait. A thread of `waits` ends futures whose time is up. Whoever ends a listener joins its
+thread for half a second at most, but not if it is that thread itself or holds the lock.
 
 The lock. A buffer has one lock, which is reentrant and, but for a fork, only taken by `with`.
 While it is held, no callback runs, nothing is logged or joined, and no other lock of this package
@@ -126,7 +126,7 @@ class Engine:
         self._lock: Any = RLock()
         self._tree = FrameTree(cache_time)
         self._lookups = Lookups(self._tree)
-        self._intake = Intake(self._tree, self._lookups, max_frames, max_samples)
+        self._intake = Intake(self._lookups, max_frames, max_samples)
         self._sources: tuple[Source, ...] = ()
         self._generation = 0
         #: One for each blocked lookup, which gets the new generations.

@@ -8,13 +8,11 @@ from typing import Any, Optional, Union
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf.pose import Columns, interpolate, interpolate_columns, Pose
+from dummy_arm.tf.pose import Columns, interpolate, interpolate_columns, Pose, POSE_BYTES
 from dummy_arm.tf.times import display
 
 #: At most so many samples of one stamp are kept; only the first and the last of them matter.
 MOST_OF_ONE_STAMP = 100
-#: The size of a pose: 7 float64.
-POSE_BYTES = 7 * 8
 _pack_pose = struct.Struct('7d').pack
 _read_pose = struct.Struct('7d').unpack_from
 _read_two_poses = struct.Struct('14d').unpack_from
@@ -35,16 +33,15 @@ class History:
     `stamps` (ns) and `poses` (56 bytes each) hold the samples. Those before `start` have expired;
     they are removed from memory many at a time. `only_parent` is the parent in all samples; ''
     while there are several parents, or no sample. Only while there are several, `parents` holds
-    the parent of each sample. `all_parents` has each parent once, as a key; it is another dict, or
-    a longer one, whenever there are others.
+    the parent of each sample. `all_parents` has each parent once, as a key.
 
     KeyboardInterrupt can be raised after a call, at the start of a function and when a loop jumps
     back, but nowhere else. So the statements that change two lists together stand one after the
     other, with one call at most, the last.
     """
 
-    __slots__ = ('__weakref__', 'all_parents', 'authority', 'cache_time', 'only_parent', 'parents',
-                 'poses', 'stamps', 'start')
+    __slots__ = ('all_parents', 'authority', 'cache_time', 'only_parent', 'parents', 'poses',
+                 'stamps', 'start')
 
     is_static = False
 
@@ -142,7 +139,7 @@ class History:
                     return True
                 if position - first >= MOST_OF_ONE_STAMP:
                     position -= 1
-                    self._delete(position, position + 1)
+                    self._delete(position)
             if self.parents is None and parent != self.only_parent:
                 self.parents, self.only_parent = [self.only_parent] * len(stamps), ''
         else:
@@ -162,12 +159,12 @@ class History:
             raise
         return True
 
-    def _delete(self, begin: int, end: int) -> None:
-        """Remove samples from memory."""
+    def _delete(self, index: int) -> None:
+        """Remove a sample from memory."""
         if self.parents is not None:
-            del self.parents[begin:end]
-        del self.poses[begin * POSE_BYTES:end * POSE_BYTES]
-        del self.stamps[begin:end]
+            del self.parents[index]
+        del self.poses[index * POSE_BYTES:(index + 1) * POSE_BYTES]
+        del self.stamps[index]
 
     def drop_before(self, start: int) -> None:
         """Drop the samples before an index."""

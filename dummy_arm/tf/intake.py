@@ -11,11 +11,10 @@ from typing import Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf.frame_tree import FrameTree
-from dummy_arm.tf.history import History, MOST_OF_ONE_STAMP, POSE_BYTES
+from dummy_arm.tf.history import History, MOST_OF_ONE_STAMP
 from dummy_arm.tf.lookup import Lookups
 from dummy_arm.tf.message_reader import Piece, Rows
-from dummy_arm.tf.pose import Pose
+from dummy_arm.tf.pose import Pose, POSE_BYTES
 from dummy_arm.tf.refusals import (
     is_too_long,
     problems,
@@ -39,23 +38,22 @@ _unpack_pose = struct.Struct('7d').unpack
 class Intake:
     """Inserts transforms into a tree of frames; the lock of the buffer is held meanwhile."""
 
-    def __init__(self, tree: FrameTree, lookups: Lookups, max_frames: int,
-                 max_samples: Optional[int]) -> None:
+    def __init__(self, lookups: Lookups, max_frames: int, max_samples: Optional[int]) -> None:
         """
-        Create what inserts into a tree.
+        Create what inserts into the tree of lookups.
 
-        :param lookups: its paths are cleared when they become invalid.
+        :param lookups: their paths are cleared when they become invalid.
         :param max_frames: how many frames there may be; transforms with more are refused.
         :param max_samples: how many samples there may be, of all frames; None: any number, of one
             frame, too.
         """
         self.refusals = Refusals()
-        self._tree, self._lookups = tree, lookups
+        self._tree, self._lookups = lookups.tree, lookups
         self._max_frames = max_frames
         self._max_samples = sys.maxsize if max_samples is None else max_samples
         #: Of one frame.
         self._most = sys.maxsize if max_samples is None else max(
-            MOST_OF_ONE_STAMP, _PER_SECOND * tree.cache_time // SECOND)
+            MOST_OF_ONE_STAMP, _PER_SECOND * self._tree.cache_time // SECOND)
         #: So many samples may come in until all are counted again.
         self._room = self._max_samples
         #: Whether the last count found no room; and how many have come in since then.

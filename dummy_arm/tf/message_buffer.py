@@ -97,7 +97,7 @@ class MessageBufferCore(Engine):
         return as_dot(self.frames(), self.frame_names(), nanoseconds(time))
 
     def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
-        return frame_id in self.frame_names()
+        return self._look(self._tree.histories.__contains__, frame_id)
 
     def _getFrameStrings(self) -> list[str]:  # noqa: N802
         return self.frame_names()

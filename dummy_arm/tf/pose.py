@@ -15,6 +15,8 @@ Pose = tuple[float, float, float, float, float, float, float]
 #: The same for many poses: arrays of shape (n,), or (1,) for one pose that holds for all of them.
 Columns = tuple[Any, Any, Any, Any, Any, Any, Any]
 
+#: The size of a pose in memory, on the wire and in bags: 7 float64.
+POSE_BYTES = 7 * 8
 IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 #: Above this cosine, its last bits change the result, so that tf2's division by the norms matters.
 _NEAR = 0.999999999999

@@ -194,8 +194,11 @@ class _SentSource(SubscriptionSource):
         for topic, reader, arrived in self._topics:
             if arrived:
                 self._count += len(arrived)
-                for gid, sent in groupby(arrived, attrgetter('gid')):
-                    self._pieces += reader.read(sent, gid, topic.is_static)
+                try:
+                    for gid, sent in groupby(arrived, attrgetter('gid')):
+                        self._pieces += reader.read(sent, gid, topic.is_static)
+                except Exception as error:  # a fault of this package
+                    self._on_fault(error)
                 self._keep(arrived, topic.is_static)
         return self._pieces
 

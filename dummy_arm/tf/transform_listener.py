@@ -133,6 +133,8 @@ class TransformListener:
         self._messages = source(
             self.tf_static_sub, self.tf_sub, self._on_fault, self._thread.wake)
         self._callbacks = _CallbackSource(self._thread.start)
+        #: What callbacks are called with, if they are.
+        self._topics = Topic(self.tf_static_sub, True), Topic(self.tf_sub, False)
         self.buffer = buffer
         if (not self._has_own_callbacks()
                 or type(self).__init__ is not type(self)._starting_constructor):
@@ -226,8 +228,7 @@ class TransformListener:
     def _call_back(self) -> bool:
         """Call the callbacks with what has arrived; return whether there was anything."""
         has_news = False
-        for topic, callback in ((Topic(self.tf_static_sub, True), self.static_callback),
-                                (Topic(self.tf_sub, False), self.callback)):
+        for topic, callback in zip(self._topics, (self.static_callback, self.callback)):
             arrived: list[Any] = []
             topic.take(arrived)
             for data, _ in arrived:

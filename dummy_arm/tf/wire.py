@@ -21,14 +21,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dummy_arm.tf.pose import IDENTITY, Pose
+from dummy_arm.tf.pose import IDENTITY, Pose, POSE_BYTES
 from dummy_arm.tf.times import SECOND
 
 _ENCAPSULATION = b'\x00\x01\x00\x00'
 _BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}
-_POSE_BYTES = 7 * 8
 _FIRST_NAME = 16
-_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + _POSE_BYTES
+_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + POSE_BYTES
 _pack_stamp = struct.Struct('<iI').pack
 _pack_pose = struct.Struct('<7d').pack
 
@@ -250,5 +249,5 @@ def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
             padding = -(position + len(names[-1])) % alignment
             form += f'{len(names[-1])}s{padding}x'
             position += len(names[-1]) + padding
-        form += f'{_POSE_BYTES}s'
+        form += f'{POSE_BYTES}s'
     return form, names

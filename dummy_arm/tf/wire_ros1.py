@@ -15,12 +15,12 @@ All is little-endian, and nothing is aligned:
 from collections.abc import Iterator, Sequence
 import struct
 
+from dummy_arm.tf.pose import POSE_BYTES
 from dummy_arm.tf.times import SECOND
 from dummy_arm.tf.wire import MalformedMessage, Row
 
-_POSE_BYTES = 7 * 8
 _FIRST_NAME = 16
-_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 4 + _POSE_BYTES
+_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 4 + POSE_BYTES
 _unpack_length = struct.Struct('<I').unpack_from
 _unpack_head = struct.Struct('<4xII').unpack_from
 _unpack_pose = struct.Struct('<7d').unpack_from
@@ -50,7 +50,7 @@ def rows(data: bytes) -> Iterator[Row]:
             child_frame_id, position = _name(data, position)
             yield Row(sec * SECOND + nanosec, frame_id, child_frame_id,
                       _unpack_pose(data, position))
-            position += _POSE_BYTES
+            position += POSE_BYTES
     except struct.error:
         raise MalformedMessage(
             f'truncated: a TFMessage of {len(data)} bytes ends in the midst of a field') from None
@@ -97,5 +97,5 @@ def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
             text = name.encode()
             names.append(struct.pack('<I', len(text)) + text)
             fields += f'{len(names[-1])}s'
-        fields += f'{_POSE_BYTES}s'
+        fields += f'{POSE_BYTES}s'
     return fields, names
