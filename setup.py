@@ -33,7 +33,7 @@ setup(
     license='MIT',
     entry_points={
         'console_scripts': [
-            f'{command} = dummy_arm.entry_points:{command}' for command in (
+            f'{command} = dummy_arm.cli.entry_points:{command}' for command in (
                 'dummy_arm', 'dynamic_tf_publisher', 'param', 'static_transform_publisher',
                 'tf2_echo', 'tf2_monitor', 'view_frames', 'web_view')
         ],

@@ -21,8 +21,9 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from dummy_arm.tf import bag, BufferCore, wire, wire_ros1
-from dummy_arm.tf.message_reader import MessageReader
+from dummy_arm.tf import bag, BufferCore
+from dummy_arm.tf._wire import cdr, ros1
+from dummy_arm.tf._wire.streams import MessageReader
 
 TF = 'tf2_msgs/msg/TFMessage'
 MS = 1_000_000
@@ -37,7 +38,7 @@ NAMES = {'mcap': 'rosbag2 in mcap', 'db3': 'rosbag2 in sqlite3', 'bag': 'ROS 1'}
 
 def packets(frames: int, count: int) -> Iterator[tuple[int, bytes]]:
     """Make messages of a chain of frames at 100 Hz."""
-    packet = wire.Packet([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
+    packet = cdr.Packet([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
     for number in range(count):
         half = 0.4 * np.sin(number / 100 + np.arange(frames))
         zero = np.zeros(frames)
@@ -83,8 +84,9 @@ def insert_objects(path: Path) -> None:
 
 def insert_records(records: Iterable[Record], kind: str) -> None:
     """Insert messages as bytes."""
-    reader = MessageReader(print, wire_ros1 if kind == 'bag' else wire)
-    BufferCore(FOR_EVER).insert_messages((data for _, _, data in records), reader)
+    reader = MessageReader(print, ros1 if kind == 'bag' else cdr)
+    BufferCore(FOR_EVER).insert_pieces(
+        reader.read((data for _, _, data in records), 'bench', False))
 
 
 def least(work: Callable[[], object]) -> float:

@@ -8,24 +8,26 @@ from time import perf_counter
 from measure import best, Row
 import numpy as np
 
-from dummy_arm.tf import BufferCore, TransformException, wire
-from dummy_arm.tf.message_reader import MessageReader
-from dummy_arm.tf.pose import IDENTITY
+from dummy_arm.tf import BufferCore, TransformException
+from dummy_arm.tf._core import pose as poses
+from dummy_arm.tf._core.pose import IDENTITY
+from dummy_arm.tf._wire import cdr
+from dummy_arm.tf._wire.streams import MessageReader
 
 _S = 10**9
 _PARENTS, _FRAMES = 20_000, 100_000
 
 
-def _fail(error: wire.MalformedMessage) -> None:
+def _fail(error: cdr.MalformedMessage) -> None:
     raise error
 
 
 def rows() -> Iterator[Row]:
     """Measure what is linear, so that it is over soon."""
-    message = wire.pack(
-        wire.Row(_S + 1000 * i, f'parent_{i}', 'child', IDENTITY) for i in range(_PARENTS))
+    message = cdr.pack(
+        poses.Row(_S + 1000 * i, f'parent_{i}', 'child', IDENTITY) for i in range(_PARENTS))
     begin = perf_counter()
-    BufferCore().insert_messages([message], MessageReader(_fail))
+    BufferCore().insert_pieces(MessageReader(_fail).read([message], 'bench', False))
     yield (f'{_PARENTS} transforms of one frame, each with another parent, in one message',
            f'{perf_counter() - begin:.2f} s', '')
     buffer = BufferCore()
@@ -75,7 +77,7 @@ def fill(frames: int, samples: int, length: int) -> None:
     begin = '' if length < 100 else '\U0001f600'
     together = 110
     packets = [
-        wire.Packet([('map', f'{begin}{j:0{length - len(begin)}}')
+        cdr.Packet([('map', f'{begin}{j:0{length - len(begin)}}')
                      for j in range(i, min(i + together, frames))])
         for i in range(0, frames, together)]
     before = status('VmRSS')
@@ -83,7 +85,8 @@ def fill(frames: int, samples: int, length: int) -> None:
     for number in range(samples):
         for i, packet in enumerate(packets):
             poses = np.tile(IDENTITY, (min(together, frames - i * together), 1))
-            buffer.insert_messages([packet.pack(_S + 1000 * number, poses)], reader)
+            buffer.insert_pieces(reader.read(
+                [packet.pack(_S + 1000 * number, poses)], 'bench', False))
     peak = status('VmHWM')
     print(f'{peak - before:.0f} {sum(frame.length for frame in buffer.frames())}')
 

@@ -12,9 +12,9 @@ os.environ.setdefault('ROS_DOMAIN_ID', '97')
 
 import rclpy
 
-from dummy_arm.tf import TFMessage, wire
-from dummy_arm.tf.pose import IDENTITY
-from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tf import TFMessage
+from dummy_arm.tf._core.pose import IDENTITY, Row
+from dummy_arm.tf._ros.transform_stamped import message_of
 
 
 def resident() -> float:
@@ -31,7 +31,7 @@ def main(count: int = 1_000_000) -> None:
     subscription = node.create_subscription(TFMessage, '/tf', lambda _: None, 10)
     publisher = node.create_publisher(TFMessage, '/tf', 10)
     message = TFMessage(transforms=[
-        message_of(wire.Row(1_000_000_002, 'map', f'frame_{i}', IDENTITY))
+        message_of(Row(1_000_000_002, 'map', f'frame_{i}', IDENTITY))
         for i in range(2)])
     print('| published | taken | resident (MiB) |\n|---|---|---|')
     for published in range(count + 1):

@@ -14,8 +14,9 @@ from measure import Row
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf import BufferCore, wire
-from dummy_arm.tf.message_reader import MessageReader
+from dummy_arm.tf import BufferCore
+from dummy_arm.tf._wire import cdr
+from dummy_arm.tf._wire.streams import MessageReader
 
 ROLES = str(Path(__file__).parent / 'roles.py')
 MS = 1_000_000
@@ -28,9 +29,9 @@ RATE_LOST = 2000
 STREAMS = (500, 20), (1000, 4)
 
 
-def chain(frames: int) -> tuple[wire.Packet, NDArray[np.float64]]:
+def chain(frames: int) -> tuple[cdr.Packet, NDArray[np.float64]]:
     """Prepare messages of a chain of frames, and their poses."""
-    packet = wire.Packet([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
+    packet = cdr.Packet([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
     return packet, np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (frames, 1))
 
 
@@ -42,7 +43,7 @@ def into_the_buffer(u: float) -> Iterator[Row]:
 
         def insert(messages: list[bytes]) -> None:
             for message in messages:
-                buffer.insert_messages((message,), reader)  # noqa: B023
+                buffer.insert_pieces(reader.read((message,), 'bench', False))  # noqa: B023
 
         def measure(number: int) -> float:
             messages = [packet.pack(next(stamps), poses) for _ in range(number)]  # noqa: B023
@@ -60,7 +61,8 @@ def memory() -> Iterator[Row]:
     buffer, reader = BufferCore(10_000 * MS), MessageReader(print)
     sizes = {}
     for number in range(300 * 100 + 1):
-        buffer.insert_messages((packet.pack(10**18 + number * 10 * MS, poses),), reader)
+        buffer.insert_pieces(reader.read(
+            (packet.pack(10**18 + number * 10 * MS, poses),), 'bench', False))
         if number in (3_000, 30_000):
             sizes[number // 100] = resident()
     yield ('resident memory after 30 s of 100 frames at 100 Hz, of which 10 s are kept',

@@ -13,9 +13,10 @@ import numpy as np
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from dummy_arm.tf import Buffer, BufferCore, wire
-from dummy_arm.tf.pose import Pose
-from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tf import Buffer, BufferCore
+from dummy_arm.tf._core import pose as poses
+from dummy_arm.tf._core.pose import Pose
+from dummy_arm.tf._ros.transform_stamped import message_of
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -55,7 +56,7 @@ def rows(u: float) -> Iterator[Row]:
         real = tf2_ros.Buffer(CACHE)
 
         def insert(stamp: int, parent: str, child: str, pose: Pose) -> None:
-            real.set_transform(message_of(wire.Row(stamp, parent, child, pose)), 'bench')
+            real.set_transform(message_of(poses.Row(stamp, parent, child, pose)), 'bench')
 
         fill(insert, 5, 10_000, 1000)
         yield from lookup_rows(real, 'tf2_ros', newest - between, u)
@@ -73,7 +74,7 @@ def rows(u: float) -> Iterator[Row]:
             'frame_0', 'frame_5', asked)) / MANY  # noqa: B023
         yield (f'{MANY} lookups at once, {name}, each', f'{seconds / u:.3f} u',
                f'{seconds / reference:.3f} of the newest')
-    message = message_of(wire.Row(T + 11 * S, 'frame_0', 'frame_1', pose(0, 1000)))
+    message = message_of(poses.Row(T + 11 * S, 'frame_0', 'frame_1', pose(0, 1000)))
     seconds = best(lambda: buffer.set_transform(message, 'bench'))
     yield 'set_transform', f'{seconds / u:.2f} u', ''
 

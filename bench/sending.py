@@ -17,7 +17,7 @@ from std_msgs.msg import Header
 from dummy_arm.tf import TFMessage, TransformBroadcaster
 
 TICKS = 10_000
-ARM = (sys.executable, '-c', 'from dummy_arm.entry_points import dummy_arm; dummy_arm()')
+ARM = (sys.executable, '-c', 'from dummy_arm.cli.entry_points import dummy_arm; dummy_arm()')
 
 
 def transforms(count: int) -> list[TransformStamped]:

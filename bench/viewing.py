@@ -42,7 +42,7 @@ def showing() -> Iterator[Row]:
     if chromium is None:
         yield ('web_view', 'not measured', 'there is no chromium')
         return
-    code = 'import sys, dummy_arm.entry_points as e; sys.exit(e.web_view())'
+    code = 'import sys, dummy_arm.cli.entry_points as e; sys.exit(e.web_view())'
     with (play('send', 'tf', str(RATE), str(FRAMES), '100') as sender,
           subprocess.Popen([sys.executable, '-u', '-c', code], stdout=subprocess.PIPE, text=True
                            ) as view, sync_playwright() as playwright):

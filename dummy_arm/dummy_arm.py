@@ -13,8 +13,8 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dummy_arm.arm import Arm, Wave
-from dummy_arm.command import Parser, run, UsageError
-from dummy_arm.node_command import run_node
+from dummy_arm.cli.node import run_node
+from dummy_arm.cli.parser import Parser, run, UsageError
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
 from dummy_arm.tf.texts import logged
 

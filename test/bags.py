@@ -17,7 +17,7 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
-from dummy_arm.tf.wire import Row
+from dummy_arm.tf._core.pose import Row
 
 S = 10**9
 #: Every kind of bag, and its compressions.

@@ -26,8 +26,9 @@ from typing import Any
 
 import pytest
 
-from dummy_arm.tf.message_reader import MessageReader, Piece
-from dummy_arm.tf.wire import Fields, Row
+from dummy_arm.tf._core.pose import Piece, Row
+from dummy_arm.tf._wire.cdr import Fields
+from dummy_arm.tf._wire.streams import MessageReader
 
 TIMEOUT = 20.0  # s; for what takes well under a second on a machine that is not overloaded
 _GRACE = 3.0  # s; for what ends in 0.2 s
@@ -42,7 +43,7 @@ _pids = {os.getpid()}
 
 def tool(name: str, *arguments: str) -> tuple[str, ...]:
     """Give the arguments of python that run a command."""
-    return '-c', f'import sys, dummy_arm.entry_points as e; sys.exit(e.{name}())', *arguments
+    return '-c', f'import sys, dummy_arm.cli.entry_points as e; sys.exit(e.{name}())', *arguments
 
 
 ARM = tool('dummy_arm')
@@ -373,7 +374,7 @@ class Ros:
 
     def close(self) -> None:
         """Destroy it all."""
-        from dummy_arm.participant import destroy
+        from dummy_arm.cli.fast_dds import destroy
         self.executor.shutdown()
         destroy(self.node)
         self.context.try_shutdown()

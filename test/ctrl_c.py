@@ -23,6 +23,9 @@ def interruptions(prepare: Callable[[], Callable[[], object]], *files: str
     :param files: the names of the files.
     :returns: what was raised, after each time; None after the last, which was not interrupted.
     """
+    loaded = {Path(module.__file__).name for module in sys.modules.values()
+              if getattr(module, '__file__', None)}
+    assert loaded.issuperset(files)
     for number in count():
         interrupt = _interrupted(prepare(), number, files)
         yield interrupt

@@ -16,8 +16,8 @@ import termios
 
 import pytest
 
+from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf.bag import BagError, read
-from dummy_arm.tf.frames import Frame
 
 bags = pytest.importorskip('bags')
 S = bags.S
@@ -312,7 +312,8 @@ def test_what_tf2_refuses_is_refused(tmp_path, logs):
     assert 'TF_SELF_TRANSFORM: Ignoring transform from authority "/culprit"' in messages(logs)
 
 
-READ = 'import sys; from dummy_arm.tf.bag import read; read(sys.argv[1])'
+READ = ('import sys; from dummy_arm.cli.bag_options import read_bag; '
+        'read_bag(sys.argv[1], "", False)')
 
 
 def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path):
@@ -345,18 +346,18 @@ def test_ctrl_c_ends_a_command_that_reads(tmp_path, kind, partial):
         *bags.walk(1), *(('/text', 200 * S, text, 'std_msgs/msg/String') for _ in range(300_000)),
         *bags.walk(1, begin=300 * S)])
     code = ('import os, signal, sys, time\n'
-            'from dummy_arm import interruption\n'
-            'from dummy_arm.tf.bag import read\n'
+            'from dummy_arm.cli.bag_options import read_bag\n'
+            'from dummy_arm.cli.signals import note_signals\n'
             'def ended(*_):\n'
             '    os.kill(os.getpid(), signal.SIGINT)\n'
             'begin = time.monotonic()\n'
-            'read(sys.argv[1], partial=len(sys.argv) > 2)\n'
+            'read_bag(sys.argv[1], "", len(sys.argv) > 2)\n'
             'whole = time.monotonic() - begin\n'
-            'interruption.note_signals()\n'
+            'note_signals()\n'
             'signal.signal(signal.SIGALRM, ended)\n'
             'signal.setitimer(signal.ITIMER_REAL, whole / 5)\n'
             'begin = time.monotonic()\n'
-            'try: read(sys.argv[1], partial=len(sys.argv) > 2)\n'
+            'try: read_bag(sys.argv[1], "", len(sys.argv) > 2)\n'
             'except KeyboardInterrupt: print((time.monotonic() - begin) / whole)\n')
     done = subprocess.run([sys.executable, '-c', code, str(path), *['partial'] * partial],
                           capture_output=True, text=True, timeout=60)

@@ -470,18 +470,19 @@ def test_a_pipe_in_a_bag(tmp_path, name, partial):
 
 INTERRUPTED = """
 import os, signal, sys, time
-from dummy_arm import interruption
-from dummy_arm.tf.bag import BagError, read
+from dummy_arm.cli.bag_options import read_bag
+from dummy_arm.cli.parser import CommandError
+from dummy_arm.cli.signals import note_signals
 def duration():
     begin = time.monotonic()
     try:
-        read(sys.argv[1])
-    except (BagError, KeyboardInterrupt) as error:
+        read_bag(sys.argv[1], '', False)
+    except (CommandError, KeyboardInterrupt) as error:
         print(repr(error))
     return time.monotonic() - begin
 duration()  # with what is imported late
 whole = duration()
-interruption.note_signals()
+note_signals()
 signal.signal(signal.SIGALRM, lambda *_: os.kill(os.getpid(), signal.SIGINT))
 signal.setitimer(signal.ITIMER_REAL, whole / 5)
 print(duration() / whole)
@@ -504,7 +505,7 @@ def test_ctrl_c_while_one_thing_is_decompressed(tmp_path, kind):
     done = subprocess.run([sys.executable, '-c', INTERRUPTED, str(path)], text=True, timeout=60,
                           stdout=subprocess.PIPE)
     _, error, interrupted, ratio = done.stdout.splitlines()
-    assert error.startswith('BagError')
+    assert error.startswith('CommandError')
     assert interrupted == 'KeyboardInterrupt()'
     assert float(ratio) < 0.6
 
@@ -547,17 +548,17 @@ def test_a_long_message_that_is_cut_off(tmp_path, logs, kind):
 def test_ctrl_c_in_a_long_message(tmp_path):
     """It is noticed at each of its transforms."""
     path = bags.make(tmp_path / 'long', 'mcap', [('/tf', S, long_message('mcap'))])
-    code = ('from dummy_arm import interruption\n'
+    code = ('from dummy_arm.cli import bag_options, signals\n'
             'from dummy_arm.tf import bag, BufferCore\n'
             'class Buffer(BufferCore):\n'
             '    def insert(self, *arguments):\n'
             '        global count\n'
             '        count += 1\n'
             '        if count == 1000:\n'
-            '            interruption._came.append(2)\n'
+            '            signals._came.append(2)\n'
             '        return super().insert(*arguments)\n'
             'count, bag.BufferCore = 0, Buffer\n'
-            f'try: bag.read({str(path)!r})\n'
+            f'try: bag_options.read_bag({str(path)!r}, "", False)\n'
             'except KeyboardInterrupt: print(count)\n')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, timeout=60)
     assert done.stdout == '1000\n'

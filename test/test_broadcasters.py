@@ -11,8 +11,8 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 
 from dummy_arm.tf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
-from dummy_arm.tf.transform_stamped import row_of
-from dummy_arm.tf.wire import Row
+from dummy_arm.tf._core.pose import Row
+from dummy_arm.tf._ros.transform_stamped import row_of
 
 LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

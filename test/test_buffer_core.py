@@ -29,9 +29,9 @@ from dummy_arm.tf import (
     LookupException,
     Transform,
     TransformException,
-    wire,
 )
-from dummy_arm.tf.frame_tree import FrameTree
+from dummy_arm.tf._core.tree import FrameTree
+from dummy_arm.tf._wire import cdr
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -306,7 +306,7 @@ def test_refuses_with_the_words_of_tf2(parent, child, pose, cause, logs):
 def test_tells_of_old_data_once_a_second_a_cause(logs, monkeypatch):
     """However often; and again later."""
     now = 100.0
-    monkeypatch.setattr('dummy_arm.tf.refusals.time.monotonic', lambda: now)
+    monkeypatch.setattr('dummy_arm.tf._core.texts.monotonic', lambda: now)
     buffer = BufferCore()
     put(buffer, 'a', 'b', T)
     for _ in range(3):
@@ -544,7 +544,7 @@ def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch):
     buffer = BufferCore()
     put(buffer, 'a', 'b', T)
     put(buffer, 'a', 'b', T + S)
-    monkeypatch.setattr('dummy_arm.tf.history.np.minimum', lambda *_: 1 / 0)
+    monkeypatch.setattr('dummy_arm.tf._core.history.np.minimum', lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as kept:
         buffer.lookup_transforms('a', 'b', [T, T + 1])
     assert put(buffer, 'a', 'b', T + 2 * S)
@@ -616,7 +616,7 @@ def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free(lookup):
             getattr(buffer, lookup[0])(*lookup[1:], S // 1000)
 
     for interrupt in interruptions(lambda: wait, 'engine.py', 'buffer_core.py', 'lookup.py',
-                                   'frame_names.py', 'contextlib.py', 'threading.py'):
+                                   'tree.py', 'contextlib.py', 'threading.py'):
         places += 1
         results = []
         thread = threading.Thread(
@@ -663,7 +663,7 @@ def test_ctrl_c_as_a_frame_gets_a_new_parent_leaves_no_old_path(is_static):
         assert x_at(buffer, 'map', 'tool') == 11.0
         return lambda: put(buffer, 'new', 'tool', T + S, 20.0, is_static=is_static)
 
-    for _ in interruptions(prepare, 'engine.py', 'intake.py', 'lookup.py', 'frame_tree.py',
+    for _ in interruptions(prepare, 'engine.py', 'insertion.py', 'lookup.py', 'tree.py',
                            'history.py'):
         places += 1
         put(buffer, 'new', 'tool', T + S, 20.0, is_static=is_static)
@@ -679,10 +679,10 @@ def test_ctrl_c_in_an_update_does_not_keep_those_who_wait_from_looking():
         nonlocal buffer, before
         buffer = BufferCore()
         before = buffer.update()
-        buffer.add_source(Arrived(wire.pack([(T, 'map', 'tool', (0.0, 0.0, 0.0, *STILL))])))
+        buffer.add_source(Arrived(cdr.pack([(T, 'map', 'tool', (0.0, 0.0, 0.0, *STILL))])))
         return buffer.update
 
-    for _ in interruptions(prepare, 'engine.py', 'intake.py', 'history.py', 'frame_tree.py'):
+    for _ in interruptions(prepare, 'engine.py', 'insertion.py', 'history.py', 'tree.py'):
         assert buffer.update() > before
         assert buffer.can_transform('map', 'tool', T)
 

@@ -9,7 +9,7 @@ import time
 
 import pytest
 
-from dummy_arm.command import CommandError, number, Parser, run, UsageError
+from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_a_wrong_argument_does_not_control_the_terminal(failed, parser):
 
 def test_who_has_read_enough_is_no_error():
     """As with `| head`."""
-    code = ('import sys; from dummy_arm.command import Parser, run; sys.exit(run('
+    code = ('import sys; from dummy_arm.cli.parser import Parser, run; sys.exit(run('
             'Parser("tool", ""), lambda ros_args: [print("line") for _ in range(100000)] and 0))')
     process = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE)
@@ -86,7 +86,7 @@ def test_who_has_read_enough_is_no_error():
     ('> /dev/full', 1, 'tool: [Errno 28] No space left on device\n'), ('>&-', 0, '')])
 def test_output_that_goes_nowhere(redirection, code, said):
     """One line, no traceback."""
-    program = ('import sys; from dummy_arm.command import Parser, run; sys.exit(run('
+    program = ('import sys; from dummy_arm.cli.parser import Parser, run; sys.exit(run('
                'Parser("tool", ""), lambda ros_args: print("line") or 0))')
     done = subprocess.run(
         f'{shlex.quote(sys.executable)} -c {shlex.quote(program)} {redirection}', shell=True,
@@ -97,7 +97,7 @@ def test_output_that_goes_nowhere(redirection, code, said):
 def test_a_second_signal_ends_what_does_not_heed_the_first():
     """The first is noted, so that nothing is left half done."""
     program = (
-        'import sys, time; from dummy_arm.command import Parser, run\n'
+        'import sys, time; from dummy_arm.cli.parser import Parser, run\n'
         'def command(ros_args):\n'
         '    print("begun", flush=True)\n'
         '    while True:\n'
@@ -115,9 +115,9 @@ def test_a_second_signal_ends_what_does_not_heed_the_first():
 
 FAILING = """
 import sys
-from dummy_arm.command import Parser, run
-from dummy_arm.interruption import sleep
-from dummy_arm.node_command import run_node, spun_node
+from dummy_arm.cli.parser import Parser, run
+from dummy_arm.cli.signals import sleep
+from dummy_arm.cli.node import run_node, spun_node
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 

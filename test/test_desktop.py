@@ -75,7 +75,7 @@ assert a == 2.0 and b != 2.0
 
 
 @pytest.mark.parametrize('listener', [
-    'dummy_arm.tf TransformListener', 'dummy_arm.tf.senders SenderListener'])
+    'dummy_arm.tf TransformListener', 'dummy_arm.tf.publisher_listener PublisherListener'])
 def test_a_listener_is_the_first_to_use_the_message(start, runs, listener):
     """And hears the arm."""
     start(*ARM, environment=DESKTOP)
@@ -136,7 +136,7 @@ def test_what_a_lookup_gives_can_be_published(runs):
     runs("""
 from rclpy.serialization import deserialize_message, serialize_message
 from dummy_arm.tf import Buffer
-from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tf._ros.transform_stamped import message_of
 buffer = Buffer()
 whole = made('map', 'whole', 1.0)
 whole.transform.translation._x, whole.transform.rotation._w = 3, 2

@@ -5,7 +5,7 @@ from geometry_msgs.msg import TransformStamped
 import pytest
 
 from dummy_arm.tf import TFMessage
-from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tf._ros.transform_stamped import message_of
 
 S = 10**9
 SUBSCRIBER = """

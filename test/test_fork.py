@@ -138,7 +138,7 @@ print('done')
 
 HELD = NO_ROS + """
 # A lock that is never free: the fork goes on without it, and the child forgets what moves.
-from dummy_arm.tf import forking
+from dummy_arm.tf._core import forking
 forking._PATIENCE = 0.2
 buffer.insert(0, 'map', 'fixed', STILL, is_static=True)
 is_held, is_over = threading.Event(), threading.Event()
@@ -218,7 +218,7 @@ def test_lookups_in_a_child(start, code):
 WITH_ROS = FORKED + """
 import rclpy
 from dummy_arm.tf import Buffer, TransformBroadcaster, TransformException, TransformListener
-from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tf._ros.transform_stamped import message_of
 from rclpy.duration import Duration
 from rclpy.time import Time
 

@@ -14,9 +14,12 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from dummy_arm.tf import BufferCore, intake, wire
-from dummy_arm.tf.intake import normalize_poses, normalized
-from dummy_arm.tf.message_reader import Batch, MessageReader
+from dummy_arm.tf import BufferCore
+from dummy_arm.tf._core import insertion
+from dummy_arm.tf._core.insertion import normalize_poses
+from dummy_arm.tf._core.pose import Batch, normalized
+from dummy_arm.tf._wire import cdr
+from dummy_arm.tf._wire.streams import MessageReader
 
 S = 1_000_000_000
 T = 1_700_000_000
@@ -30,7 +33,8 @@ def fail(error):
 
 def insert(buffer, reader, *messages, **how):
     """Insert messages into a buffer."""
-    buffer.insert_messages(messages, reader, **how)
+    how = {'authority': 'default_authority', 'is_static': False, **how}
+    buffer.insert_pieces(reader.read(messages, **how))
 
 
 def read(reader, message):
@@ -68,8 +72,8 @@ def test_many_rotations_are_normalised_as_one(monkeypatch, number, kind):
     elif kind in ('tiny', 'huge'):
         poses[:, 3:] *= 1e-170 if kind == 'tiny' else 1e170
     expected = [(*pose[:3], *normalized(*pose[3:])) for pose in poses.tolist()]
-    for many in intake._MANY, 1, 10_000:  # each of the two ways
-        monkeypatch.setattr(intake, '_MANY', many)
+    for many in insertion._MANY, 1, 10_000:  # each of the two ways
+        monkeypatch.setattr(insertion, '_MANY', many)
         found = poses.copy()
         normalize_poses(found)
         np.testing.assert_array_equal(found, expected)
@@ -101,11 +105,11 @@ def test_golden_messages_are_read_as_unpacked(golden_messages):
 def test_padding_and_what_follows_are_no_matter():
     """Real messages have anything there, and it may change."""
     rows = [(T * S + 5, 'a', 'bcdef', STILL), (T * S + 5, 'bcdef', 'x' * 9, STILL)]
-    data = wire.pack(rows)
+    data = cdr.pack(rows)
     ones = bytearray(data)
     # After 'a\0' come two bytes of padding, after 'bcdef\0' two and four.
     ones[22:24] = b'\xff\xff'
-    assert wire.unpack(bytes(ones)) == rows
+    assert cdr.unpack(bytes(ones)) == rows
     reader = MessageReader(fail)
     for message in data, bytes(ones), data:
         unknown, found = read(reader, message)
@@ -120,8 +124,8 @@ def test_padding_and_what_follows_are_no_matter():
 
 def test_a_layout_is_of_all_names():
     """Messages of one length whose first names are the same are told apart."""
-    one = wire.pack([(T * S, 'a', 'b', STILL), (T * S, 'b', 'c', STILL)])
-    other = wire.pack([(T * S, 'a', 'b', STILL), (T * S, 'b', 'd', STILL)])
+    one = cdr.pack([(T * S, 'a', 'b', STILL), (T * S, 'b', 'c', STILL)])
+    other = cdr.pack([(T * S, 'a', 'b', STILL), (T * S, 'b', 'd', STILL)])
     buffer, reader = BufferCore(), MessageReader(fail)
     for _ in range(2):
         insert(buffer, reader, one, one, other, other, one)
@@ -130,7 +134,7 @@ def test_a_layout_is_of_all_names():
 
 def test_malformed_messages_are_told_and_the_others_inserted():
     """Each with its error, whose text begins with the kind."""
-    good = wire.pack([(T * S, 'a', 'b', STILL)])
+    good = cdr.pack([(T * S, 'a', 'b', STILL)])
     errors = []
     buffer, reader = BufferCore(), MessageReader(errors.append)
     bad = [b'', b'\0\1\0\0', good[:-1], good[:30], b'\0\7' + good[2:],
@@ -144,11 +148,11 @@ def test_malformed_messages_are_told_and_the_others_inserted():
 
 def test_the_memory_for_layouts_is_bounded(monkeypatch):
     """A peer that sends ever new names does not fill it; old streams are learnt again."""
-    monkeypatch.setattr('dummy_arm.tf.message_reader._MOST_BYTES', 10 * len(
-        wire.pack([(T * S, 'a', 'b', STILL)])))
+    monkeypatch.setattr('dummy_arm.tf._wire.streams._MOST_BYTES', 10 * len(
+        cdr.pack([(T * S, 'a', 'b', STILL)])))
     reader = MessageReader(fail)
     for i in range(100):
-        read(reader, wire.pack([(T * S, 'a', f'b{i}', STILL)]))
+        read(reader, cdr.pack([(T * S, 'a', f'b{i}', STILL)]))
         assert len(reader._layouts) <= 11
 
 
@@ -184,20 +188,20 @@ def batches(draw):
 def test_messages_are_inserted_as_their_transforms_one_by_one(made, many):
     """Whatever is in them: the same samples, parents, static frames and expiry."""
     fast, slow, reader = BufferCore(), BufferCore(), MessageReader(fail)
-    before, intake._MANY = intake._MANY, many
+    before, insertion._MANY = insertion._MANY, many
     try:
         for batch, is_static in made:
-            insert(fast, reader, *map(wire.pack, batch), is_static=is_static)
+            insert(fast, reader, *map(cdr.pack, batch), is_static=is_static)
             for row in (row for message in batch for row in message):
                 slow.insert(*row, is_static=is_static)
             assert state(fast) == state(slow)
     finally:
-        intake._MANY = before
+        insertion._MANY = before
 
 
 def chain(number, stamp, shift=0.0):
     """Make a message of a chain of frames."""
-    return wire.pack([(stamp, f'f{i}', f'f{i + 1}', (shift + i, *STILL[1:]))
+    return cdr.pack([(stamp, f'f{i}', f'f{i + 1}', (shift + i, *STILL[1:]))
                       for i in range(number)])
 
 
@@ -209,7 +213,7 @@ def test_a_stream_of_messages_answers_as_single_transforms_do():
     for size in sizes.tolist()[:40]:
         batch = [chain(40, next(stamps), shift) for shift in range(size)]
         insert(fast, reader, *batch)
-        for row in (row for data in batch for row in wire.unpack(data)):
+        for row in (row for data in batch for row in cdr.unpack(data)):
             slow.insert(*row)
         assert state(fast) == state(slow)
 
@@ -218,7 +222,7 @@ def test_what_the_user_inserts_does_not_overtake_what_was_sent_before():
     """Though that waits to be inserted."""
     buffer = BufferCore()
 
-    source = Arrived(wire.pack([(T * S, 'a', 'b', STILL)]))
+    source = Arrived(cdr.pack([(T * S, 'a', 'b', STILL)]))
     buffer.add_source(source)
     buffer.insert(T * S, 'a', 'b', (1.0, *STILL[1:]), is_static=True)
     assert buffer.frames()[0].is_static
@@ -242,12 +246,12 @@ def test_streams_that_have_frames_in_common_answer_as_single_transforms_do():
                         chain(int(random.integers(1, 6)), now + 1),
                         chain(6, now - int(random.integers(0, 3 * S)), 5.0),
                         sent[-1], batch[0], chain(6, now, 7.0),
-                        wire.pack([(now, 'f0', f'new {now}', STILL)]),
-                        wire.pack([(now, 'other', 'f3', STILL)]),
+                        cdr.pack([(now, 'f0', f'new {now}', STILL)]),
+                        cdr.pack([(now, 'other', 'f3', STILL)]),
                     ][random.integers(0, 7)])
             sent += batch
             insert(fast, reader, *batch)
-            for row in (row for data in batch for row in wire.unpack(data)):
+            for row in (row for data in batch for row in cdr.unpack(data)):
                 slow.insert(*row)
             assert state(fast) == state(slow)
             times = random.integers(now - 3 * S, now + S // 10, 20)
@@ -267,7 +271,7 @@ def test_streams_that_have_frames_in_common_answer_as_single_transforms_do():
                 now -= 10 * S
 
 
-FILES = 'history.py', 'intake.py', 'frame_tree.py', 'engine.py'
+FILES = 'history.py', 'insertion.py', 'pose.py', 'tree.py', 'engine.py'
 
 
 @pytest.mark.parametrize('stamps', [[60], [60, 61, 62], [59], [58.5], [10], [200]])
@@ -277,7 +281,7 @@ def test_ctrl_c_at_any_place_leaves_a_history_whole(stamps, parent, by):
     """Every sample has the pose and the parent that belong to its stamp, and more can follow."""
     def put(*seconds, parent='a'):
         insert(buffer, reader, *(
-            wire.pack([(int(second * S), parent, 'c', (second, *STILL[1:]))])
+            cdr.pack([(int(second * S), parent, 'c', (second, *STILL[1:]))])
             for second in seconds))
 
     def prepare():
@@ -404,7 +408,7 @@ def test_a_parent_without_a_name_is_refused_of_a_frame_with_several(parent, logs
     buffer.insert(1, 'a', 'x', STILL)
     buffer.insert(2, 'b', 'x', STILL)
     for stamp in 3, 4:
-        insert(buffer, reader, wire.pack([(stamp, parent, 'x', STILL)]))
+        insert(buffer, reader, cdr.pack([(stamp, parent, 'x', STILL)]))
     assert buffer.dump()['x']['stamps'] == [1, 2]
     assert logs[0].getMessage().startswith('TF_NO_FRAME_ID')
 
@@ -413,7 +417,7 @@ def test_one_leading_slash_is_removed_however_a_message_comes():
     """In a batch, and late."""
     buffer, reader = BufferCore(), MessageReader(fail)
     for stamp in 10, 11, 5, 12:
-        insert(buffer, reader, wire.pack([(stamp, '//map', 'x', STILL)]))
+        insert(buffer, reader, cdr.pack([(stamp, '//map', 'x', STILL)]))
     assert buffer.dump()['x']['parents'] == ['/map'] * 4
 
 
@@ -454,7 +458,7 @@ def test_numbers_that_are_not_finite_give_no_warning():
         for numbers in ((math.inf, -math.inf), (1e308, 1.7e308), (math.nan, 0.0)):
             with warnings.catch_warnings():
                 warnings.simplefilter('error')
-                insert(buffer, reader, *(wire.pack([
+                insert(buffer, reader, *(cdr.pack([
                     ((T + number) * S + i, 'a', f'{i}', (*numbers, *STILL[2:]))
                     for i in range(many)])
                     for many in (1, 40)))
@@ -473,7 +477,7 @@ def test_a_log_may_look_up_while_transforms_are_refused(monkeypatch):
             thread.join(20.0)
 
     monkeypatch.setattr(logging.getLogger('dummy_arm.tf'), 'handlers', [Handler()])
-    insert(buffer, reader, wire.pack([(T * S, 'a', 'b', STILL), (T * S, 'x', 'x', STILL)]))
+    insert(buffer, reader, cdr.pack([(T * S, 'a', 'b', STILL), (T * S, 'x', 'x', STILL)]))
     assert found == [True]
     assert not buffer.insert(T * S, 'y', 'y', STILL)  # within the same second
     assert found == [True]

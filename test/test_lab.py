@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy
 
 from dummy_arm.arm import Arm
 from dummy_arm.tf import TFMessage
-from dummy_arm.tf.qos import profile
+from dummy_arm.tf._ros.qos import profile
 
 LATCHED = profile(None, 10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -12,11 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
 
-from dummy_arm.tf import BufferCore, hints, TFMessage, TransformException, wire, wire_ros1
-from dummy_arm.tf.frame_tree import FrameTree
-from dummy_arm.tf.frames import as_string, Frame
-from dummy_arm.tf.message_reader import MessageReader
-from dummy_arm.tf.texts import abbreviated, logged, visible, visible_lines
+from dummy_arm.tf import BufferCore, TFMessage, TransformException
+from dummy_arm.tf._core import texts
+from dummy_arm.tf._core.frames import as_string, Frame
+from dummy_arm.tf._core.texts import abbreviated, logged, visible, visible_lines
+from dummy_arm.tf._core.tree import FrameTree
+from dummy_arm.tf._wire import cdr, ros1
+from dummy_arm.tf._wire.streams import MessageReader
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -42,17 +44,17 @@ def by_calls(buffer, stamps, children, parent='map'):
 
 def by_messages(buffer, stamps, children, parent='map'):
     """Insert the same as messages, each with all children."""
-    buffer.insert_messages(
-        [wire.pack([(stamp, parent, child, pose(x)) for child in children])
-         for x, stamp in enumerate(stamps)], MessageReader(fail))
+    buffer.insert_pieces(MessageReader(fail).read(
+        [cdr.pack([(stamp, parent, child, pose(x)) for child in children])
+         for x, stamp in enumerate(stamps)], 'default_authority', False))
 
 
 def by_a_message(buffer, stamps, children, parent='map'):
     """Insert the same as one message."""
-    buffer.insert_messages(
-        [wire.pack([(stamp, parent, child, pose(x))
-                    for x, stamp in enumerate(stamps) for child in children])],
-        MessageReader(fail))
+    buffer.insert_pieces(MessageReader(fail).read(
+        [cdr.pack([(stamp, parent, child, pose(x))
+                   for x, stamp in enumerate(stamps) for child in children])],
+        'default_authority', False))
 
 
 WAYS = [by_calls, by_messages, by_a_message]
@@ -63,7 +65,7 @@ def lengths(buffer):
     return {frame.name: frame.length for frame in buffer.frames()}
 
 
-def texts(logs):
+def logged_texts(logs):
     """Return what was logged."""
     return [record.getMessage() for record in logs]
 
@@ -120,7 +122,7 @@ def test_a_frame_keeps_10000_samples_per_second_of_cache_time(insert, logs):
     assert buffer.lookup_transform('map', 'b', T + 1199).translation[0] == 1199.0
     with pytest.raises(TransformException, match='extrapolation into the past'):
         buffer.lookup_transform('map', 'a', T + 699)
-    (text,) = texts(logs)
+    (text,) = logged_texts(logs)
     assert text.startswith('TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
                            '"a" from authority "default_authority"')
     assert 'of a frame, 500 are kept' in text
@@ -175,7 +177,7 @@ def test_the_frame_that_gets_a_sample_drops_its_oldest(insert, logs):
     assert buffer.lookup_transform('map', 'a', T + 102).translation[0] == 2.0
     insert(buffer, [T + 200], ['b'])
     assert [frame.oldest - T for frame in buffer.frames()] == [3, 1]
-    (text,) = texts(logs)
+    (text,) = logged_texts(logs)
     assert text.startswith(
         'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "a" from authority ')
     assert 'the buffer has 10, and no more are kept (max_samples of the buffer)' in text
@@ -261,7 +263,7 @@ def test_a_name_may_have_1024_bytes(name, is_taken, is_static, logs):
         assert bool(buffer.frames()) is is_taken
         if not is_taken:
             size = len(name.encode('utf-8', 'surrogatepass'))
-            (text,) = texts(logs)
+            (text,) = logged_texts(logs)
             assert re.fullmatch(
                 r'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id ".*" from authority '
                 rf'"somebody" because its {"frame_id" if number else "child_frame_id"} has {size} '
@@ -269,28 +271,28 @@ def test_a_name_may_have_1024_bytes(name, is_taken, is_static, logs):
             assert len(text) < 900
 
 
-@pytest.mark.parametrize('form', [wire, wire_ros1])
+@pytest.mark.parametrize('form', [cdr, ros1])
 def test_names_of_messages_that_are_too_long_are_not_kept(form, logs):
     """Neither as frames, nor as the layout of a stream."""
     buffer, reader = BufferCore(), MessageReader(fail, form)
     rows = [(T, 'map', 'x' * 1_000_000, STILL), (T, 'map', 'tool', STILL)]
-    data = wire.pack(rows) if form is wire else ros1(rows)
-    buffer.insert_messages([data] * 3, reader)
+    data = cdr.pack(rows) if form is cdr else packed_for_ros1(rows)
+    buffer.insert_pieces(reader.read([data] * 3, 'default_authority', False))
     assert lengths(buffer) == {'tool': 1}
     assert not reader._layouts
-    (text,) = texts(logs)
+    (text,) = logged_texts(logs)
     assert 'has 1000000 bytes' in text
     assert '(1000000 characters)' in text
 
 
-def ros1(rows):
+def packed_for_ros1(rows):
     """Pack a message as ROS 1 does."""
     packed = len(rows).to_bytes(4, 'little')
     for stamp, *names, pose in rows:
-        packed += wire_ros1.struct.pack('<III', 0, *divmod(stamp, S))
+        packed += ros1.struct.pack('<III', 0, *divmod(stamp, S))
         for name in names:
             packed += len(name).to_bytes(4, 'little') + name.encode()
-        packed += wire_ros1.struct.pack('<7d', *pose)
+        packed += ros1.struct.pack('<7d', *pose)
     return packed
 
 
@@ -315,7 +317,7 @@ def test_a_log_line_escapes_and_cuts_names(cause, parent, child, bad, stamp, log
     buffer.insert(T, 'map', HOSTILE, STILL)
     for i in range(300):
         buffer.insert(T + i if stamp is None else stamp, parent, child, bad, HOSTILE)
-    text = next(text for text in texts(logs) if text.startswith(cause))
+    text = next(text for text in logged_texts(logs) if text.startswith(cause))
     assert all(line.isprintable() for line in text.split('\n'))
     assert text.count('\n') == (cause == 'TF_OLD_DATA')
     assert r'\x1b[2J\r\n\x07' in text
@@ -351,10 +353,10 @@ def compared(monkeypatch):
         lists.append(names)
         return [other for other in names if other.startswith(name)][:number]
 
-    monkeypatch.setattr(hints, 'get_close_matches', get_close_matches)
-    hints.nearest.cache_clear()
+    monkeypatch.setattr(texts, 'get_close_matches', get_close_matches)
+    texts.nearest.cache_clear()
     yield lists
-    hints.nearest.cache_clear()
+    texts.nearest.cache_clear()
 
 
 def why(buffer, name):
@@ -417,8 +419,8 @@ def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
     for parent, child in ('map', 'a'), ('c', 'b'), ('b', 'c'):
         buffer.insert(T, parent, child, STILL)
     watched = Watched(buffer, as_string)
-    monkeypatch.setattr('dummy_arm.tf.frames.as_string', watched)
-    monkeypatch.setattr('dummy_arm.tf.frame_tree.as_string', watched)
+    monkeypatch.setattr('dummy_arm.tf._core.frames.as_string', watched)
+    monkeypatch.setattr('dummy_arm.tf._core.tree.as_string', watched)
     listed = ('Frame a exists with parent map.\nFrame b exists with parent c.\n'
               'Frame c exists with parent b.\n')
     assert buffer.all_frames_as_string() == listed
@@ -431,7 +433,7 @@ def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
 
 def test_frames_of_tf2_echo_are_compared_with_1000(ros, monkeypatch):
     """When it says which frames there are, the nearest names first."""
-    from dummy_arm.tools import frame_listener
+    from dummy_arm.inspection import frame_listener
     compared = []
 
     def matcher(_, name, other):
@@ -450,10 +452,10 @@ def test_frames_of_tf2_echo_are_compared_with_1000(ros, monkeypatch):
 
 def test_traffic_of_frames_with_long_names_is_not_counted():
     """Of a hundred thousand frames at most, whose names fit into the memory."""
-    from dummy_arm.tf.senders import Sent
-    from dummy_arm.tools.traffic import Traffic
+    from dummy_arm.inspection.traffic import Traffic
+    from dummy_arm.tf.publisher_listener import Sent
     traffic = Traffic(lambda: T)
-    message = Sent(wire.pack([(S + 2, 'map', name, STILL) for name in ('x' * 1025, 'tool')]))
+    message = Sent(cdr.pack([(S + 2, 'map', name, STILL) for name in ('x' * 1025, 'tool')]))
     message.gid, message.received = 'gid', T
     traffic.observe([message])
     streams = traffic.streams(lambda gids: dict.fromkeys(gids, '/node'), ['gid'])
@@ -466,9 +468,9 @@ def test_tf2_echo_escapes_what_others_named(ros, start):
     publisher = ros.node.create_publisher(TFMessage, '/tf', 10)
     ros.until(lambda: publisher.get_subscription_count() == 1)
     rows = [(S, 'map', 'tool\x1b[31m', STILL), (S, 'a\x1b[2J', 'b\x07', STILL)]
-    publisher.publish(wire.pack(rows))
+    publisher.publish(cdr.pack(rows))
     process.line_with('At time 1.0')
-    publisher.publish(wire.pack([(S, 'b\x07', 'a\x1b[2J', STILL),
+    publisher.publish(cdr.pack([(S, 'b\x07', 'a\x1b[2J', STILL),
                                  (2 * S, 'a\x1b[2J', 'tool\x1b[31m', STILL)]))
     process.line_with('Exception thrown')
     process.line_with(r'Frame b\x07 exists with parent a\x1b[2J.')

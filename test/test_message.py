@@ -13,8 +13,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 from type_description_interfaces.srv import GetTypeDescription
 
-from dummy_arm.tf import TFMessage, wire
-from dummy_arm.tf.transform_stamped import message_of_fields, row_of
+from dummy_arm.tf import TFMessage
+from dummy_arm.tf._ros.transform_stamped import message_of_fields, row_of
+from dummy_arm.tf._wire import cdr
 
 HASH = 'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
 
@@ -26,7 +27,7 @@ def message(case):
 
 def without_padding(data, case):
     """Zero the alignment padding, in which real messages have garbage."""
-    return wire.pack_fields(wire.fields(data)) if case['transforms'] else data[:8]
+    return cdr.pack_fields(cdr.fields(data)) if case['transforms'] else data[:8]
 
 
 def test_serializes_as_tf2_msgs_does(golden_messages):
@@ -166,7 +167,7 @@ def test_a_mismatch_is_an_import_error(change, error):
     """Where geometry_msgs is not that of Jazzy, the error says what was expected and found."""
     printed = run(
         f'from geometry_msgs import msg\n{change}\n'
-        'try:\n    import dummy_arm.tf.tf_message\n'
+        'try:\n    import dummy_arm.tf._tf2_msgs.tf_message\n'
         'except ImportError as error:\n    print(error)')
     assert error in printed
     assert 'expected' in printed

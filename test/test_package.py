@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 from conftest import tool, tool_without_ros, WITHOUT_ROS
 import pytest
 
-from dummy_arm import entry_points
+from dummy_arm.cli import entry_points
 
 ROOT = Path(__file__).parent.parent
 
@@ -36,12 +36,12 @@ def test_the_changelog_tells_of_this_version():
     assert re.search(heading, changelog, re.MULTILINE)
 
 
-CORE = ('dummy_arm.arm', 'dummy_arm.command', 'dummy_arm.tf', 'dummy_arm.tf.bag',
-        'dummy_arm.tf.buffer_core', 'dummy_arm.tf.exceptions', 'dummy_arm.tf.message_reader',
-        'dummy_arm.tf.rotations', 'dummy_arm.tf.transform', 'dummy_arm.tf.wire',
-        'dummy_arm.tf.wire_ros1', 'dummy_arm.tools.forest', 'dummy_arm.tools.frame_graph',
+CORE = ('dummy_arm.arm', 'dummy_arm.cli.parser', 'dummy_arm.tf', 'dummy_arm.tf.bag',
+        'dummy_arm.tf.buffer_core', 'dummy_arm.tf.exceptions', 'dummy_arm.tf._wire.streams',
+        'dummy_arm.tf.rotations', 'dummy_arm.tf.transform', 'dummy_arm.tf._wire.cdr',
+        'dummy_arm.tf._wire.ros1', 'dummy_arm.inspection.forest', 'dummy_arm.inspection.graph',
         'dummy_arm.tools.tf2_echo', 'dummy_arm.tools.tf2_monitor', 'dummy_arm.tools.view_frames',
-        'dummy_arm.tools.waiting')
+        'dummy_arm.cli.progress')
 COMMANDS = [name for name, thing in vars(entry_points).items()
             if getattr(thing, '__module__', '') == entry_points.__name__ and name[0] != '_']
 

@@ -9,7 +9,7 @@ import pytest
 from rcl_interfaces.msg import ParameterType
 from rclpy.parameter import Parameter
 
-from dummy_arm.command import UsageError
+from dummy_arm.cli.parser import UsageError
 from dummy_arm.tools import param as tools_param
 from dummy_arm.tools.param import main, parameter, read
 

@@ -9,8 +9,8 @@ from conftest import ARM
 import pytest
 
 from dummy_arm.tf import TFMessage
-from dummy_arm.tf.transform_stamped import row_of
-from dummy_arm.tf.wire import unpack
+from dummy_arm.tf._ros.transform_stamped import row_of
+from dummy_arm.tf._wire.cdr import unpack
 
 ROOT = Path(__file__).parent.parent
 BLOCKS = re.findall(r'^```python\n(.*?)^```$', (ROOT / 'README.md').read_text(), re.M | re.S)
@@ -67,7 +67,8 @@ def stamp_of(message):
 def test_record_tells_of_what_is_not_in_the_bag(start, tmp_path):
     """If more comes at once than is kept for it."""
     pytest.importorskip('rosbags.rosbag2')
-    recorder = start('-c', 'from dummy_arm.tf import senders\nsenders._MOST_MESSAGES = 2\n'
+    recorder = start('-c', 'from dummy_arm.tf import publisher_listener\n'
+                     'publisher_listener._MOST_MESSAGES = 2\n'
                      + RECORDER, str(tmp_path / 'bag'))
     recorder.line_with('recording')
     start(*ARM)

@@ -8,7 +8,7 @@ from conftest import tool
 import pytest
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from dummy_arm.command import UsageError
+from dummy_arm.cli.parser import UsageError
 from dummy_arm.tf import TFMessage
 from dummy_arm.tools import static_transform_publisher
 

@@ -8,8 +8,8 @@ from conftest import ARM, tool, tool_without_ros
 import pytest
 
 from dummy_arm.tf import StaticTransformBroadcaster, Transform, TransformBroadcaster
+from dummy_arm.tf._ros.transform_stamped import message_of
 from dummy_arm.tf.rotations import quaternion_from_euler
-from dummy_arm.tf.transform_stamped import message_of
 from dummy_arm.tools.tf2_echo import main, text_of
 
 S = 10**9

@@ -11,11 +11,12 @@ from rclpy.node import Node
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
-from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster, wire
-from dummy_arm.tf.senders import Sent
-from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.inspection.traffic import Delays, Stream, Summary, summed_up, Traffic
+from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
+from dummy_arm.tf._ros.transform_stamped import message_of
+from dummy_arm.tf._wire import cdr
+from dummy_arm.tf.publisher_listener import Sent
 from dummy_arm.tools.tf2_monitor import lines_of, main
-from dummy_arm.tools.traffic import Delays, Stream, Summary, summed_up, Traffic
 
 S, MS = 10**9, 10**6
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -23,7 +24,7 @@ STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 def sent(gid, received, *edges, stamp=None, is_static=False):
     """Make a message; times in ns."""
-    message = Sent(wire.pack(
+    message = Sent(cdr.pack(
         (received if stamp is None else stamp, *edge, STILL) for edge in edges))
     message.gid, message.received, message.is_static = gid, received, is_static
     return message
@@ -102,7 +103,7 @@ def test_each_frame_has_the_delay_of_its_own_stamp():
     traffic = Traffic(time.time_ns)
     now = time.time_ns()
     traffic.observe([sent('/a', now - S, ('map', 'odom'))])
-    message = Sent(wire.pack([(now - late * S, 'map', child, STILL)
+    message = Sent(cdr.pack([(now - late * S, 'map', child, STILL)
                               for child, late in (('/', 3), ('odom', 1), ('base', 2))]))
     message.gid, message.received = '/a', now
     traffic.observe([message])
@@ -126,7 +127,7 @@ def test_what_waited_to_be_discovered_is_not_late():
 
 def test_what_is_kept_of_publishers_is_bounded(monkeypatch):
     """They come and go; the last are known, so that their delays are counted."""
-    monkeypatch.setattr('dummy_arm.tools.traffic._MOST_PUBLISHERS', 10)
+    monkeypatch.setattr('dummy_arm.inspection.traffic._MOST_PUBLISHERS', 10)
     traffic = Traffic(time.time_ns)
     now = time.time_ns()
     for i in range(100):
@@ -360,7 +361,8 @@ def test_what_comes_too_fast_is_told(start):
     """What is not counted; the rates are too low then."""
     start(*ARM)
     _, code = tool('tf2_monitor')
-    process = start('-c', f'from dummy_arm.tf import senders; senders._MOST_MESSAGES = 1; {code}')
+    process = start('-c', f'from dummy_arm.tf import publisher_listener; '
+                    f'publisher_listener._MOST_MESSAGES = 1; {code}')
     line = process.line_with('messages came too fast')
     assert re.fullmatch(r'Warning: [1-9]\d* messages came too fast to be counted\n', line)
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dummy_arm.tf.times import display, nanoseconds, nanoseconds_or_int
+from dummy_arm.tf._core.times import display, nanoseconds, nanoseconds_or_int
 
 
 @pytest.mark.parametrize('time', [

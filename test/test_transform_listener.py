@@ -31,8 +31,10 @@ from dummy_arm.tf import (
     TransformBroadcaster,
     TransformListener,
 )
-from dummy_arm.tf.subscribing import Misfits, subscribe, SubscriptionSource
-from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tf._core import engine
+from dummy_arm.tf._ros.rclpy_private import subscribe
+from dummy_arm.tf._ros.subscription import Misfits, SubscriptionSource
+from dummy_arm.tf._ros.transform_stamped import message_of
 
 LATEST = Time()
 WAIT = Duration(seconds=TIMEOUT)
@@ -42,7 +44,7 @@ STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 SENDER = """
 import sys, time, rclpy
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tf._ros.transform_stamped import message_of
 parent, *children = sys.argv[1].split()
 rclpy.init()
 node = rclpy.create_node('sender')
@@ -404,7 +406,7 @@ def test_frames_are_limited(ros, listen, said):
 
 def test_a_misfit_is_told_with_the_remedy(ros, said):
     """Static transforms that are not latched never arrive; it is told once a second at most."""
-    tf_static, now = subscribe(ros.node, '/tf_static', print, LATCHED, None), 0.0
+    tf_static, now = subscribe(ros.node, TFMessage, '/tf_static', print, LATCHED, None), 0.0
     misfits = Misfits(tf_static, lambda: now)
     ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
 
@@ -610,7 +612,7 @@ def test_in_a_pause_half_of_the_queue_stays_free(ros, depth, messages, seconds, 
 
 def source_of(ros, depth, clock=time.monotonic):
     """Return a source of a topic, what publishes messages that it then takes, and its end."""
-    tf, tf_static = (subscribe(ros.node, topic, print, QoSProfile(depth=depth), None)
+    tf, tf_static = (subscribe(ros.node, TFMessage, topic, print, QoSProfile(depth=depth), None)
                      for topic in ('/tf', '/tf_static'))
     source = SubscriptionSource(tf_static, tf, pytest.fail, lambda: None, clock)
     broadcaster = TransformBroadcaster(ros.node)
@@ -646,13 +648,13 @@ def test_what_was_taken_stays_until_it_is_emptied(ros):
 
 
 def test_the_trip_of_a_message_is_as_written_down(ros):
-    """In CONTRIBUTING, call by call."""
+    """In the theory of operation, call by call."""
     calls = []
 
     def profile(frame, event, _):
-        path = Path(frame.f_code.co_filename)
-        if event == 'call' and path.parent.name == 'tf':
-            calls.append((frame.f_code.co_name, path.name))
+        _, found, file = frame.f_code.co_filename.rpartition('/dummy_arm/tf/')
+        if event == 'call' and found:
+            calls.append((frame.f_code.co_name, file))
 
     threading.setprofile(profile)
     try:
@@ -664,22 +666,22 @@ def test_the_trip_of_a_message_is_as_written_down(ros):
     for number in range(3):
         before = len(calls)
         publisher.publish(TFMessage(transforms=[made(number + 1)]))
-        eventually(lambda: ('insert_pieces', 'intake.py') in calls[before:])  # noqa: B023
-        eventually(lambda: calls[-1] == ('_wait', 'listening.py'))
+        eventually(lambda: ('insert_pieces', '_core/insertion.py') in calls[before:])  # noqa: B023
+        eventually(lambda: calls[-1] == ('_wait', '_ros/listener_thread.py'))
     listener.unregister()
-    begin = max(i for i, call in enumerate(calls) if call == ('insert_pieces', 'intake.py'))
+    insertion = 'insert_pieces', '_core/insertion.py'
+    begin = max(i for i, call in enumerate(calls) if call == insertion)
     first = max(i for i in range(begin) if calls[i][0] == '_work')
-    last = max(i for i, call in enumerate(calls) if call == ('append', 'history.py'))
-    text = (Path(__file__).parent.parent / 'CONTRIBUTING.md').read_text()
+    last = max(i for i, call in enumerate(calls) if call == ('append', '_core/history.py'))
     trip = [(call.rpartition('.')[2], file) for call, file in re.findall(
-        r'^\| \d+ \| `([\w.]+)` \| `(\w+\.py)`', text, re.MULTILINE)]
-    assert len(trip) <= 10
+        r'^    ([\w.]+) +([\w/]+\.py) ', engine.__doc__, re.MULTILINE)]
+    assert len(trip) == 10
     assert len({file for _, file in trip}) <= 7
     taken = [call for call in calls[first:last + 1] if call[0] not in (
         'look',  # for incompatible publishers
         '__init__',  # of a batch
         'normalized')]  # each of few rotations
-    topic = ('take', 'subscribing.py')
+    topic = ('take', '_ros/subscription.py')
     assert taken.count(topic) == 3  # /tf_static, too
     taken.remove(topic)
     assert taken == trip

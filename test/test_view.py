@@ -15,13 +15,12 @@ import numpy as np
 import pytest
 
 from dummy_arm.tf import BufferCore
-from dummy_arm.view import player as player_module
 from dummy_arm.view import shown as shown_module
-from dummy_arm.view.player import Player
+from dummy_arm.view import source as player_module
 from dummy_arm.view.rods import fading, rods
 from dummy_arm.view.shown import Stage
-from dummy_arm.view.source import Facts
-from dummy_arm.view.trail import Trail
+from dummy_arm.view.source import Facts, Player
+from dummy_arm.view.view import Trail
 
 S = 10**9
 T = 1_700_000_000 * S
@@ -330,7 +329,7 @@ def test_an_address_that_is_none(failed):
 def test_no_free_port(monkeypatch):
     """It is told which are taken."""
     pytest.importorskip('viser')
-    from dummy_arm.command import CommandError
+    from dummy_arm.cli.parser import CommandError
     from dummy_arm.view import server
 
     monkeypatch.setattr(socket.socket, 'bind', refusing(errno.EADDRINUSE))
@@ -510,7 +509,7 @@ def test_a_viser_that_cannot_be_guarded(monkeypatch):
     viser = pytest.importorskip('viser')
     import websockets.asyncio.server
 
-    from dummy_arm.command import CommandError
+    from dummy_arm.cli.parser import CommandError
     from dummy_arm.view.server import served
     servers = []
 

@@ -24,13 +24,13 @@ from conftest import (
 import pytest
 from rosgraph_msgs.msg import Clock
 
-from dummy_arm.command import CommandError, UsageError
+from dummy_arm.cli.parser import CommandError, UsageError
+from dummy_arm.inspection.forest import Forest
+from dummy_arm.inspection.graph import as_dot, draw
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.transform_stamped import message_of
+from dummy_arm.tf._core.frames import Frame
+from dummy_arm.tf._ros.transform_stamped import message_of
 from dummy_arm.tools import view_frames
-from dummy_arm.tools.forest import Forest
-from dummy_arm.tools.frame_graph import as_dot, draw
 
 S = 10**9
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -246,7 +246,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
     code = """if True:
         import resource, sys
         from pathlib import Path
-        from dummy_arm.command import CommandError
+        from dummy_arm.cli.parser import CommandError
         from dummy_arm.tools.view_frames import write
         resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
         write(Path('old'), b'new and short')
@@ -546,7 +546,7 @@ def seconds_of_work(pid):
 
 
 #: The command, without its limit.
-UNLIMITED = ('import sys, dummy_arm.entry_points as e, dummy_arm.tools.view_frames as v\n'
+UNLIMITED = ('import sys, dummy_arm.cli.entry_points as e, dummy_arm.tools.view_frames as v\n'
              'v.MOST = 10**6; sys.exit(e.view_frames())')
 
 

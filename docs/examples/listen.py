@@ -5,8 +5,8 @@ import sys
 from rclpy.node import Node
 from rclpy.time import Time
 
-from dummy_arm.command import Parser, run
-from dummy_arm.node_command import run_node
+from dummy_arm.cli.node import run_node
+from dummy_arm.cli.parser import Parser, run
 from dummy_arm.tf import Buffer, TransformException, TransformListener
 
 

@@ -11,7 +11,7 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import get_typestore, Stores
 
 from dummy_arm.tf import Buffer
-from dummy_arm.tf.senders import Received, SenderListener
+from dummy_arm.tf.publisher_listener import PublisherListener, Received
 
 EVER = dds.QosTime(9223372036, 854775807)
 TYPES = get_typestore(Stores.ROS2_JAZZY)
@@ -37,7 +37,7 @@ with Writer(sys.argv[1], version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         signal.signal(number, lambda *_: ends.set())
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     node = rclpy.create_node('record')
-    listener = SenderListener(Buffer(node=node), node)
+    listener = PublisherListener(Buffer(node=node), node)
     node.get_logger().info('recording; Ctrl-C ends it, and only then is the bag complete')
     while not ends.is_set():
         rclpy.spin_once(node, timeout_sec=0.1)

@@ -8,6 +8,8 @@ from importlib import import_module
 from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from dummy_arm.tf._core.frames import Frame as Frame
+    from dummy_arm.tf._ros.messages import TFMessage as TFMessage
     from dummy_arm.tf.buffer import Buffer as Buffer
     from dummy_arm.tf.buffer_core import BufferCore as BufferCore
     from dummy_arm.tf.buffer_interface import BufferInterface as BufferInterface
@@ -27,7 +29,6 @@ if TYPE_CHECKING:
     from dummy_arm.tf.exceptions import LookupException as LookupException
     from dummy_arm.tf.exceptions import TimeoutException as TimeoutException
     from dummy_arm.tf.exceptions import TransformException as TransformException
-    from dummy_arm.tf.message import TFMessage as TFMessage
     from dummy_arm.tf.message_buffer import MessageBufferCore as MessageBufferCore
     from dummy_arm.tf.static_transform_broadcaster import (
         StaticTransformBroadcaster as StaticTransformBroadcaster,
@@ -45,6 +46,7 @@ _MODULES = {
     'convert': 'buffer_interface',
     'ConvertRegistration': 'buffer_interface',
     'ExtrapolationException': 'exceptions',
+    'Frame': '_core.frames',
     'InvalidArgumentException': 'exceptions',
     'LookupException': 'exceptions',
     'MessageBufferCore': 'message_buffer',
@@ -54,7 +56,7 @@ _MODULES = {
     'PyKDLType': 'buffer_interface',
     'Stamped': 'buffer_interface',
     'StaticTransformBroadcaster': 'static_transform_broadcaster',
-    'TFMessage': 'message',
+    'TFMessage': '_ros.messages',
     'TimeoutException': 'exceptions',
     'Transform': 'transform',
     'TransformableObject': 'buffer_interface',

@@ -9,12 +9,10 @@ import os
 from pathlib import Path
 from typing import Any, Optional, Union
 
-from dummy_arm.interruption import heed
-from dummy_arm.progress import progress
-from dummy_arm.tf.bag_content import BagError, Content, kind_of, Stream
+from dummy_arm.tf._bag.content import BagError, Content, kind_of, Stream
+from dummy_arm.tf._wire.cdr import MalformedMessage
+from dummy_arm.tf._wire.streams import Form, MessageReader
 from dummy_arm.tf.buffer_core import BufferCore
-from dummy_arm.tf.message_reader import Form, MessageReader
-from dummy_arm.tf.wire import MalformedMessage
 
 __all__ = ['BagError', 'read']
 
@@ -28,10 +26,10 @@ _LONG = 2**22
 
 
 def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namespace: str = '',
-         partial: bool = False, max_bytes: int = 2**30, max_samples: Optional[int] = None
-         ) -> BufferCore:
+         partial: bool = False, max_bytes: int = 2**30, max_samples: Optional[int] = None,
+         on_progress: Optional[Callable[[float], object]] = None) -> BufferCore:
     """
-    Read the transforms of a bag; on a terminal with a progress bar, where tqdm is installed.
+    Read the transforms of a bag.
 
     :param path: a bag of rosbag2 (its directory, or a file .mcap or .db3), or a .bag of ROS 1.
     :param cache_time: how long transforms are kept, as BufferCore has it; None: all are kept.
@@ -40,6 +38,8 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     :param max_bytes: no chunk and no message may be larger than this, decompressed (bytes); it
         bounds the memory that a damaged or malicious bag can take.
     :param max_samples: how many transforms are kept, as BufferCore has it; None: all.
+    :param on_progress: is called again and again with the part of the bag that has been read, from
+        0 to 1; what it raises ends the reading, and is raised here.
     :returns: a buffer with them; the authority of a frame is the node that sent it, where that was
         recorded: in ROS 1.
     :raises BagError: when it is no bag, is damaged, has no TF, or something in it is too large.
@@ -57,19 +57,18 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
 
     readers: dict[tuple[bool, Form], MessageReader] = {}
     count = 0
-    with progress(1.0, desc=f'reading {path.name}',
-                  bar_format='{desc} {bar} {percentage:.0f} %') as show:
-        content = Content(path, namespace, partial, max_bytes, show)
-        for gathered in _gathered(_records(path, content), cache_time is not None):
-            for stream, messages in gathered.items():
-                key = stream.is_static, stream.form
-                reader = readers.setdefault(key, MessageReader(on_malformed, stream.form))
-                for is_long, some in groupby(messages, lambda message: len(message) > _LONG):
-                    if is_long:
-                        _insert_long(buffer, some, stream, on_malformed)
-                    else:
-                        buffer.insert_messages(some, reader, stream.sender, stream.is_static)
-                count += len(messages)
+    content = Content(path, namespace, partial, max_bytes, on_progress or (lambda done: None))
+    for gathered in _gathered(_records(path, content), cache_time is not None):
+        for stream, messages in gathered.items():
+            key = stream.is_static, stream.form
+            reader = readers.setdefault(key, MessageReader(on_malformed, stream.form))
+            for is_long, some in groupby(messages, lambda message: len(message) > _LONG):
+                if is_long:
+                    _insert_long(buffer, some, stream, on_malformed, content.tick)
+                else:
+                    buffer.insert_pieces(reader.read(some, stream.sender, stream.is_static))
+            count += len(messages)
+    content.tick()
     if not count:
         raise BagError(
             f'nothing of TF can be read of {" ".join(content.damage)}' if content.damage else
@@ -87,17 +86,18 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
 
 
 def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
-                 on_malformed: Callable[[MalformedMessage], None]) -> None:
+                 on_malformed: Callable[[MalformedMessage], None], tick: Callable[[], None]
+                 ) -> None:
     """Insert messages, one transform after the other; of a malformed one, none."""
     for data in messages:
         try:
             for _ in stream.form.rows(data):
-                heed()
+                tick()
         except MalformedMessage as error:
             on_malformed(error)
             continue
         for row in stream.form.rows(data):
-            heed()
+            tick()
             buffer.insert(*row, stream.sender, stream.is_static)
 
 
@@ -111,10 +111,10 @@ def _records(path: Path, content: Content) -> Iterator[tuple[Stream, bytes]]:
     kind = kind_of(path)
     try:
         if kind == '.bag':
-            from dummy_arm.tf import rosbag1
+            from dummy_arm.tf._bag import rosbag1
             yield from rosbag1.records(path, content)
         else:
-            from dummy_arm.tf import rosbag2
+            from dummy_arm.tf._bag import rosbag2
             yield from rosbag2.records(path, content)
     except ImportError as error:
         raise BagError(f'what reads bags cannot be imported ({error}): '

@@ -1,26 +1,29 @@
 """The buffer of tf2_ros: it waits for transforms, and has a node."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 import logging
-from typing import Optional, Union
+from typing import Any, Optional, Union
+from weakref import finalize, ref
 
 from geometry_msgs.msg import TransformStamped
-from rclpy.clock import Clock, TimeJump
+from rclpy.clock import Clock, JumpHandle, JumpThreshold, TimeJump
 from rclpy.context import Context
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidHandle
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.task import Future
 from rclpy.time import Time
 from rclpy.utilities import get_default_context
 
+from dummy_arm.tf._core.engine import debug_tuple
+from dummy_arm.tf._core.times import nanoseconds, SECOND
+from dummy_arm.tf._ros.futures import Waits
+from dummy_arm.tf._ros.messages import FrameGraph
 from dummy_arm.tf.buffer_interface import BufferInterface, NO_WAIT
-from dummy_arm.tf.engine import debug_tuple
 from dummy_arm.tf.message_buffer import message, MessageBufferCore
-from dummy_arm.tf.node_hooks import call_on_jump, serve_frames
-from dummy_arm.tf.times import nanoseconds, SECOND
-from dummy_arm.tf.waits import Waits
 
 
 class Buffer(MessageBufferCore, BufferInterface):
@@ -46,13 +49,13 @@ class Buffer(MessageBufferCore, BufferInterface):
             self, cache_time, max_frames=max_frames, max_samples=max_samples)
         BufferInterface.__init__(self)
         self._futures: Waits = Waits(node)
-        self._intake.refusals.log = get_logger('tf2_buffer').warning
+        self._insertion.refusals.log = get_logger('tf2_buffer').warning
         self._context: Optional[Context] = (
             get_default_context() if node is None else node.context)
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
-            self.srv = serve_frames(node, self)
-        self.jump_handle = call_on_jump(self.clock, self)
+            self.srv = _serve_frames(node, self)
+        self.jump_handle = _call_on_jump(self.clock, self)
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
         """Clear the buffer."""
@@ -71,7 +74,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         """Drop what works in the parent process only: this one was forked."""
         super().after_fork_in_child(was_held)
         self._context = None  # and no logger of rclpy: other threads may have held their locks
-        self._intake.refusals.log = logging.getLogger('dummy_arm.tf').warning
+        self._insertion.refusals.log = logging.getLogger('dummy_arm.tf').warning
         self._futures = Waits(None)
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: Time,
@@ -166,3 +169,39 @@ class Buffer(MessageBufferCore, BufferInterface):
 
 def _seconds(timeout: Duration) -> float:
     return nanoseconds(timeout, 'timeout') / SECOND
+
+
+# What a node and its clock call a buffer for; neither keeps the buffer alive.
+
+
+def _call_on_jump(clock: Clock, buffer: Buffer) -> JumpHandle:
+    """Have `time_jump_callback` called when a clock jumps back by 1 s or more, or is changed."""
+    handle = clock.create_jump_callback(
+        JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1), on_clock_change=True),
+        post_callback=partial(_jumped, ref(buffer)))
+    # The clock knows the handle by its address only.
+    finalize(buffer, _unregister, handle).atexit = False
+    return handle
+
+
+def _serve_frames(node: Node, buffer: Buffer) -> Any:
+    """Offer the service `tf2_frames`; None where tf2_msgs is not installed."""
+    if FrameGraph is None:
+        return None
+    return node.create_service(FrameGraph, 'tf2_frames', partial(_tell, ref(buffer)))
+
+
+def _jumped(buffer_ref: ref[Buffer], time_jump: TimeJump) -> None:
+    if (buffer := buffer_ref()) is not None:
+        buffer.time_jump_callback(time_jump)
+
+
+def _tell(buffer_ref: ref[Buffer], _: Any, response: Any) -> Any:
+    if (buffer := buffer_ref()) is not None:
+        response.frame_yaml = buffer.all_frames_as_yaml()
+    return response
+
+
+def _unregister(handle: JumpHandle) -> None:
+    with suppress(InvalidHandle):  # when the clock is gone already
+        handle.unregister()

@@ -2,8 +2,8 @@
 
 from typing import Any, Optional, Union
 
-from dummy_arm.tf.engine import debug_tuple, Engine
-from dummy_arm.tf.times import nanoseconds_or_int, SECOND
+from dummy_arm.tf._core.engine import debug_tuple, Engine
+from dummy_arm.tf._core.times import nanoseconds_or_int, SECOND
 from dummy_arm.tf.transform import Transform
 
 

@@ -1,6 +1,8 @@
-"""Transforming messages of points, vectors and poses, as tf2_geometry_msgs does."""
+"""Transforming messages of points, vectors, poses and clouds, as tf2_geometry_msgs does."""
 
-from typing import Union
+from array import array
+from copy import copy, deepcopy
+from typing import Any, Union
 
 from geometry_msgs.msg import (
     Point,
@@ -11,27 +13,28 @@ from geometry_msgs.msg import (
     PoseStamped,
     PoseWithCovarianceStamped,
     Quaternion,
+    Transform,
     TransformStamped,
     Vector3,
     Vector3Stamped,
 )
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sensor_msgs.msg import PointCloud2
+from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 from dummy_arm.tf import rotations
+from dummy_arm.tf._core.pose import compose, normalized
+from dummy_arm.tf._core.pose import Pose as FramePose
 from dummy_arm.tf.buffer_interface import from_msg_msg as from_msg_msg
 from dummy_arm.tf.buffer_interface import register_default
 from dummy_arm.tf.buffer_interface import to_msg_msg as to_msg_msg
-from dummy_arm.tf.intake import normalized
-from dummy_arm.tf.point_cloud import do_transform_cloud
-from dummy_arm.tf.pose import compose
-from dummy_arm.tf.pose import Pose as FramePose
 
 #: Below, a squared length is that of no rotation, as in tf2_geometry_msgs.
 _NO_ROTATION = 2.0 ** -52
 _UNTURNED = (0.0, 0.0, 0.0, 1.0)
+#: The types of fields of a cloud: for numpy, and their size (bytes).
+_TYPES = {PointField.FLOAT32: ('f4', 4), PointField.FLOAT64: ('f8', 8)}
 
 
 def do_transform_point(point: PointStamped, transform: TransformStamped) -> PointStamped:
@@ -119,6 +122,53 @@ def _rotation(orientation: Quaternion) -> rotations.Quaternion:
     if x * x + y * y + z * z + w * w < _NO_ROTATION:
         return _UNTURNED
     return normalized(x, y, z, w)
+
+
+def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, TransformStamped]
+                       ) -> PointCloud2:
+    """
+    Transform x, y and z of the points of a cloud; any other field stays as it is.
+
+    :param cloud: of any layout; x, y, z are FLOAT32 or FLOAT64. A point of NaN stays NaN.
+    :param transform: from the frame of the cloud. The result has its header, if it has one.
+    :returns: another cloud, with data of its own.
+    :raises ValueError: when there is no x, y or z, or the layout does not fit the data.
+    """
+    result = copy(cloud)
+    result.fields = list(cloud.fields)
+    if isinstance(transform, TransformStamped):
+        result.header = deepcopy(transform.header)
+        transform = transform.transform
+    data = array('B', bytes(cloud.data))
+    points = [_column(cloud, name, data) for name in 'xyz']
+    rotation = rotations.matrix([transform.rotation.x, transform.rotation.y,
+                                 transform.rotation.z, transform.rotation.w])
+    translation = transform.translation.x, transform.translation.y, transform.translation.z
+    xyz = [column.astype(np.float64) for column in points]
+    for column, row, offset in zip(points, rotation, translation):
+        column[...] = row[0] * xyz[0] + row[1] * xyz[1] + row[2] * xyz[2] + offset
+    result.data = data
+    return result
+
+
+def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.floating[Any]]:
+    """View one field of all points in the data, (height, width)."""
+    field = next((field for field in cloud.fields if field.name == name), None)
+    if field is None or field.datatype not in _TYPES:
+        names = ', '.join(f'{field.name} (datatype {field.datatype})' for field in cloud.fields)
+        raise ValueError(f'the cloud needs a field {name} of FLOAT32 or FLOAT64, it has {names}')
+    kind, size = _TYPES[field.datatype]
+    rows, columns, point_step = cloud.height, cloud.width, cloud.point_step
+    row_step = cloud.row_step if rows > 1 else columns * point_step
+    if (field.offset + size > point_step or row_step < columns * point_step
+            or (len(data) < (rows - 1) * row_step + columns * point_step and rows * columns)):
+        raise ValueError(
+            f'the layout does not fit: {rows} x {columns} points of {point_step} bytes, '
+            f'{row_step} bytes a row, {name} at byte {field.offset}, in {len(data)} bytes of data')
+    view: NDArray[np.floating[Any]] = np.ndarray(
+        (rows, columns), ('>' if cloud.is_bigendian else '<') + kind, data,
+        field.offset if rows * columns else 0, (row_step, point_step))
+    return view
 
 
 register_default(PointStamped, do_transform_point)

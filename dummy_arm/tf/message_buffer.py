@@ -6,12 +6,11 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from dummy_arm.tf.engine import debug_tuple, Engine
-from dummy_arm.tf.frames import as_dot
-from dummy_arm.tf.pose import Pose
-from dummy_arm.tf.times import nanoseconds, SECOND
-from dummy_arm.tf.transform_stamped import bad_fields_named, message_of, row_of
-from dummy_arm.tf.wire import Row
+from dummy_arm.tf._core.engine import debug_tuple, Engine
+from dummy_arm.tf._core.frames import as_dot
+from dummy_arm.tf._core.pose import Pose, Row
+from dummy_arm.tf._core.times import nanoseconds, SECOND
+from dummy_arm.tf._ros.transform_stamped import bad_fields_named, message_of, row_of
 
 _LATEST = Time()
 

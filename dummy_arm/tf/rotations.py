@@ -6,16 +6,22 @@ out is of unit length, unless it is said otherwise.
 """
 
 from collections.abc import Iterable
+from itertools import product
 import math
 import sys
+from typing import Union
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from transforms3d import euler, quaternions
 
-from dummy_arm.tf.euler_axes import Axes, code_of
+from dummy_arm.tf._core.pose import Quaternion as Quaternion
 
-Quaternion = tuple[float, float, float, float]
+#: First axis, parity, repetition, frame, as in K. Shoemake, Euler Angle Conversion, Graphics
+#: Gems IV (1994).
+Code = tuple[int, int, int, int]
+#: Such as 'sxyz' or (0, 0, 0, 0).
+Axes = Union[str, Code]
 
 #: What rounding leaves of zero.
 _ROUNDING = 4.0 * sys.float_info.epsilon
@@ -33,7 +39,7 @@ def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') 
     :raises ValueError: when an angle is not finite, or there are no such axes.
     """
     angles = _numbers((ai, aj, ak), 3, 'Euler angles must be three finite numbers (rad)')
-    return _xyzw(euler.euler2quat(*angles, code_of(axes)))
+    return _xyzw(euler.euler2quat(*angles, _code_of(axes)))
 
 
 def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
@@ -50,7 +56,7 @@ def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
 
     :raises ValueError: when it is no rotation, or there are no such axes.
     """
-    i, parity, repetition, frame = code_of(axes)
+    i, parity, repetition, frame = _code_of(axes)
     q = _unit(quaternion)
     if max(q, key=abs) < 0.0:
         q = _divided(q, -1.0)
@@ -247,3 +253,33 @@ def _wrapped(angle: float) -> float:
     """Take whole turns away, to (-pi, pi]."""
     rest = math.remainder(angle, math.tau)
     return math.pi if rest == -math.pi else rest + 0.0
+
+
+def _all_codes() -> dict[Axes, Code]:
+    """List the codes of all conventions, by their names and by themselves."""
+    codes: dict[Axes, Code] = {}
+    for i, parity, repetition, frame in product(range(3), range(2), range(2), range(2)):
+        j = (i + 1 + parity) % 3
+        order = [i, j, i if repetition else 3 - i - j]
+        name = ''.join('xyz'[axis] for axis in (reversed(order) if frame else order))
+        codes['sr'[frame] + name] = codes[i, parity, repetition, frame] = (
+            i, parity, repetition, frame)
+    return codes
+
+
+_CODES = _all_codes()
+
+
+def _code_of(axes: Axes) -> Code:
+    """
+    Find the code of a convention.
+
+    :raises ValueError: when there is no such convention.
+    """
+    try:
+        return _CODES[axes.lower() if isinstance(axes, str) else axes]
+    except (KeyError, TypeError):
+        raise ValueError(
+            "axes must be 's' (they stay) or 'r' (they turn with the body) and three of x, y, z, "
+            "neighbours differing, such as 'sxyz', 'rzyx' or 'szxz', or the code of such, as "
+            f'(0, 0, 0, 0) is of sxyz; got {axes!r}') from None

@@ -8,10 +8,10 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from dummy_arm.tf import wire
-from dummy_arm.tf.message import TFMessage
-from dummy_arm.tf.qos import profile
-from dummy_arm.tf.transform_stamped import as_list, bad_fields_named, fields_to_send
+from dummy_arm.tf._ros.messages import TFMessage
+from dummy_arm.tf._ros.qos import profile
+from dummy_arm.tf._ros.transform_stamped import as_list, bad_fields_named, fields_to_send
+from dummy_arm.tf._wire import cdr
 
 
 class StaticTransformBroadcaster:
@@ -33,7 +33,7 @@ class StaticTransformBroadcaster:
         self.pub_tf = node.create_publisher(
             TFMessage, '/tf_static',
             profile(qos, 1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
-        self._sent: dict[str, wire.Fields] = {}
+        self._sent: dict[str, cdr.Fields] = {}
         self._lock = Lock()
 
     def sendTransform(  # noqa: N802
@@ -49,6 +49,6 @@ class StaticTransformBroadcaster:
             sent = dict(self._sent)
             for fields in fields_to_send(transforms):
                 sent[fields[3].removeprefix('/')] = fields
-            data = wire.pack_fields(sent.values())
+            data = cdr.pack_fields(sent.values())
             self._sent = sent
             self.pub_tf.publish(data)

@@ -1,12 +1,13 @@
 """The value that a lookup gives."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dummy_arm.tf import rotations
-from dummy_arm.tf.rotations import Quaternion
+from dummy_arm.tf._core.pose import Quaternion
+from dummy_arm.tf._core.times import nanoseconds
 
 Vector = tuple[float, float, float]
 
@@ -25,6 +26,18 @@ class Transform(NamedTuple):
     child_frame_id: str
     translation: Vector = (0.0, 0.0, 0.0)  #: x, y, z (m)
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)  #: x, y, z, w
+
+    @classmethod
+    def from_message(cls, message: Any) -> 'Transform':
+        """
+        Create the transform of a message.
+
+        :param message: a geometry_msgs/TransformStamped, or what has its fields.
+        """
+        stamp, transform = message.header.stamp, message.transform
+        t, r = transform.translation, transform.rotation
+        return cls(nanoseconds(stamp), message.header.frame_id, message.child_frame_id,
+                   (t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
 
     def matrix(self) -> NDArray[np.float64]:
         """Write it as a homogenous (4, 4) matrix."""

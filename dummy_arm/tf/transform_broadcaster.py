@@ -10,16 +10,16 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
-from dummy_arm.tf import wire
-from dummy_arm.tf.message import TFMessage
-from dummy_arm.tf.times import nanoseconds_or_int
-from dummy_arm.tf.transform_stamped import (
+from dummy_arm.tf._core.times import nanoseconds_or_int
+from dummy_arm.tf._ros.messages import TFMessage
+from dummy_arm.tf._ros.transform_stamped import (
     as_list,
     bad_fields_named,
     check_edge,
     check_poses,
     fields_to_send,
 )
+from dummy_arm.tf._wire import cdr
 
 
 class TransformBroadcaster:
@@ -50,7 +50,7 @@ class TransformBroadcaster:
         """
         transforms = as_list(transform)
         with bad_fields_named(transforms):
-            self.pub_tf.publish(wire.pack_fields(fields_to_send(transforms)))
+            self.pub_tf.publish(cdr.pack_fields(fields_to_send(transforms)))
 
     def prepare(self, edges: Sequence[tuple[str, str]]) -> 'PreparedTransforms':
         """
@@ -75,7 +75,7 @@ class PreparedTransforms:
                 raise TypeError(f'an edge must be two names, frame_id and child_frame_id; '
                                 f'got {edge!r}')
             check_edge(*edge)
-        self._packet = wire.Packet(self.edges)
+        self._packet = cdr.Packet(self.edges)
         self._publisher = publisher
 
     def send(self, stamp: Any, poses: ArrayLike) -> None:

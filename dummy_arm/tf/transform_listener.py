@@ -12,18 +12,19 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from dummy_arm.tf import wire
+from dummy_arm.tf._core.engine import Engine, Source
+from dummy_arm.tf._core.pose import Piece
+from dummy_arm.tf._core.texts import Refusals
+from dummy_arm.tf._ros.listener_thread import ListenerThread, Round
+from dummy_arm.tf._ros.messages import TFMessage
+from dummy_arm.tf._ros.qos import profile
+from dummy_arm.tf._ros.rclpy_private import subscribe
+from dummy_arm.tf._ros.subscription import AUTHORITY, Misfits, SubscriptionSource, Topic
+from dummy_arm.tf._ros.transform_stamped import message_of_fields, row_of
+from dummy_arm.tf._wire import cdr
 from dummy_arm.tf.buffer_core import BufferCore
-from dummy_arm.tf.engine import Engine, Source
-from dummy_arm.tf.listening import ListenerThread, Round
-from dummy_arm.tf.message import TFMessage
 from dummy_arm.tf.message_buffer import MessageBufferCore
-from dummy_arm.tf.message_reader import Piece
-from dummy_arm.tf.qos import profile
-from dummy_arm.tf.refusals import Refusals
-from dummy_arm.tf.subscribing import AUTHORITY, Misfits, subscribe, SubscriptionSource, Topic
 from dummy_arm.tf.transform import Transform
-from dummy_arm.tf.transform_stamped import message_of_fields, row_of
 
 
 class _CallbackSource:
@@ -123,9 +124,10 @@ class TransformListener:
         #: Held for a moment, in which no other lock is taken; reentrant, since a signal handler or
         #: the garbage collector may end the listener just then.
         self._switching = RLock()
-        self.tf_sub = subscribe(node, '/tf', self.callback, profile(qos, 100), self.group)
+        self.tf_sub = subscribe(
+            node, TFMessage, '/tf', self.callback, profile(qos, 100), self.group)
         self.tf_static_sub = subscribe(
-            node, '/tf_static', self.static_callback,
+            node, TFMessage, '/tf_static', self.static_callback,
             profile(static_qos, 100, durability=DurabilityPolicy.TRANSIENT_LOCAL), self.group)
         self._misfits = Misfits(self.tf_sub), Misfits(self.tf_static_sub)
         self._thread = ListenerThread(node, self.group, self.tf_static_sub, self.tf_sub,
@@ -234,14 +236,14 @@ class TransformListener:
             for data, _ in arrived:
                 has_news = True
                 try:
-                    callback(TFMessage(transforms=[*map(message_of_fields, wire.fields(data))]))
+                    callback(TFMessage(transforms=[*map(message_of_fields, cdr.fields(data))]))
                 except BaseException as error:  # SystemExit, too, must not end this thread
                     self._on_fault(error)
         return has_news
 
     def _on_fault(self, error: BaseException) -> None:
         """Count a malformed message and note its kind once; note other errors once a second."""
-        if isinstance(error, wire.MalformedMessage):
+        if isinstance(error, cdr.MalformedMessage):
             self.malformed += 1
             self._faults.tell_once(str(error).partition(':')[0], (
                 f'Dropped a message that cannot be decoded, {error}. Others of this kind are '

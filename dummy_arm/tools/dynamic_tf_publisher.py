@@ -9,8 +9,8 @@ from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from dummy_arm.command import Parser, run, UsageError
-from dummy_arm.node_command import run_node
+from dummy_arm.cli.node import run_node
+from dummy_arm.cli.parser import Parser, run, UsageError
 from dummy_arm.tf import TransformBroadcaster
 from dummy_arm.tf.rotations import quaternion_from_euler
 

@@ -13,11 +13,11 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 from yaml import safe_load, YAMLError
 
-from dummy_arm.command import CommandError, number, Parser, run, UsageError
-from dummy_arm.interruption import sleep
-from dummy_arm.node_command import spun_node
-from dummy_arm.tf.hints import nearest
-from dummy_arm.tools.waiting import wait
+from dummy_arm.cli.node import spun_node
+from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
+from dummy_arm.cli.progress import wait
+from dummy_arm.cli.signals import sleep
+from dummy_arm.tf.texts import nearest
 
 #: How long a node is waited for, and its answer (s).
 PATIENCE = 5.0

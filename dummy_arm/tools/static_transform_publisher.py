@@ -11,8 +11,8 @@ from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
-from dummy_arm.command import number, Parser, run, UsageError
-from dummy_arm.node_command import run_node
+from dummy_arm.cli.node import run_node
+from dummy_arm.cli.parser import number, Parser, run, UsageError
 from dummy_arm.tf import StaticTransformBroadcaster
 from dummy_arm.tf.rotations import quaternion_from_euler
 

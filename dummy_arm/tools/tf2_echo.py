@@ -7,14 +7,13 @@ from math import degrees
 from time import monotonic
 from typing import Optional
 
-from dummy_arm.command import CommandError, number, Parser, run, UsageError
-from dummy_arm.interruption import sleep
+from dummy_arm.cli.bag_options import add_bag_options, read_bag
+from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
+from dummy_arm.cli.signals import sleep
+from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import Transform, TransformException
 from dummy_arm.tf.rotations import euler_from_quaternion
-from dummy_arm.tf.texts import logged, visible_lines
-from dummy_arm.tf.times import SECOND
-from dummy_arm.tools.bag_options import add_bag_options, read_bag
-from dummy_arm.tools.screen import fixed_point
+from dummy_arm.tf.texts import logged, SECOND, visible_lines
 
 RATE = 1.0  # Hz
 PRECISION = 3
@@ -91,9 +90,8 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
           once: bool, ros_args: Sequence[str]) -> int:
     from rclpy.time import Time
 
-    from dummy_arm.node_command import spun_node
-    from dummy_arm.tf.transform_stamped import row_of
-    from dummy_arm.tools.frame_listener import FrameListener
+    from dummy_arm.cli.node import spun_node
+    from dummy_arm.inspection.frame_listener import FrameListener
     with spun_node('tf2_echo', ros_args) as node:
         listening = FrameListener(node)
         while why := listening.why_not(source_frame, target_frame, time):
@@ -106,9 +104,8 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
                 sleep(_BETWEEN_LOOKS)
         while True:
             try:
-                stamp, parent, child, pose = row_of(listening.buffer.lookup_transform(
-                    source_frame, target_frame, Time(nanoseconds=time)))
-                print(text_of(Transform(stamp, parent, child, pose[:3], pose[3:]), precision))
+                print(text_of(Transform.from_message(listening.buffer.lookup_transform(
+                    source_frame, target_frame, Time(nanoseconds=time))), precision))
                 if once:
                     return 0
             except TransformException as error:

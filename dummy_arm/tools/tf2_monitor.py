@@ -3,18 +3,63 @@
 from collections.abc import Iterator, Sequence
 from typing import Optional, TYPE_CHECKING
 
-from dummy_arm.command import Parser, run, UsageError
-from dummy_arm.interruption import sleep
-from dummy_arm.tf.texts import shortened
-from dummy_arm.tools.screen import column, padded, show, width, wrapped
-from dummy_arm.tools.traffic import Stream, Traffic, WINDOW
+from dummy_arm.cli.parser import Parser, run, UsageError
+from dummy_arm.cli.signals import sleep
+from dummy_arm.inspection.terminal import column, padded, show, width, wrapped
+from dummy_arm.inspection.traffic import Delays, Stream, summed_up, Traffic, WINDOW
+from dummy_arm.tf import TransformException
+from dummy_arm.tf.texts import SECOND, shortened, visible
 
 if TYPE_CHECKING:
-    from dummy_arm.tools.chain import Chain
-    from dummy_arm.tools.frame_listener import FrameListener
+    from dummy_arm.inspection.frame_listener import FrameListener
 
 _SAMPLES = 20
 _REFRESH = 1.0  # s
+
+
+class Chain:
+    """The way between two frames, and how old its newest transform is in the course of time."""
+
+    def __init__(self, listening: 'FrameListener', ends: tuple[str, str]) -> None:
+        """
+        Begin to look.
+
+        :param ends: the frames.
+        """
+        self._listening, self.ends = listening, ends
+        self._ages, self._latest = Delays(), 0
+
+    def sample(self) -> None:
+        """Look how old the newest transform is, if there is any that moves."""
+        now, before = self._listening.now(), self._latest
+        self._latest = now
+        if now < before - SECOND:  # time was set back; the buffer is cleared by the next time
+            self._ages.clear()
+            return
+        try:
+            latest = self._listening.buffer.get_latest_common_time(*self.ends).nanoseconds
+        except TransformException:  # which `lines` tells
+            return
+        if latest:
+            self._ages.add(now, now - latest)
+
+    def frames(self) -> list[str]:
+        """List the frames; none while they are not connected."""
+        first, last = self.ends
+        try:
+            return self._listening.buffer.chain(last, first)
+        except TransformException:
+            return []
+
+    def lines(self) -> list[str]:
+        """Tell it."""
+        first, last = self.ends
+        if why := self._listening.why_not(first, last):
+            return wrapped(visible(f'Waiting for transform {first} ->  {last}: {why}'))
+        age = summed_up([self._ages], self._listening.now())
+        return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',
+                'Net delay     none: nothing moves' if age is None else
+                f'Net delay     avg = {age.average_delay:.6f} s: max = {age.maximum_delay:.6f} s']
 
 
 def lines_of(streams: Sequence[Stream]) -> list[str]:
@@ -71,9 +116,8 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
                  if name is not None)
     if len(ends) == 1 or not all(ends):
         raise UsageError('give two frames, or none for all')
-    from dummy_arm.node_command import spun_node
-    from dummy_arm.tools.chain import Chain
-    from dummy_arm.tools.frame_listener import FrameListener
+    from dummy_arm.cli.node import spun_node
+    from dummy_arm.inspection.frame_listener import FrameListener
     with spun_node('tf2_monitor', ros_args) as node:
         traffic = Traffic(lambda: int(node.get_clock().now().nanoseconds))
         listening = FrameListener(node)
@@ -90,7 +134,7 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
             show(_results(listening, traffic, chain, dropped))
 
 
-def _results(listening: 'FrameListener', traffic: Traffic, chain: 'Optional[Chain]',
+def _results(listening: 'FrameListener', traffic: Traffic, chain: Optional[Chain],
              dropped: int) -> list[str]:
     streams = traffic.streams(listening.listener.names_of, listening.listener.present)
     if not streams:

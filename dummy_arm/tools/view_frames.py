@@ -8,20 +8,18 @@ from pathlib import Path
 import sys
 from typing import Optional, TYPE_CHECKING
 
-from dummy_arm.command import CommandError, number, Parser, run, UsageError
-from dummy_arm.interruption import sleep
-from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.hints import nearest
-from dummy_arm.tf.texts import shortened, visible
-from dummy_arm.tf.times import display, in_seconds
-from dummy_arm.tools.bag_options import add_bag_options, read_bag
-from dummy_arm.tools.forest import Forest, frequency
-from dummy_arm.tools.frame_graph import as_dot, draw
-from dummy_arm.tools.screen import column, height, padded, show, width, wrapped
-from dummy_arm.tools.waiting import wait
+from dummy_arm.cli.bag_options import add_bag_options, read_bag
+from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
+from dummy_arm.cli.progress import wait
+from dummy_arm.cli.signals import heed, sleep
+from dummy_arm.inspection.forest import Forest, frequency
+from dummy_arm.inspection.graph import as_dot, draw, DrawingError
+from dummy_arm.inspection.terminal import column, height, padded, show, width, wrapped
+from dummy_arm.tf import Frame
+from dummy_arm.tf.texts import display, in_seconds, nearest, shortened, visible
 
 if TYPE_CHECKING:
-    from dummy_arm.tools.frame_listener import FrameListener
+    from dummy_arm.inspection.frame_listener import FrameListener
 
 FORMS = ('.pdf', '.svg', '.png')
 NO_FORMS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
@@ -106,8 +104,8 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
 def _heard(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str]
            ) -> tuple[list[Frame], int]:
     """Listen for a while; tell the frames, and the time (ns)."""
-    from dummy_arm.node_command import spun_node
-    from dummy_arm.tools.frame_listener import FrameListener
+    from dummy_arm.cli.node import spun_node
+    from dummy_arm.inspection.frame_listener import FrameListener
     with spun_node('view_frames', ros_args) as node:
         listening = FrameListener(node, max(10.0, seconds))
         while watch:
@@ -180,8 +178,8 @@ def save(forest: Forest, now: int, path: Path) -> None:
         if (count := len(forest.names)) > MOST:
             raise CommandError(f'{count} frames are too many to draw; the limit is {MOST}: draw '
                                'a part, by --root FRAME, or print the tree, by --text')
-        drawn = draw(dot, path.suffix[1:].lower())
-    except CommandError as error:
+        drawn = draw(dot, path.suffix[1:].lower(), heed)
+    except (CommandError, DrawingError) as error:
         write(beside, dot.encode())
         raise CommandError(f'{error}; wrote {beside}') from None
     write(path, drawn)

@@ -7,9 +7,9 @@ import re
 from time import monotonic
 from typing import Optional, TYPE_CHECKING
 
-from dummy_arm.command import Parser, run
-from dummy_arm.interruption import sleep
-from dummy_arm.tools.bag_options import add_bag_options, read_bag
+from dummy_arm.cli.bag_options import add_bag_options, read_bag
+from dummy_arm.cli.parser import Parser, run
+from dummy_arm.cli.signals import sleep
 
 if TYPE_CHECKING:
     from dummy_arm.view.source import Source
@@ -37,8 +37,8 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[str] = N
         from dummy_arm.view.source import Bag
         _show(Bag(buffer, Path(bag or '').name), host, port)
     else:
-        from dummy_arm.node_command import spun_node
-        from dummy_arm.view.live import Live
+        from dummy_arm.cli.node import spun_node
+        from dummy_arm.view.source import Live
         with spun_node('web_view', ros_args) as node:
             _show(Live(node), host, port)
     return 0

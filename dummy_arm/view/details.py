@@ -7,12 +7,10 @@ from math import degrees
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.hints import some
+from dummy_arm.inspection.terminal import fixed_point
+from dummy_arm.tf import Frame
 from dummy_arm.tf.rotations import euler_from_quaternion
-from dummy_arm.tf.texts import visible
-from dummy_arm.tf.times import SECOND
-from dummy_arm.tools.screen import fixed_point
+from dummy_arm.tf.texts import SECOND, some, visible
 from dummy_arm.view.rods import TIMEOUT
 from dummy_arm.view.shown import REACH, Shown
 from dummy_arm.view.source import Source

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf.pose import compose
+from dummy_arm.tf.rotations import quaternion_multiply
 from dummy_arm.view.shown import Shown
 
 #: After so long without news a frame is gone (s); rviz's Frame Timeout.
@@ -16,6 +16,8 @@ _AXES = (
     ((0.0, _HALF, 0.0, _HALF), (200, 0, 0)),
     ((-_HALF, 0.0, 0.0, _HALF), (0, 130, 0)),
     ((0.0, 0.0, 0.0, 1.0), (0, 40, 210)))
+#: For each axis the matrix by which a quaternion (a row) is multiplied to be turned by it first.
+_TURNS = [np.array([quaternion_multiply(unit, turn) for unit in np.eye(4)]) for turn, _ in _AXES]
 _LINE = (205, 135, 0)
 _GREY = 178
 _AXIS_RADIUS, _LINE_RADIUS = 0.05, 0.025
@@ -43,9 +45,7 @@ def rods(shown: Shown, size: float, selected: str = '') -> Rods:
     """
     count = len(shown.names)
     translations, rotations = shown.points, shown.poses[:, 3:]
-    none = np.zeros(count)
-    turns = [np.column_stack(compose((none, none, none, *rotations.T), (0.0, 0.0, 0.0, *turn))[3:])
-             for turn, _ in _AXES]
+    turns = [rotations @ turn for turn in _TURNS]
     colourfulness, thickness = fading(shown.ages)
     line_radii = thickness * size * _LINE_RADIUS
     axis_radii = thickness * size * _AXIS_RADIUS

@@ -17,7 +17,7 @@ import warnings
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.command import CommandError, UsageError
+from dummy_arm.cli.parser import CommandError, UsageError
 
 #: As in setup.py; bounded above, since what is not public of viser is used here.
 VISER = 'viser>=1.1,<1.2'

@@ -9,10 +9,9 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf import Transform
-from dummy_arm.tf.frames import Frame
-from dummy_arm.tf.times import in_seconds
-from dummy_arm.tools.forest import Forest
+from dummy_arm.inspection.forest import Forest
+from dummy_arm.tf import Frame, Transform
+from dummy_arm.tf.texts import in_seconds
 from dummy_arm.view.source import AnyBuffer
 
 #: How far apart the roots of trees are shown that nothing connects (m, along -y).

@@ -19,9 +19,10 @@ class Metaclass_TFMessage(type):  # noqa: N801
     @classmethod
     def __import_type_support__(cls):
         """Load the type support, when rclpy asks for it."""
-        from dummy_arm.tf import tf_message, type_support
-        # What has rclpy take and send objects of that class as bytes does so with these.
-        tf_message.TFMessage, tf_message._serialize = TFMessage, _serialize
+        from dummy_arm.tf._ros.rclpy_private import _exchange_bytes
+        from dummy_arm.tf._tf2_msgs import type_support
+        if cls._TYPE_SUPPORT is None:
+            _exchange_bytes(TFMessage, _serialize)
         cls._CREATE_ROS_MESSAGE = type_support.CREATE_ROS_MESSAGE
         cls._CONVERT_FROM_PY = type_support.CONVERT_FROM_PY
         cls._CONVERT_TO_PY = type_support.CONVERT_TO_PY
@@ -69,12 +70,12 @@ class TFMessage(metaclass=Metaclass_TFMessage):
         self._transforms = value
 
 
-def _serialize(message):
+def _serialize(transforms):
     """Convert each transform by the code that a compiler made for it, unchecked."""
     from rclpy.serialization import deserialize_message, serialize_message
 
-    from dummy_arm.tf import wire
-    from dummy_arm.tf.transform_stamped import fields_of
-    return wire.pack_fields(
+    from dummy_arm.tf._ros.transform_stamped import fields_of
+    from dummy_arm.tf._wire import cdr
+    return cdr.pack_fields(
         fields_of(deserialize_message(serialize_message(transform), TransformStamped))
-        for transform in message.transforms)
+        for transform in transforms)

@@ -1,0 +1,67 @@
+"""The commands' entry points; light, so that Ctrl-C is a normal end while they still import."""
+
+from importlib import import_module
+import sys
+
+from dummy_arm.cli.signals import has_come, ignore_signals, note_signals
+
+_ROS = 'rclpy', 'builtin_interfaces', 'geometry_msgs', 'rcl_interfaces', 'std_msgs'
+
+
+def dummy_arm() -> int:
+    """Run `dummy_arm.dummy_arm`."""
+    return _run('dummy_arm.dummy_arm')
+
+
+def dynamic_tf_publisher() -> int:
+    """Run `dummy_arm.tools.dynamic_tf_publisher`."""
+    return _run('dummy_arm.tools.dynamic_tf_publisher')
+
+
+def param() -> int:
+    """Run `dummy_arm.tools.param`."""
+    return _run('dummy_arm.tools.param')
+
+
+def static_transform_publisher() -> int:
+    """Run `dummy_arm.tools.static_transform_publisher`."""
+    return _run('dummy_arm.tools.static_transform_publisher')
+
+
+def tf2_echo() -> int:
+    """Run `dummy_arm.tools.tf2_echo`."""
+    return _run('dummy_arm.tools.tf2_echo')
+
+
+def tf2_monitor() -> int:
+    """Run `dummy_arm.tools.tf2_monitor`."""
+    return _run('dummy_arm.tools.tf2_monitor')
+
+
+def view_frames() -> int:
+    """Run `dummy_arm.tools.view_frames`."""
+    return _run('dummy_arm.tools.view_frames')
+
+
+def web_view() -> int:
+    """Run `dummy_arm.tools.web_view`."""
+    return _run('dummy_arm.tools.web_view')
+
+
+def _run(module: str) -> int:
+    note_signals()  # raised while modules import, KeyboardInterrupt becomes other errors
+    try:
+        main = import_module(module).main
+        return 0 if has_come() else int(main())
+    except KeyboardInterrupt:
+        return 0
+    except ModuleNotFoundError as error:
+        if error.name not in _ROS:
+            raise
+        print(f'{module.rpartition(".")[2]}: ROS is needed for this, and {error.name} cannot be '
+              "imported: pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces, or "
+              'source the setup file of a ROS installation. view_frames, tf2_echo and web_view '
+              'take a bag without ROS: --bag FILE', file=sys.stderr)
+        return 1
+    finally:
+        ignore_signals()

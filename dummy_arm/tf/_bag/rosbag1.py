@@ -1,0 +1,183 @@
+"""
+The messages of TF in a bag of ROS 1, one after the other: its index may be larger than they.
+
+A bag is `#ROSBAG V2.0`, a newline, and records. A record is a header and data, each with a uint32
+length before it. A header has fields, each a uint32 length, a name, `=` and a value.
+
+No length in a file is believed: each is compared with what is left of the file or chunk, and with
+`max_bytes`, before so much is read.
+"""
+
+from collections.abc import Iterator
+from os import SEEK_CUR
+from pathlib import Path
+import re
+import struct
+from typing import BinaryIO, Optional
+
+from dummy_arm.tf._bag.content import Content, NOT_RECORDED, Stream
+from dummy_arm.tf._bag.decompression import Buffer, decompressed, Oversized, read
+from dummy_arm.tf._wire import ros1
+
+_Records = Iterator[tuple[Stream, bytes]]
+_Fields = dict[bytes, bytes]
+
+_MAGIC = b'#ROSBAG V2.0\n'
+_MESSAGE, _BAG, _CHUNK, _CONNECTION = b'\x02', b'\x03', b'\x05', b'\x07'
+_ADVANCE = 100
+_unpack_length = struct.Struct('<I').unpack_from
+
+
+class _CutOff(EOFError):
+    """A file or a chunk ends in the midst of a record."""
+
+    def __init__(self) -> None:
+        super().__init__('it ends in the midst of a record')
+
+
+def records(path: Path, content: Content) -> _Records:
+    """
+    Read the messages, in the order in which they lie in the file.
+
+    :param content: learns what there is and, of a partial bag, what is wrong.
+    :raises Exception: of many types, where the file is damaged.
+    """
+    size = path.stat().st_size
+    with path.open('rb') as file:
+        if file.read(len(_MAGIC)) != _MAGIC:
+            raise ValueError('its version is not 2.0')
+        reader = _Reader(path, content, file, size)
+        fields, length = reader.head()
+        if fields[b'op'] != _BAG:
+            raise ValueError('it does not begin with the header of a bag')
+        if fields.get(b'encryptor'):
+            raise ValueError('it is encrypted')
+        has_index = 0 < int.from_bytes(fields[b'index_pos'], 'little') <= size
+        if not has_index and not content.partial:
+            raise EOFError('it has no index')
+        file.seek(length, SEEK_CUR)
+        number = 0
+        while file.tell() < size:
+            content.tick()
+            if number % _ADVANCE == 0:
+                content.advance(file.tell() / size)
+            yield from reader.record()
+            number += 1
+        if not has_index:
+            raise EOFError('it has no index')
+
+
+class _Reader:
+    """Reads the records of a file."""
+
+    def __init__(self, path: Path, content: Content, file: BinaryIO, size: int) -> None:
+        """
+        Keep what is given.
+
+        :param size: of the file (bytes).
+        """
+        self._path, self._content, self._file, self._size = path, content, file, size
+        self._streams: dict[bytes, Optional[Stream]] = {}
+
+    def head(self) -> tuple[_Fields, int]:
+        """Read the header of a record, and the length of its data."""
+        file = self._file
+        length = int.from_bytes(file.read(4), 'little')
+        if length > self._size - file.tell():
+            raise _CutOff
+        if length > self._content.max_bytes:
+            raise Oversized('the header of a record', str(length), self._content.max_bytes)
+        fields = _fields(read(file, length, self._content.tick))
+        data = file.read(4)
+        if len(data) < 4:
+            raise _CutOff
+        return fields, int.from_bytes(data, 'little')
+
+    def record(self) -> _Records:
+        """Read a record: a message, what is known of a connection, or a chunk of these."""
+        fields, size = self.head()
+        kind = fields[b'op']
+        if kind not in (_CHUNK, _CONNECTION) and not (
+                kind == _MESSAGE and self._streams.get(fields[b'conn'])):
+            self._file.seek(size, SEEK_CUR)
+            return
+        if size > self._content.max_bytes:
+            self._content.meet(self._path, Oversized(
+                'a record', str(size), self._content.max_bytes))
+            self._file.seek(size, SEEK_CUR)
+            return
+        data = read(self._file, min(size, self._size - self._file.tell()), self._content.tick)
+        is_whole = len(data) == size
+        if kind == _CHUNK:
+            try:
+                yield from self._chunk(fields, data, is_whole)
+            except Exception as error:
+                if not is_whole:
+                    raise
+                self._content.meet(self._path, error)
+        if not is_whole:
+            raise _CutOff
+        if kind == _CONNECTION:
+            self._learn(fields, data)
+        elif kind == _MESSAGE and (stream := self._streams[fields[b'conn']]):
+            yield stream, bytes(data)
+
+    def _chunk(self, fields: _Fields, data: Buffer, is_whole: bool) -> _Records:
+        """Read the records of a chunk."""
+        method = fields[b'compression'].decode()
+        if is_whole or method != 'none':
+            data = decompressed(
+                data, '' if method == 'none' else method, _unpack_length(fields[b'size'])[0],
+                self._content.max_bytes, 'chunk', self._content.tick)
+        position, end = 0, len(data)
+        while position < end:
+            self._content.tick()
+            if position + 4 > end:
+                raise _CutOff
+            start = position + 4 + _unpack_length(data, position)[0]
+            if start + 4 > end:
+                raise _CutOff
+            fields = _fields(data[position + 4:start])
+            position = start + 4 + _unpack_length(data, start)[0]
+            if position > end:
+                raise _CutOff
+            kind = fields[b'op']
+            if kind == _MESSAGE:
+                if stream := self._streams.get(fields[b'conn']):
+                    yield stream, bytes(data[start + 4:position])
+            elif kind == _CONNECTION:
+                self._learn(fields, data[start + 4:position])
+            elif kind == _CHUNK:
+                raise ValueError('a chunk lies in a chunk')
+
+    def _learn(self, fields: _Fields, data: Buffer) -> None:
+        """Keep what there is to know of a connection."""
+        about = _fields(data)
+        msgtype = re.sub('^([^/]+)/([^/]+)$', r'\1/msg/\2', _text(about[b'type']))
+        self._streams[fields[b'conn']] = self._content.stream(
+            _text(fields[b'topic']), msgtype,
+            _text(about.get(b'callerid', b'')) or NOT_RECORDED, ros1)
+
+
+def _fields(header: Buffer) -> _Fields:
+    """
+    Read the fields of a header.
+
+    :raises ValueError: if it is damaged.
+    """
+    fields = {}
+    position, end = 0, len(header)
+    while position < end:
+        if position + 4 > end:
+            raise ValueError('a header of a record is damaged')
+        start = position + 4
+        position = start + _unpack_length(header, position)[0]
+        name, found, value = bytes(header[start:position]).partition(b'=')
+        if not found or position > end:
+            raise ValueError('a header of a record is damaged')
+        fields[name] = value
+    return fields
+
+
+def _text(value: bytes) -> str:
+    return value.decode(errors='replace')

@@ -1,0 +1,199 @@
+"""
+Poses of frames in other frames: composed, inverted, interpolated, normalised; and their messages.
+
+A pose is seven numbers: x, y, z (m) and the quaternion x, y, z, w of its rotation. The functions
+for many poses take and return columns: seven arrays, one for each number.
+"""
+
+from array import array
+from math import acos, nan, sin, sqrt
+from typing import Any, NamedTuple, Union
+
+import numpy as np
+
+#: x, y, z (m) and the rotation's quaternion x, y, z, w.
+Pose = tuple[float, float, float, float, float, float, float]
+#: The quaternion x, y, z, w of a rotation.
+Quaternion = tuple[float, float, float, float]
+#: Many poses: arrays of shape (n,), or (1,) for one pose that holds for all of them.
+Columns = tuple[Any, Any, Any, Any, Any, Any, Any]
+
+#: The size of a pose in memory, on the wire and in bags: 7 float64.
+POSE_BYTES = 7 * 8
+IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+#: Above this cosine, its last bits change the result, so that tf2's division by the norms matters.
+_NEAR = 0.999999999999
+#: The longest name (bytes of UTF-8) that a frame may have.
+LONGEST_NAME = 1024
+
+
+def inverse(pose: Pose) -> Pose:
+    """
+    Return the inverse of a pose: b_from_a of a_from_b.
+
+    :param pose: one pose, or columns.
+    """
+    x, y, z, qx, qy, qz, qw = pose
+    return compose((0.0, 0.0, 0.0, -qx, -qy, -qz, qw), (-x, -y, -z, 0.0, 0.0, 0.0, 1.0))
+
+
+def compose(left: Pose, right: Pose) -> Pose:
+    """
+    Return a_from_c for a_from_b and b_from_c.
+
+    A vector v is rotated by u = 2 q x v: v + q_w u + q x u.
+
+    :param left: a_from_b; one pose, or columns.
+    :param right: b_from_c; one pose, or columns.
+    """
+    x, y, z, ax, ay, az, aw = left
+    vx, vy, vz, bx, by, bz, bw = right
+    ux, uy, uz = 2.0 * (ay * vz - az * vy), 2.0 * (az * vx - ax * vz), 2.0 * (ax * vy - ay * vx)
+    return (x + vx + aw * ux + ay * uz - az * uy,
+            y + vy + aw * uy + az * ux - ax * uz,
+            z + vz + aw * uz + ax * uy - ay * ux,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by + ay * bw + az * bx - ax * bz,
+            aw * bz + az * bw + ax * by - ay * bx,
+            aw * bw - ax * bx - ay * by - az * bz)
+
+
+def interpolate(two_poses: tuple[float, ...], ratio: float) -> Pose:
+    """
+    Interpolate between two poses: the translation linearly, the rotation by slerp.
+
+    K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH 1985; the shorter way round.
+
+    :param two_poses: the fourteen numbers of both, as they lie in the memory of a history.
+    :param ratio: from 0 at the first pose to 1 at the second.
+    """
+    x, y, z, ax, ay, az, aw, nx, ny, nz, bx, by, bz, bw = two_poses
+    s = 1.0 - ratio
+    cosine = ax * bx + ay * by + az * bz + aw * bw
+    sign = 1.0
+    if cosine < 0.0:
+        cosine, sign = -cosine, -1.0
+    if cosine > _NEAR:
+        cosine = min(1.0, cosine / sqrt((ax * ax + ay * ay + az * az + aw * aw)
+                                        * (bx * bx + by * by + bz * bz + bw * bw)))
+    x, y, z = s * x + ratio * nx, s * y + ratio * ny, s * z + ratio * nz
+    angle = acos(cosine)
+    if not angle:
+        return x, y, z, ax, ay, az, aw
+    scale = 1.0 / sin(angle)
+    a, b = sin(s * angle) * scale, sin(ratio * angle) * scale * sign
+    return x, y, z, a * ax + b * bx, a * ay + b * by, a * az + b * bz, a * aw + b * bw
+
+
+def interpolate_columns(before: Columns, after: Columns, ratio: Any) -> Columns:
+    """
+    Interpolate between many pairs of poses, each as `interpolate` does.
+
+    :param before: the first pose of each of n pairs.
+    :param after: the second pose of each pair.
+    :param ratio: (n,) from 0 at the first pose to 1 at the second.
+    """
+    x, y, z, ax, ay, az, aw = before
+    nx, ny, nz, bx, by, bz, bw = after
+    s = 1.0 - ratio
+    x, y, z = s * x + ratio * nx, s * y + ratio * ny, s * z + ratio * nz
+    cosine = ax * bx + ay * by + az * bz + aw * bw
+    sign = np.where(cosine < 0.0, -1.0, 1.0)
+    cosine *= sign
+    if (cosine > _NEAR).any():
+        cosine /= np.sqrt((ax * ax + ay * ay + az * az + aw * aw)
+                          * (bx * bx + by * by + bz * bz + bw * bw))
+    angle = np.arccos(np.minimum(cosine, 1.0))
+    same = angle == 0.0
+    scale = 1.0 / np.where(same, 1.0, np.sin(angle))
+    a = np.where(same, 1.0, np.sin(s * angle) * scale)
+    b = np.sin(ratio * angle) * scale * sign
+    return x, y, z, a * ax + b * bx, a * ay + b * by, a * az + b * bz, a * aw + b * bw
+
+
+def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
+    """
+    Normalise a quaternion as tf2 does: to a rotation matrix and back.
+
+    The operations are tf2's, in tf2's order, so that the result is tf2's to the last bit: between
+    rotations that differ by less than 1e-7 rad, the last bit decides what slerp gives. Back from
+    the matrix as in S. W. Shepperd, Quaternion from Rotation Matrix, J. Guidance and Control 1
+    (1978). NaN where there is no such matrix.
+    """
+    try:
+        s = 2.0 / (x * x + y * y + z * z + w * w)
+        xs, ys, zs = x * s, y * s, z * s
+        wx, wy, wz = w * xs, w * ys, w * zs
+        xx, xy, xz = x * xs, x * ys, x * zs
+        yy, yz, zz = y * ys, y * zs, z * zs
+        m00, m11, m22 = 1.0 - (yy + zz), 1.0 - (xx + zz), 1.0 - (xx + yy)
+        trace = m00 + m11 + m22
+        if trace > 0.0:
+            root = sqrt(trace + 1.0)
+            s = 0.5 / root
+            return (((yz + wx) - (yz - wx)) * s, ((xz + wy) - (xz - wy)) * s,
+                    ((xy + wz) - (xy - wz)) * s, root * 0.5)
+        if m00 < m22 if m00 >= m11 else m11 < m22:
+            root = sqrt(m22 - m00 - m11 + 1.0)
+            s = 0.5 / root
+            return (((xz - wy) + (xz + wy)) * s, ((yz + wx) + (yz - wx)) * s,
+                    root * 0.5, ((xy + wz) - (xy - wz)) * s)
+        if m00 < m11:
+            root = sqrt(m11 - m22 - m00 + 1.0)
+            s = 0.5 / root
+            return (((xy - wz) + (xy + wz)) * s, root * 0.5,
+                    ((yz + wx) + (yz - wx)) * s, ((xz + wy) - (xz - wy)) * s)
+        root = sqrt(m00 - m11 - m22 + 1.0)
+        s = 0.5 / root
+        return (root * 0.5, ((xy + wz) + (xy - wz)) * s,
+                ((xz - wy) + (xz + wy)) * s, ((yz + wx) - (yz - wx)) * s)
+    except (ZeroDivisionError, ValueError):
+        return (nan, nan, nan, nan)
+
+
+class Row(NamedTuple):
+    """One transform of a message."""
+
+    stamp_ns: int  #: ns
+    frame_id: str  #: as it is on the wire, so maybe with a leading slash
+    child_frame_id: str
+    pose: Pose  #: x, y, z (m) and the rotation's x, y, z, w, which may be of any length
+
+
+class Rows(NamedTuple):
+    """Transforms to be inserted one by one."""
+
+    rows: list[Row]
+    authority: str
+    is_static: bool
+
+
+class Batch:
+    """Messages with the same frames, which move, each with one stamp, in the order of arrival."""
+
+    __slots__ = ('authority', 'children', 'parents', 'poses', 'stamps')
+
+    is_static = False
+
+    def __init__(self, parents: list[str], children: list[str], authority: str) -> None:
+        """
+        Create a batch without messages.
+
+        :param parents: the parents of the n frames, without a leading slash.
+        :param children: the frames, without a leading slash, each of them once.
+        """
+        self.parents, self.children, self.authority = parents, children, authority
+        #: (m,) the stamp of each message (ns), larger than the one before.
+        self.stamps = array('q')
+        #: (m, n) poses of 7 float64: x, y, z (m) and the rotation's x, y, z, w, of any length.
+        self.poses: list[bytes] = []
+
+
+#: What a source brings into a buffer.
+Piece = Union[Batch, Rows]
+
+
+def is_too_long(name: str) -> bool:
+    """Return whether a name is longer than a frame's may be."""
+    return (len(name) * 4 > LONGEST_NAME
+            and len(name.encode('utf-8', 'surrogatepass')) > LONGEST_NAME)

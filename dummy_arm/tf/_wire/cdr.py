@@ -1,0 +1,243 @@
+"""
+The bytes of a `tf2_msgs/msg/TFMessage`, and transforms to and from them.
+
+A message is plain CDR (XCDR1), as every RMW of Jazzy sends it:
+
+    00 01 00 00          encapsulation: 00 00 big endian, 00 01 little endian, two bytes of options
+    uint32               number of transforms; positions count from here
+    for each transform:
+      int32, uint32      stamp: seconds, nanoseconds; at the next multiple of 4
+      string, string     frame_id, child_frame_id: uint32 length with the final NUL, UTF-8, NUL;
+                         each at the next multiple of 4
+      float64 x 3        translation x y z (m); at the next multiple of 8
+      float64 x 4        rotation, quaternion x y z w
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from functools import lru_cache
+import struct
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dummy_arm.tf._core.pose import IDENTITY, Pose, POSE_BYTES, Row
+from dummy_arm.tf._core.times import SECOND
+
+_ENCAPSULATION = b'\x00\x01\x00\x00'
+_BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}
+_FIRST_NAME = 16
+_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + POSE_BYTES
+_pack_stamp = struct.Struct('<iI').pack
+_pack_pose = struct.Struct('<7d').pack
+
+
+class MalformedMessage(ValueError):
+    """Bytes that are no TFMessage; the text up to the colon is the kind of the fault."""
+
+
+def _pack_name(name: str) -> bytes:
+    try:
+        text = name.encode()
+    except UnicodeEncodeError as error:
+        raise ValueError(f'frame id {name!r} must be valid Unicode: {error}') from None
+    if b'\0' in text:
+        raise ValueError(f'frame id {name!r} must not contain a NUL character')
+    return struct.pack('<I', len(text) + 1) + text + b'\0'
+
+
+@lru_cache(maxsize=4096)
+def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
+    """Pack both names, padded up to the pose; `position` is that of the first, modulo 8."""
+    packed = b''
+    for name, alignment in ((frame_id, 4), (child_frame_id, 8)):
+        packed += _pack_name(name)
+        packed += bytes(-(position + len(packed)) % alignment)
+    return packed
+
+
+#: One transform as it is on the wire, where the nanoseconds may be more than a second: sec,
+#: nanosec, frame_id, child_frame_id, pose.
+Fields = tuple[int, int, str, str, Pose]
+
+
+def pack(rows: Iterable[Row]) -> bytes:
+    """
+    Pack transforms into the bytes of one message.
+
+    :raises ValueError: as `pack_fields`, and on a stamp whose seconds do not fit an int32.
+    :raises struct.error: as `pack_fields`.
+    """
+    return pack_fields((*split_stamp(row.stamp_ns), *row[1:]) for row in map(Row._make, rows))
+
+
+def pack_fields(transforms: Iterable[Fields]) -> bytes:
+    """
+    Pack the fields of transforms into the bytes of one message.
+
+    :raises ValueError: on a frame id with a NUL in it or that is not valid Unicode.
+    :raises struct.error: on a number that is none or does not fit its field.
+    """
+    parts = []
+    position = 4
+    for sec, nanosec, frame_id, child_frame_id, pose in transforms:
+        parts.append(_pack_stamp(sec, nanosec))
+        parts.append(_pack_names(frame_id, child_frame_id, position + 8 & 7))
+        parts.append(_pack_pose(*pose))
+        position = 0
+    count = struct.pack('<I', len(parts) // 3)
+    return b''.join((_ENCAPSULATION, count, *parts))
+
+
+def unpack(data: bytes) -> list[Row]:
+    """Unpack the bytes of a message into transforms; as `rows`."""
+    return list(rows(data))
+
+
+def rows(data: bytes) -> Iterator[Row]:
+    """Unpack the bytes of a message, one transform after the other; as `fields`."""
+    for sec, nanosec, frame_id, child_frame_id, pose in fields(data):
+        yield Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
+
+
+def fields(data: bytes) -> Iterator[Fields]:
+    """
+    Unpack the bytes of a message, of either byte order, one transform after the other.
+
+    What follows after the last transform is ignored, as Fast DDS does.
+
+    :raises MalformedMessage: when the bytes end too early or are in another encoding.
+    :raises TypeError: when it is no bytes object.
+    """
+    if not isinstance(data, bytes):
+        raise TypeError(f'expected bytes, got {type(data).__name__}')
+    order = _BYTE_ORDER.get(data[:2])
+    if order is None:
+        raise MalformedMessage(
+            f'unknown encoding: a TFMessage begins with 00 00 or 00 01 (plain CDR), not with '
+            f'{data[:2].hex(" ")!r}')
+    try:
+        (count,) = struct.unpack_from(order + 'I', data, 4)
+        if count * _SMALLEST_TRANSFORM > len(data) - 8:
+            raise MalformedMessage(
+                f'impossible count: {len(data)} bytes cannot hold the {count} transforms that '
+                'they announce')
+        yield from _unpack_fields(data, order, count)
+    except struct.error:
+        raise MalformedMessage(
+            f'truncated: a TFMessage of {len(data)} bytes ends in the midst of a field') from None
+
+
+def _unpack_fields(data: bytes, order: str, count: int) -> Iterator[Fields]:
+    unpack_head = struct.Struct(order + 'iII').unpack_from
+    unpack_length = struct.Struct(order + 'I').unpack_from
+    unpack_pose = struct.Struct(order + '7d').unpack_from
+    start = 8
+    for _ in range(count):
+        sec, nanosec, length = unpack_head(data, start)
+        start += 12
+        frame_id = data[start:start + length]
+        start += length + (-length & 3)
+        (length,) = unpack_length(data, start)
+        start += 4
+        child_frame_id = data[start:start + length]
+        start += length
+        start += 4 - start & 7
+        yield sec, nanosec, _text(frame_id), _text(child_frame_id), unpack_pose(data, start)
+        start += 56
+
+
+def _text(field: bytes) -> str:
+    """Read a string as rclpy does: up to the first NUL, what is not UTF-8 replaced."""
+    return field.partition(b'\0')[0].decode('utf-8', 'replace')
+
+
+def split_stamp(stamp_ns: int) -> tuple[int, int]:
+    """
+    Split a time in ns into seconds and nanoseconds.
+
+    :raises ValueError: when the seconds do not fit the int32 of a ROS stamp.
+    """
+    sec, nanosec = divmod(stamp_ns, SECOND)
+    if not -2**31 <= sec < 2**31:
+        raise ValueError(f'a stamp must be from -2**31 to 2**31 - 1 seconds, got {stamp_ns} ns')
+    return sec, nanosec
+
+
+class Packet:
+    """
+    The bytes of a message whose frames stay the same, laid out once.
+
+    :param edges: (frame_id, child_frame_id) of each of the n transforms, n >= 1.
+    """
+
+    def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
+        lengths = [len(_pack_names(parent, child, 0 if i else 4)) + 8
+                   for i, (parent, child) in enumerate(edges)]
+        ends = 4 + np.cumsum(np.array(lengths) + 56)
+        template = pack(Row(0, parent, child, IDENTITY) for parent, child in edges)
+        self._body = np.frombuffer(template, '<f8', offset=4)
+        self._poses_at = ((ends - 56) // 8)[:, np.newaxis] + np.arange(7)
+        self._sec_at = (ends - 56 - lengths) // 4
+
+    def pack(self, stamp_ns: int, poses: ArrayLike) -> bytes:
+        """
+        Pack a pose for every frame, all with one stamp.
+
+        :param stamp_ns: time (ns).
+        :param poses: (n, 7) float64: x, y, z (m) and the rotation's x, y, z, w.
+        :raises ValueError: when the shape is another, or the stamp does not fit.
+        """
+        sec, nanosec = split_stamp(stamp_ns)
+        values: NDArray[np.float64] = np.asarray(poses, np.float64)
+        if values.shape != self._poses_at.shape:
+            raise ValueError(
+                f'poses must be of shape {self._poses_at.shape}, got {values.shape}')
+        body: NDArray[np.float64] = self._body.copy()
+        body[self._poses_at] = values
+        words = body.view('<u4')
+        words[self._sec_at] = sec & 0xFFFFFFFF
+        words[self._sec_at + 1] = nanosec
+        return _ENCAPSULATION + body.tobytes()
+
+
+def key(data: bytes) -> bytes:
+    """
+    Return what messages with the same frames have in common, and few others.
+
+    :param data: a little-endian message.
+    :returns: the bytes of its first two names, if they are not long.
+    """
+    try:
+        end = _FIRST_NAME + 7 + data[_FIRST_NAME] & ~3
+        return data[_FIRST_NAME:end + 4 + data[end]]
+    except IndexError:
+        return b''
+
+
+#: Unpacks the eight bytes of a stamp: s, ns.
+unpack_stamp = struct.Struct('<iI').unpack
+#: How a little-endian message begins.
+HEAD = _ENCAPSULATION[:2]
+
+
+def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
+    """
+    Return where the fields of a little-endian message lie whose frames are known.
+
+    :param edges: (frame_id, child_frame_id) of each of the n transforms.
+    :returns: the format, for `struct`, of these fields: the head, the number of transforms, and of
+        each transform the bytes of its stamp, its two names and its pose; and these 2 n names.
+    """
+    form = '<2s2xI'
+    position = 4
+    names = []
+    for edge in edges:
+        form += '8s'
+        position += 8
+        for name, alignment in zip(edge, (4, 8)):
+            names.append(_pack_name(name))
+            padding = -(position + len(names[-1])) % alignment
+            form += f'{len(names[-1])}s{padding}x'
+            position += len(names[-1]) + padding
+        form += f'{POSE_BYTES}s'
+    return form, names

@@ -1,0 +1,101 @@
+"""
+The bytes of a `tf2_msgs/TFMessage`, or `tf/tfMessage`, of ROS 1, as its bags have them.
+
+All is little-endian, and nothing is aligned:
+
+    uint32               number of transforms
+    for each transform:
+      uint32             sequence number
+      uint32, uint32     stamp: seconds, nanoseconds
+      string, string     frame_id, child_frame_id: uint32 length, UTF-8
+      float64 x 3        translation x y z (m)
+      float64 x 4        rotation, quaternion x y z w
+"""
+
+from collections.abc import Iterator, Sequence
+import struct
+
+from dummy_arm.tf._core.pose import POSE_BYTES, Row
+from dummy_arm.tf._core.times import SECOND
+from dummy_arm.tf._wire.cdr import MalformedMessage
+
+_FIRST_NAME = 16
+_SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 4 + POSE_BYTES
+_unpack_length = struct.Struct('<I').unpack_from
+_unpack_head = struct.Struct('<4xII').unpack_from
+_unpack_pose = struct.Struct('<7d').unpack_from
+
+
+def unpack(data: bytes) -> list[Row]:
+    """Unpack the bytes of a message into transforms; as `rows`."""
+    return list(rows(data))
+
+
+def rows(data: bytes) -> Iterator[Row]:
+    """
+    Unpack the bytes of a message, one transform after the other.
+
+    :raises MalformedMessage: when the bytes end too early.
+    """
+    try:
+        (count,) = _unpack_length(data)
+        if count * _SMALLEST_TRANSFORM > len(data) - 4:
+            raise MalformedMessage(
+                f'impossible count: {len(data)} bytes cannot hold the {count} transforms that '
+                'they announce')
+        position = 4
+        for _ in range(count):
+            sec, nanosec = _unpack_head(data, position)
+            frame_id, position = _name(data, position + 12)
+            child_frame_id, position = _name(data, position)
+            yield Row(sec * SECOND + nanosec, frame_id, child_frame_id,
+                      _unpack_pose(data, position))
+            position += POSE_BYTES
+    except struct.error:
+        raise MalformedMessage(
+            f'truncated: a TFMessage of {len(data)} bytes ends in the midst of a field') from None
+
+
+def _name(data: bytes, position: int) -> tuple[str, int]:
+    """Read a name; tell where it ends."""
+    (length,) = _unpack_length(data, position)
+    end = position + 4 + length
+    return data[position + 4:end].decode('utf-8', 'replace'), end
+
+
+def key(data: bytes) -> bytes:
+    """
+    Return what messages with the same frames have in common, and few others.
+
+    :returns: the bytes of the first two names, if they are not long.
+    """
+    try:
+        end = _FIRST_NAME + 4 + data[_FIRST_NAME]
+        return data[_FIRST_NAME:end + 4 + data[end]]
+    except IndexError:
+        return b''
+
+
+#: Unpacks the eight bytes of a stamp: s, ns.
+unpack_stamp = struct.Struct('<II').unpack
+#: How a message begins: with the number of transforms.
+HEAD = b''
+
+
+def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
+    """
+    Return where the fields of a message lie whose frames are known.
+
+    :param edges: (frame_id, child_frame_id) of each of the n transforms.
+    :returns: as `wire.layout`.
+    """
+    fields = '<0sI'
+    names = []
+    for edge in edges:
+        fields += '4x8s'
+        for name in edge:
+            text = name.encode()
+            names.append(struct.pack('<I', len(text)) + text)
+            fields += f'{len(names[-1])}s'
+        fields += f'{POSE_BYTES}s'
+    return fields, names

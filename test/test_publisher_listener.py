@@ -1,0 +1,302 @@
+"""Who sent a transform, over DDS."""
+
+import sys
+import threading
+import time
+from types import SimpleNamespace
+
+from conftest import TIMEOUT, tool
+import pytest
+from rclpy.duration import Duration
+from rclpy.qos import QoSProfile
+from rclpy.time import Time
+
+from dummy_arm.tf import (
+    Buffer,
+    publisher_listener,
+    StaticTransformBroadcaster,
+    TFMessage,
+    TransformBroadcaster,
+)
+from dummy_arm.tf._ros import rclpy_private
+from dummy_arm.tf._ros.rclpy_private import subscribe, Taker
+from dummy_arm.tf._ros.transform_stamped import message_of
+from dummy_arm.tf._wire.cdr import pack, unpack
+from dummy_arm.tf.publisher_listener import PublisherListener, Sent, UNKNOWN
+
+S = 10**9
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+@pytest.fixture
+def listener(ros):
+    """Listen."""
+    made = PublisherListener(Buffer(node=ros.node), ros.node)
+    yield made
+    made.unregister()
+
+
+def sender_of(listener, name, known=True):
+    """Wait for a frame and, if it is to be known, for its sender; give it."""
+    deadline = time.monotonic() + TIMEOUT
+    while time.monotonic() < deadline:
+        for frame in listener.frames():
+            if frame.name == name and (frame.authority != UNKNOWN or not known):
+                return frame.authority
+        time.sleep(0.01)
+    pytest.fail(f'not heard in time: {listener.frames()}')
+
+
+def test_each_transform_is_of_the_node_that_sent_it(ros, start, listener):
+    """Also where several send at the same time, and after the sender has ended."""
+    ours = TransformBroadcaster(ros.node)
+    StaticTransformBroadcaster(ros.node).sendTransform(message_of((0, 'map', 'a', STILL)))
+    process = start(*tool(
+        'static_transform_publisher', '--frame-id', 'map', '--child-frame-id', 'b',
+        '--ros-args', '-r', '__ns:=/robot', '-r', '__node:=other'))
+    arm = start(*tool('dummy_arm'))
+    for i in range(100):
+        ours.sendTransform(message_of((i * S, 'map', 'c', STILL)))
+        time.sleep(0.002)
+    assert sender_of(listener, 'a') == '/test'
+    assert sender_of(listener, 'b') == '/robot/other'
+    assert sender_of(listener, 'c') == '/test'
+    assert sender_of(listener, 'joint_1') == '/dummy_arm'
+    process.close()
+    arm.close()
+    assert sender_of(listener, 'b') == '/robot/other'
+    assert listener.buffer.frames()[0].authority not in ('', '/test')  # a gid
+
+
+def test_the_newest_sender_counts(ros, start, listener):
+    """Where two nodes send the same frame."""
+    ours = TransformBroadcaster(ros.node)
+    arm = start(*tool('dummy_arm'))
+    assert sender_of(listener, 'joint_1') == '/dummy_arm'
+    arm.close()
+    deadline = time.monotonic() + TIMEOUT
+    while sender_of(listener, 'joint_1') != '/test':
+        ours.sendTransform(message_of((time.time_ns(), 'base_link', 'joint_1', STILL)))
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize('lacks', ['the library', 'the function'])
+def test_where_rcl_cannot_be_called_the_sender_is_unknown(ros, monkeypatch, lacks):
+    """It says so, and the transforms come in all the same."""
+    def load(name):
+        if lacks == 'the library':
+            raise OSError(name)
+        return object()
+
+    monkeypatch.setattr(rclpy_private.ctypes, 'PyDLL', load)
+    rclpy_private.rcl_take.cache_clear()
+    listener = PublisherListener(Buffer(node=ros.node), ros.node)
+    try:
+        StaticTransformBroadcaster(ros.node).sendTransform(message_of((0, 'map', 'a', STILL)))
+        assert sender_of(listener, 'a', known=False) == UNKNOWN
+        (message,), dropped = listener.received()
+        assert (message.gid, message.is_static, dropped) == ('', True, 0)
+        assert 0 <= time.time_ns() - message.received < TIMEOUT * S
+    finally:
+        listener.unregister()
+        rclpy_private.rcl_take.cache_clear()
+
+
+def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
+    """Of all sizes, empty ones too."""
+    listener.unregister()
+    subscription = subscribe(
+        ros.node, TFMessage, '/bytes', lambda _: None, QoSProfile(depth=100), None)
+    raw = []
+    ros.node.create_subscription(TFMessage, '/bytes', raw.append, 100, raw=True)
+    publisher = ros.node.create_publisher(TFMessage, '/bytes', 100)
+    ros.until(lambda: publisher.get_subscription_count() == 2)
+    messages = [bytes.fromhex(case['cdr_hex']) for case in golden_messages]
+    begin = time.time_ns()
+    for message in messages:
+        publisher.publish(message)
+    taken, taker = [], Taker(Sent.of)
+
+    def all_taken():
+        taker.take(subscription.handle, 1000, taken)
+        return len(taken) == len(raw) == len(messages)
+
+    ros.until(all_taken)
+    assert taken == raw
+    (gid,) = {message.gid for message in taken}
+    (info,) = ros.node.get_publishers_info_by_topic('/bytes')
+    assert bytes.fromhex(gid) == bytes(info.endpoint_gid)[:16]
+    times = [begin, *(message.received for message in taken), time.time_ns()]
+    assert times == sorted(times)
+    subscription.destroy()
+
+
+def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_messages):
+    """Each takes into its own memory."""
+    ends, mixed = threading.Event(), []
+    publishers, subscriptions = zip(*(
+        (ros.node.create_publisher(TFMessage, topic, 1000),
+         subscribe(ros.node, TFMessage, topic, lambda _: None, QoSProfile(depth=1000), None))
+        for topic in ('/one', '/two')))
+    ros.until(lambda: all(publisher.get_subscription_count() for publisher in publishers))
+    messages = [bytes.fromhex(case['cdr_hex']) for case in golden_messages[1:3]]
+
+    def take(subscription, expected):
+        taken, taker = [], Taker(Sent.of)
+        while not ends.is_set():
+            taker.take(subscription.handle, 1000, taken)
+        mixed.extend(message for message in taken if message != expected)
+        counts.append(len(taken))
+
+    counts = []
+    threads = [threading.Thread(target=take, args=both) for both in zip(subscriptions, messages)]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    try:
+        for thread in threads:
+            thread.start()
+        for _ in range(2000):
+            for publisher, message in zip(publishers, messages):
+                publisher.publish(message)
+    finally:
+        time.sleep(0.2)
+        ends.set()
+        for thread in threads:
+            thread.join()
+        sys.setswitchinterval(interval)
+    assert min(counts) > 500
+    assert not mixed
+    for subscription in subscriptions:
+        subscription.destroy()
+
+
+@pytest.fixture
+def send(ros, listener):
+    """Send a transform with a stamp (ns), and give the bytes; each knows of the other."""
+    publisher = TransformBroadcaster(ros.node).pub_tf
+
+    def send(stamp):
+        message = pack([(stamp, 'map', 'moving', STILL)])
+        publisher.publish(message)
+        return message
+
+    for stamp in range(1, 100):
+        send(stamp)
+        if heard(listener, stamp, 0.2):
+            listener.received()
+            return send
+    pytest.fail('not heard in time')
+
+
+def heard(listener, stamp, seconds=TIMEOUT):
+    """Wait until a transform is in the buffer, which has all that was sent before."""
+    return listener.buffer.can_transform(
+        'map', 'moving', Time(nanoseconds=stamp), Duration(seconds=seconds))
+
+
+def test_what_is_received_is_given_once(ros, listener, send):
+    """In order, with gid, time and topic, whoever has looked something up before."""
+    static = StaticTransformBroadcaster(ros.node)
+    begin, sent, latched, messages = time.time_ns(), [], [], []
+    for number in range(100, 150):
+        sent.append(send(number))
+        latched.append((0, 'map', f'still_{number}', STILL))
+        static.sendTransform(message_of(latched[-1]))
+        if number % 3:
+            messages += listener.received().messages
+        assert heard(listener, number)
+        listener.buffer.lookup_transform(
+            'map', f'still_{number}', Time(), Duration(seconds=TIMEOUT))
+    messages += listener.received().messages
+    assert listener.received() == ([], 0)
+    for topic, expected in (('/tf', sent), ('/tf_static', [
+            pack(latched[:count]) for count in range(1, 51)])):
+        of_topic = [message for message in messages
+                    if message.is_static == (topic == '/tf_static')]
+        assert of_topic == expected
+        (info,) = ros.node.get_publishers_info_by_topic(topic)
+        assert {message.gid for message in of_topic} == {bytes(info.endpoint_gid)[:16].hex()}
+        times = [begin, *(message.received for message in of_topic), time.time_ns()]
+        assert times == sorted(times)
+
+
+def test_what_is_received_is_given_once_to_threads(listener, send):
+    """Which ask at the same time."""
+    ends, messages = threading.Event(), []
+
+    def ask():
+        while not ends.is_set():
+            messages.extend(listener.received().messages)
+
+    threads = [threading.Thread(target=ask) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    try:
+        sent = []
+        for stamp in range(100, 1100):
+            sent.append(send(stamp))
+            if stamp % 50 == 0:  # so that no queue overflows
+                assert heard(listener, stamp)
+        assert heard(listener, 1099)
+    finally:
+        ends.set()
+        for thread in threads:
+            thread.join()
+    messages += listener.received().messages
+    assert sorted(messages) == sorted(sent)
+
+
+def test_what_came_before_the_end_is_received(listener, send):
+    """And that is what is in the buffer."""
+    sent = [send(stamp) for stamp in range(100, 150)]
+    assert heard(listener, 149)
+    sent += [send(stamp) for stamp in range(150, 200)]
+    listener.unregister()
+    messages, dropped = listener.received()
+    assert len(messages) >= 50
+    assert (messages, dropped) == (sent[:len(messages)], 0)
+    assert listener.buffer.dump()['moving']['stamps'][-len(messages):] == [
+        unpack(message)[0].stamp_ns for message in messages]
+    send(200)
+    time.sleep(0.2)
+    assert listener.received() == ([], 0)
+
+
+SIZE = len(pack([(0, 'map', 'moving', STILL)]))
+
+
+@pytest.mark.parametrize(('limit', 'value', 'kept'), [
+    ('_MOST_MESSAGES', 10, 10), ('_MOST_BYTES', 11 * SIZE - 1, 10), ('_MOST_BYTES', 2 * SIZE, 2),
+    ('_MOST_BYTES', SIZE - 1, 0)])
+def test_what_is_kept_of_what_is_received_is_bounded(listener, send, monkeypatch, limit, value,
+                                                     kept):
+    """The newest are given, and the number of the others."""
+    assert publisher_listener._MOST_MESSAGES == 10_000
+    assert publisher_listener._MOST_BYTES == 16 * 2**20
+    monkeypatch.setattr(publisher_listener, limit, value)
+    for stamps in range(100, 125), range(125, 175), range(175, 176):
+        sent = [send(stamp) for stamp in stamps]
+        assert heard(listener, stamps[-1])
+        dropped = max(0, len(sent) - kept)
+        assert listener.received() == (sent[dropped:], dropped)
+        assert listener.received() == ([], 0)
+
+
+def test_the_names_that_are_kept_are_bounded(ros, listener, monkeypatch):
+    """Publishers come and go; those that are there, and the last that were, have names."""
+    monkeypatch.setattr(publisher_listener, '_MOST_NAMES', 10)
+    gids = [bytes([i] * 16) for i in range(100)]
+
+    def look(i):
+        """Have two publishers: one that stays, and one that goes next time."""
+        monkeypatch.setattr(ros.node, 'get_publishers_info_by_topic', lambda _: [
+            SimpleNamespace(endpoint_gid=gid, node_name='node', node_namespace=f'/{gid[0]}')
+            for gid in (gids[0], gids[i])])
+        return listener.names_of([gids[i].hex()])
+
+    for i in range(1, 100):
+        assert look(i) == {gids[i].hex(): f'/{i}/node'}
+    names = listener.names_of(gid.hex() for gid in gids)
+    assert [i for i, gid in enumerate(gids) if names[gid.hex()] != UNKNOWN] == [
+        0, *range(91, 100)]
