@@ -10,7 +10,6 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from dummy_arm.cli import fast_dds
 from dummy_arm.cli.fast_dds import detach_discovery_listener
 
-
 pytestmark = pytest.mark.skipif(
     get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp',
     reason='about Fast DDS, and there is another middleware')
@@ -44,8 +43,8 @@ def debug_log(monkeypatch):
 @pytest.mark.parametrize(('name', 'value', 'why'), [
     ('_LIBRARY', 'libfastrtps.so.3', 'libfastrtps.so.3: cannot open shared object file'),
     ('_LOOKUP', '_ZN3gone', 'undefined symbol: _ZN3gone')])
-def test_where_it_does_not_apply_it_says_so_at_debug_level(ros, monkeypatch, debug_log, name, value,
-                                                          why):
+def test_where_it_does_not_apply_it_says_so_at_debug_level(
+        ros, monkeypatch, debug_log, name, value, why):
     """With another library or function; and nothing is done."""
     monkeypatch.setattr(fast_dds, name, value)
     assert not detach_discovery_listener(ros.context.get_domain_id())
