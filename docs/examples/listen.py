@@ -1,12 +1,13 @@
 """Print, once a second, the newest transform of every frame on /tf and /tf_static."""
 
-import sys
+import signal
+from threading import Event
 
+import rclpy
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
 
-from dummy_arm.cli.node import run_node
-from dummy_arm.cli.parser import Parser, run
 from dummy_arm.tf import Buffer, TransformException, TransformListener
 
 
@@ -35,4 +36,11 @@ class Listener(Node):
                   f'xyzw {q.x:6.3f} {q.y:6.3f} {q.z:6.3f} {q.w:6.3f}', flush=True)
 
 
-sys.exit(run(Parser('listen', __doc__ or ''), lambda ros_args: run_node(Listener, ros_args)))
+ends = Event()
+for number in signal.SIGINT, signal.SIGTERM:
+    signal.signal(number, lambda *_: ends.set())
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+node = Listener()
+while not ends.is_set():
+    rclpy.spin_once(node, timeout_sec=0.1)
+rclpy.shutdown()

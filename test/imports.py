@@ -1,0 +1,79 @@
+"""Who imports whom: the imports of Python files, as they are written."""
+
+import ast
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+#: The beginnings of the names of modules that come with ROS.
+ROS = ('rclpy', 'rosidl', 'ament', 'builtin_interfaces', 'geometry_msgs', 'nav_msgs',
+       'rcl_interfaces', 'sensor_msgs', 'std_msgs', 'tf2_', 'visualization_msgs')
+
+
+@cache
+def modules() -> dict[str, Path]:
+    """Return the file of each module of the package, by its name."""
+    found = {}
+    for path in sorted((ROOT / 'dummy_arm').rglob('*.py')):
+        parts = path.relative_to(ROOT).with_suffix('').parts
+        found['.'.join(parts[:-1] if parts[-1] == '__init__' else parts)] = path
+    return found
+
+
+def _nodes(tree: ast.AST, is_late: bool) -> Iterator[ast.AST]:
+    """
+    Yield the nodes of a tree, but not those for type checkers only.
+
+    :param is_late: also those in functions, which run later than the import.
+    """
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and 'TYPE_CHECKING' in ast.unparse(node.test):
+            continue
+        yield node
+        if is_late or not isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+            yield from _nodes(node, is_late)
+
+
+@cache
+def imported(path: Path, is_late: bool = True) -> frozenset[str]:
+    """
+    Return the modules that a file imports, with the packages that they are in.
+
+    :param is_late: also those that it imports in functions.
+    """
+    found = set()
+    for node in _nodes(ast.parse(path.read_text()), is_late):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.module, f'a relative import in {path}'
+            for alias in node.names:
+                name = f'{node.module}.{alias.name}'
+                found.add(name if name in modules() or is_test_module(name) else node.module)
+    return frozenset(found)
+
+
+def is_test_module(name: str) -> bool:
+    """Return whether a module lies beside the tests."""
+    return '.' not in name and (ROOT / 'test' / f'{name}.py').exists()
+
+
+def reached(path: Path, is_late: bool = True) -> set[str]:
+    """Return the modules that are imported when a file is; through those of the package, too."""
+    found: set[str] = set()
+    waiting = [path]
+    while waiting:
+        for name in imported(waiting.pop(), is_late):
+            if name not in found:
+                found.add(name)
+                if name in modules():
+                    waiting.append(modules()[name])
+                elif is_test_module(name):
+                    waiting.append(ROOT / 'test' / f'{name}.py')
+    return found
+
+
+def of_ros(names: set[str]) -> set[str]:
+    """Return the modules of ROS among some."""
+    return {name for name in names if name.startswith(ROS)}

@@ -1,0 +1,139 @@
+"""The subpackages, and who may import whom; as CONTRIBUTING has it."""
+
+import os
+import subprocess
+import sys
+
+from conftest import WITHOUT_ROS
+from imports import imported, modules, of_ros, reached, ROOT
+import pytest
+
+#: For each part of the package the parts of it that may be imported. The longest name counts.
+MAY_IMPORT = {
+    'dummy_arm.dummy_arm': ['dummy_arm.arm', 'dummy_arm.cli', 'dummy_arm.tf'],
+    'dummy_arm.arm': ['dummy_arm.tf'],
+    'dummy_arm.cli': ['dummy_arm.cli', 'dummy_arm.tf'],
+    'dummy_arm.inspection': ['dummy_arm.inspection', 'dummy_arm.tf'],
+    'dummy_arm.tools': ['dummy_arm.arm', 'dummy_arm.cli', 'dummy_arm.inspection', 'dummy_arm.tf',
+                        'dummy_arm.view'],
+    'dummy_arm.view': ['dummy_arm.cli', 'dummy_arm.inspection', 'dummy_arm.tf',
+                       'dummy_arm.view'],
+    'dummy_arm.tf': ['dummy_arm.tf'],
+    'dummy_arm.tf._core': ['dummy_arm.tf._core', 'dummy_arm.tf.exceptions',
+                           'dummy_arm.tf.transform'],
+    'dummy_arm.tf._wire': ['dummy_arm.tf._wire', 'dummy_arm.tf._core.pose',
+                           'dummy_arm.tf._core.times', 'dummy_arm.tf.exceptions'],
+    'dummy_arm.tf._bag': ['dummy_arm.tf._bag', 'dummy_arm.tf._core', 'dummy_arm.tf._wire'],
+    'dummy_arm.tf._tf2_msgs': ['dummy_arm.tf._core', 'dummy_arm.tf._tf2_msgs',
+                               'dummy_arm.tf._wire'],
+    'dummy_arm.tf._ros': ['dummy_arm.tf._core', 'dummy_arm.tf._ros', 'dummy_arm.tf._tf2_msgs',
+                          'dummy_arm.tf._wire', 'dummy_arm.tf.exceptions',
+                          'dummy_arm.tf.transform']}
+NO_ROS = 'dummy_arm.tf._core', 'dummy_arm.tf._wire', 'dummy_arm.tf._bag'
+
+
+def lies_in(name, part):
+    """Tell whether a module is a part of the package, or lies in it."""
+    return f'{name}.'.startswith(f'{part}.')
+
+
+def part_of(name):
+    """Give the part of the package that a module lies in."""
+    return max((part for part in MAY_IMPORT if lies_in(name, part)), key=len)
+
+
+def is_private(name):
+    """Tell whether a module of tf is private."""
+    return '._' in name
+
+
+def may_import(name, other):
+    """Tell whether a module may import another one of the package."""
+    if is_private(other) and not lies_in(name, 'dummy_arm.tf'):
+        return False
+    return any(lies_in(other, part) for part in MAY_IMPORT[part_of(name)])
+
+
+def own(names):
+    """Give those of some modules that are of this package, but not the package as a whole."""
+    return {name for name in names if name in modules() and name != 'dummy_arm'}
+
+
+NAMES = sorted(own(modules()))
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_a_module_imports_only_what_it_may(name):
+    """Late imports, too."""
+    assert not [other for other in own(imported(modules()[name])) if not may_import(name, other)]
+
+
+def test_what_may_not_be_imported_is_noticed():
+    """Of each rule, one breach; and what is allowed."""
+    assert may_import('dummy_arm.tf.buffer', 'dummy_arm.tf._core.engine')
+    assert may_import('dummy_arm.tf._wire.cdr', 'dummy_arm.tf._core.pose')
+    for name, other in (
+            ('dummy_arm.tf.bag', 'dummy_arm.cli.signals'),
+            ('dummy_arm.tools.view_frames', 'dummy_arm.tools.tf2_echo'),
+            ('dummy_arm.tools.view_frames', 'dummy_arm.tf._core.texts'),
+            ('dummy_arm.inspection.graph', 'dummy_arm.cli.signals'),
+            ('dummy_arm.cli.node', 'dummy_arm.arm'),
+            ('dummy_arm.tf._core.engine', 'dummy_arm.tf._wire.streams'),
+            ('dummy_arm.tf._core.engine', 'dummy_arm.tf.rotations'),
+            ('dummy_arm.tf._wire.streams', 'dummy_arm.tf._core.texts'),
+            ('dummy_arm.tf._bag.content', 'dummy_arm.tf.buffer_core'),
+            ('dummy_arm.tf._tf2_msgs.tf_message', 'dummy_arm.tf._ros.messages'),
+            ('dummy_arm.tf._ros.futures', 'dummy_arm.tf.buffer')):
+        assert not may_import(name, other), (name, other)
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    """Late imports, too."""
+    assert not [name for name in NAMES if name in reached(modules()[name])]
+
+
+def test_the_entry_points_import_nothing_but_signals():
+    """They name the modules of commands as strings, and import them when signals are noted."""
+    assert own(imported(modules()['dummy_arm.cli.entry_points'])) == {'dummy_arm.cli.signals'}
+    assert not own(imported(modules()['dummy_arm.cli.signals']))
+
+
+@pytest.mark.parametrize('name', [name for name in NAMES if name.startswith(NO_ROS)])
+def test_the_core_reaches_no_ros(name):
+    """By any chain of imports, late ones included."""
+    assert not of_ros(reached(modules()[name]))
+
+
+WITHOUT = [name for name in NAMES if not of_ros(reached(modules()[name], is_late=False))]
+
+
+def test_most_modules_need_no_ros():
+    """Those that users of bags need are among them."""
+    assert len(WITHOUT) > len(NAMES) / 2
+    assert {'dummy_arm.arm', 'dummy_arm.tf', 'dummy_arm.tf.bag', 'dummy_arm.tf.buffer_core',
+            'dummy_arm.tf.exceptions', 'dummy_arm.tf.rotations', 'dummy_arm.tf.texts',
+            'dummy_arm.tf.transform', 'dummy_arm.tools.tf2_echo', 'dummy_arm.tools.view_frames',
+            'dummy_arm.tools.web_view', 'dummy_arm.view.source'} <= {*WITHOUT}
+    assert 'dummy_arm.tf.buffer' not in WITHOUT
+
+
+def test_modules_that_reach_no_ros_can_be_imported_without_it():
+    """Where there is neither rclpy nor a message package."""
+    names = [name for name in WITHOUT if not name.startswith('dummy_arm.view.')]  # viser's
+    code = ''.join(f'import {name}\n' for name in names)
+    subprocess.run([sys.executable, '-c', WITHOUT_ROS + code], check=True, env=os.environ,
+                   timeout=60)
+
+
+@pytest.mark.parametrize('path', sorted((ROOT / 'docs' / 'examples').glob('*.py')),
+                         ids=lambda path: path.stem)
+def test_examples_use_public_names_only(path):
+    """`dummy_arm.tf`, and its modules without an underscore."""
+    used = {name for name in imported(path) if name.startswith('dummy_arm')}
+    assert used
+    assert not [name for name in used if not lies_in(name, 'dummy_arm.tf') or is_private(name)]
+
+
+def test_no_module_has_a_name_of_the_standard_library():
+    """Which a program that lies beside it would import in its place."""
+    assert not {modules()[name].stem for name in NAMES} & sys.stdlib_module_names

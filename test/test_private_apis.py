@@ -1,0 +1,98 @@
+"""
+Which file uses what is not public of another library; and what that of Python itself does.
+
+What is relied on of the others is in test_rclpy_private.py, test_viser_private.py and
+test_fast_dds.py, so that after an upgrade of one of them its tests fail, and nothing else.
+"""
+
+from argparse import ArgumentParser
+import ast
+from pathlib import Path
+import re
+from threading import RLock, Thread
+
+PACKAGE = Path(__file__).parent.parent / 'dummy_arm'
+#: The slots of generated messages: geometry_msgs, std_msgs, builtin_interfaces.
+SLOTS = {'_child_frame_id', '_frame_id', '_nanosec', '_sec', '_stamp', '_transform',
+         '_translation', '_w', '_x', '_y', '_z'}
+#: What is not public and used, by the file that uses it: one file for each library.
+PRIVATE = {
+    'cli/parser.py': {'_option_string_actions'},  # argparse
+    'tf/_core/engine.py': {'_is_owned'},  # threading
+    'tf/_ros/rclpy_private.py': {'rclpy.impl.implementation_singleton'},
+    'tf/_ros/transform_stamped.py': SLOTS,
+    'view/viser_private.py': {'_gui_input_handle_from_uuid', '_websock_connection',
+                              'viser._messages'}}
+#: In the documentation of Python: `_thread`, and `_replace` of a named tuple.
+PUBLIC = {'_thread', '_replace', '_make'}
+
+
+def is_private(name):
+    """Tell whether a name begins with one underscore."""
+    return re.match('_[^_]', name) is not None
+
+
+def own_names(tree):
+    """Yield the names that a module defines itself; strings may be names of slots."""
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            yield node.name
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and (
+                isinstance(node.value, ast.Name) and node.value.id == 'self'):
+            yield node.attr
+
+
+def used_names(tree):
+    """Yield the attributes and modules that a module uses and that are not public."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and is_private(node.attr):
+            yield node.attr
+        modules = ([alias.name for alias in node.names] if isinstance(node, ast.Import) else
+                   [node.module] if isinstance(node, ast.ImportFrom) else [])
+        for module in modules:
+            parts = module.split('.')
+            if parts[0] != 'dummy_arm' and (
+                    any(map(is_private, parts)) or parts[:2] == ['rclpy', 'impl']):
+                yield module
+
+
+def test_what_is_not_public_is_used_by_one_file_for_each_library():
+    """What is listed is used, and nothing else is."""
+    trees = {str(path.relative_to(PACKAGE)): ast.parse(path.read_text())
+             for path in PACKAGE.rglob('*.py')}
+    own = PUBLIC.union(*map(own_names, trees.values())) - SLOTS
+    used = {path: {*used_names(tree)} - own for path, tree in trees.items()}
+    assert {path: names for path, names in used.items() if names} == PRIVATE
+
+
+def test_what_is_used_of_fast_dds_is_in_one_file():
+    """By its symbols, mangled."""
+    assert [path.name for path in PACKAGE.rglob('*.py')
+            if 'eprosima' in path.read_text()] == ['fast_dds.py']
+
+
+def test_a_lock_knows_whether_this_thread_holds_it():
+    """`RLock._is_owned`, by which a nested call is told from one of another thread."""
+    lock, owned = RLock(), []
+    owned.append(lock._is_owned())
+    with lock:
+        with lock:
+            owned.append(lock._is_owned())
+        owned.append(lock._is_owned())
+        thread = Thread(target=lambda: owned.append(lock._is_owned()))
+        thread.start()
+        thread.join()
+    owned.append(lock._is_owned())
+    assert owned == [False, True, True, False, False]
+
+
+def test_a_parser_knows_its_options_and_what_is_a_negative_number():
+    """`_option_string_actions` and `_negative_number_matcher` of argparse."""
+    parser = ArgumentParser()
+    parser.add_argument('-r', '--rate')
+    parser.add_argument('x', type=float)
+    assert {'-r', '--rate'} <= {*parser._option_string_actions}
+    parser._negative_number_matcher = re.compile('-1e5')
+    assert parser.parse_args(['-1e5']).x == -1e5

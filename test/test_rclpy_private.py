@@ -1,0 +1,251 @@
+"""What tf/_ros/rclpy_private.py relies on, of rclpy 7.1 and rcl; each over real DDS."""
+
+import ast
+from pathlib import Path
+import threading
+import time
+
+from builtin_interfaces.msg import Time
+from conftest import made_at_run_time
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+import pytest
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, qos_policy_name_from_kind, QoSProfile
+from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.task import Future
+from std_msgs.msg import Header, String
+
+from dummy_arm.tf import TFMessage
+from dummy_arm.tf._ros import rclpy_private
+from dummy_arm.tf._ros.rclpy_private import (
+    GID_SIZE,
+    guard_condition,
+    incompatible_qos,
+    install,
+    is_of_executor,
+    rcl_take,
+    RCLError,
+    subscribe,
+    take_message,
+    Taker,
+    WaitSet,
+)
+
+CONVERSIONS = (
+    (_rclpy.Publisher, 'publish'), (_rclpy.Subscription, 'take_message'),
+    (_rclpy, 'rclpy_serialize'), (_rclpy, 'rclpy_deserialize'))
+
+
+@pytest.fixture
+def strings(ros):
+    """Subscribe to a topic of String, and make its publisher."""
+    subscription = subscribe(ros.node, String, 'text', print, QoSProfile(depth=10), None)
+    publisher = ros.node.create_publisher(String, 'text', 10)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    yield publisher, subscription
+    subscription.destroy()
+
+
+def taken(subscription, raw):
+    """Take a message, which comes soon; with its info."""
+    while (message := take_message(subscription.handle, String, raw)) is None:
+        time.sleep(0.001)
+    return message
+
+
+@pytest.mark.parametrize('raw', [True, False])
+def test_take_message_gives_the_message_and_its_info(strings, raw):
+    """As bytes or not; None where there is none."""
+    publisher, subscription = strings
+    with subscription.handle:
+        assert take_message(subscription.handle, String, raw) is None
+        publisher.publish(String(data='hello'))
+        message, info = taken(subscription, raw)
+    assert message == (serialize_message(String(data='hello')) if raw else String(data='hello'))
+    assert info['received_timestamp'] > 10**18
+
+
+def test_take_message_is_not_the_one_that_install_has_made():
+    """It takes the bytes of a TFMessage, too."""
+    assert take_message is not vars(_rclpy.Subscription)['take_message'] or (
+        TFMessage.__module__.startswith('tf2_msgs.'))
+
+
+def test_install_does_nothing_where_tf2_msgs_is():
+    """Nor would a second call wrap anything again."""
+    class Real:
+        """Stands for the generated class."""
+
+        __module__ = 'tf2_msgs.msg._tf_message'
+
+    before = [getattr(owner, name) for owner, name in CONVERSIONS]
+    install(Real)
+    assert [getattr(owner, name) for owner, name in CONVERSIONS] == before
+
+
+@made_at_run_time
+def test_install_changes_what_publishes_takes_and_serializes(ros):
+    """All four are looked up at each call, through the module or the class that has them."""
+    message = TFMessage(transforms=[TransformStamped(child_frame_id='tool')])
+    data = serialize_message(message)
+    assert deserialize_message(data, TFMessage) == message
+    received = []
+    ros.node.create_subscription(TFMessage, 'tf_of_test', received.append, 10)
+    publisher = ros.node.create_publisher(TFMessage, 'tf_of_test', 10)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(message)
+    ros.until(lambda: received)
+    assert received == [message]
+
+
+def test_messages_of_other_types_take_the_way_that_they_took(ros):
+    """Published, taken and serialized by rclpy's own."""
+    text, received = String(data='hello'), []
+    assert deserialize_message(serialize_message(text), String) == text
+    ros.node.create_subscription(String, 'text', received.append, 10)
+    publisher = ros.node.create_publisher(String, 'text', 10)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(text)
+    ros.until(lambda: received)
+    assert received == [text]
+
+
+def test_subscribe_makes_a_subscription_that_no_executor_sees(ros, strings):
+    """It is not the node's, so its messages wait for its owner."""
+    publisher, subscription = strings
+    assert subscription not in ros.node.subscriptions
+    assert subscription.topic_name == '/text'
+    publisher.publish(String(data='hello'))
+    for _ in range(10):
+        ros.executor.spin_once(timeout_sec=0.01)
+    with subscription.handle:
+        assert taken(subscription, False)[0] == String(data='hello')
+
+
+def test_incompatible_qos_counts_publishers_that_do_not_fit(ros):
+    """With the policy, once."""
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    subscription = subscribe(ros.node, String, 'text', print, latched, None)
+    event = incompatible_qos(subscription)
+    assert event.take_event().total_count_change == 0
+    ros.node.create_publisher(String, 'text', QoSProfile(depth=1))
+    statuses = []
+    ros.until(lambda: statuses.append(event.take_event()) or statuses[-1].total_count_change)
+    assert qos_policy_name_from_kind(statuses[-1].last_policy_kind) == 'DURABILITY'
+    assert event.take_event().total_count_change == 0
+    event.destroy_when_not_in_use()
+    subscription.destroy()
+
+
+@pytest.mark.parametrize('by_node', [True, False])
+def test_a_guard_condition_calls_before_it_is_destroyed(ros, by_node):
+    """By `destroy_node` and by `destroy_guard_condition`, once."""
+    node, ended = Node('ending', context=ros.context), []
+    guard = guard_condition(node, ReentrantCallbackGroup(), lambda: ended.append(True))
+    assert not ended
+    if by_node:
+        node.destroy_node()
+    else:
+        node.destroy_guard_condition(guard)
+    assert ended == [True]
+    node.destroy_node()
+    assert ended == [True]
+
+
+def test_a_guard_condition_wakes_the_executor(ros):
+    """From another thread."""
+    guard = guard_condition(ros.node, ReentrantCallbackGroup(), print)
+    for _ in range(20):  # what else there is to do at first
+        ros.executor.spin_once(timeout_sec=0.01)
+    begin = time.monotonic()
+    threading.Timer(0.1, guard.trigger).start()
+    ros.executor.spin_once(timeout_sec=20.0)
+    assert 0.05 < time.monotonic() - begin < 10.0
+    ros.node.destroy_guard_condition(guard)
+
+
+def test_an_executor_that_spins_until_a_future_is_done_adds_a_callback_of_its_own(ros):
+    """Which is told by its module from those of users."""
+    class Watched(Future):
+        """Keeps what is added."""
+
+        def add_done_callback(self, callback):
+            added.append(callback)
+            super().add_done_callback(callback)
+
+    added = []
+    ros.executor.spin_until_future_complete(Watched(), timeout_sec=0.01)
+    assert added
+    assert all(map(is_of_executor, added))
+    assert not is_of_executor(lambda future: None)
+
+
+def test_a_wait_set_waits_for_subscriptions_and_guard_conditions(ros, strings):
+    """At most as long as it is told (ns)."""
+    publisher, subscription = strings
+    guard = GuardCondition(None, None, context=ros.context)
+    wait_set = WaitSet(1, 1, 0, 0, 0, 0, ros.context.handle)
+
+    def waited(seconds):
+        wait_set.clear_entities()
+        wait_set.add_guard_condition(guard.handle)
+        wait_set.add_subscription(subscription.handle)
+        begin = time.monotonic()
+        wait_set.wait(int(seconds * 1e9))
+        return time.monotonic() - begin
+
+    with guard.handle, subscription.handle:
+        waited(0.0)
+        assert waited(0.1) >= 0.09
+        guard.trigger()
+        assert waited(20.0) < 10.0
+        publisher.publish(String(data='hello'))
+        assert waited(20.0) < 10.0
+
+
+def test_an_error_of_rcl_is_a_runtime_error(ros):
+    """`cli` catches it so, since rclpy.init raises it."""
+    assert issubclass(RCLError, RuntimeError)
+    with pytest.raises(RCLError, match='enclave|Enclave|context'):
+        type(ros.context)().init(args=['--ros-args', '-e', 'bad'], domain_id=0)
+
+
+def test_rcl_tells_the_gid_of_a_message(strings, ros):
+    """The beginning of what `get_publishers_info_by_topic` reports; all are taken, in order."""
+    publisher, subscription = strings
+    assert rcl_take() is not None
+    taker, messages = Taker(lambda *arguments: arguments), []
+    taker.take(subscription.handle, 10, messages)
+    assert not messages
+    for text in 'one', 'two', 'three':
+        publisher.publish(String(data=text))
+    ros.until(lambda: taker.take(subscription.handle, 2, messages) or len(messages) == 3)
+    assert [deserialize_message(data, String).data for data, _, _ in messages] == [
+        'one', 'two', 'three']
+    (info,) = ros.node.get_publishers_info_by_topic('text')
+    assert {gid for _, gid, _ in messages} == {bytes(info.endpoint_gid[:GID_SIZE]).hex()}
+    assert all(abs(received - time.time_ns()) < 60e9 for _, _, received in messages)
+
+
+@pytest.mark.parametrize('message', [
+    TransformStamped(), Header(), Time(), Transform(), Vector3(), Quaternion()])
+def test_generated_messages_keep_each_field_in_a_slot(message):
+    """Of its name behind an underscore, and whether fields are checked, in `_check_fields`."""
+    names = {f'_{name}' for name in message.get_fields_and_field_types()}
+    assert {*message.__slots__} == {*names, '_check_fields'}
+    empty = object.__new__(type(message))
+    for name in message.__slots__:
+        setattr(empty, name, getattr(message, name))
+    assert empty == message
+
+
+def test_there_is_a_test_for_each_touch_point():
+    """Each name that the file defines is used here."""
+    tree = ast.parse(Path(rclpy_private.__file__).read_text())
+    names = {node.name for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
+    names |= {target.id for node in tree.body if isinstance(node, ast.Assign)
+              for target in node.targets if isinstance(target, ast.Name)}
+    assert {name for name in names if not name.startswith('_')} <= globals().keys()

@@ -1,0 +1,95 @@
+"""What view/viser_private.py relies on, of viser 1.1 and websockets; see test_viewers.py, too."""
+
+import asyncio
+from importlib import import_module
+import inspect
+
+import pytest
+
+viser = pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
+msgspec, websockets, websockets_server = map(
+    pytest.importorskip, ('msgspec', 'websockets', 'websockets.asyncio.server'))
+viser_private = import_module('dummy_arm.view.viser_private')
+
+
+@pytest.fixture(scope='module')
+def server():
+    """Serve an empty page."""
+    from dummy_arm.view.server import served
+    with served('127.0.0.1') as server:
+        yield server
+
+
+def test_messages_are_classes_with_the_fields_that_are_checked():
+    """By name; a camera has those that must be finite."""
+    assert {name: {*kind.__annotations__} for name, kind in viser_private._MESSAGES.items()} == {
+        'GuiUpdateMessage': {'uuid', 'updates'},
+        'SceneNodeClickMessage': {
+            'name', 'instance_index', 'ray_origin', 'ray_direction', 'screen_pos', 'modifier',
+            'owner'},
+        'ViewerCameraMessage': {
+            'wxyz', 'position', 'fov', 'near', 'far', 'image_height', 'image_width', 'look_at',
+            'up_direction'}}
+
+
+def test_a_message_is_a_msgpack_map_with_its_type(server):
+    """As viser itself makes one of a message, which the page answers with."""
+    control = server.gui.add_slider('size', 0.0, 1.0, 0.1, 0.5)
+    message = viser_private.GuiUpdateMessage(control._impl.uuid, {'value': 0.7})
+    mapping = message.as_serializable_dict()
+    assert mapping == {
+        'type': 'GuiUpdateMessage', 'uuid': control._impl.uuid, 'updates': {'value': 0.7}}
+    assert server.accepts(msgspec.msgpack.encode(mapping))
+
+
+@pytest.mark.parametrize('name', [
+    'SetCameraPositionMessage', 'SetCameraLookAtMessage', 'SetCameraFovMessage',
+    'SetCameraFarMessage'])
+def test_messages_that_turn_a_camera_take_one_value(name):
+    """What else they have is not needed."""
+    inspect.signature(getattr(viser_private, name)).bind(1.0)
+
+
+def test_a_control_is_found_by_its_uuid(server):
+    """With its value and, of a choice, its options."""
+    control = server.gui.add_dropdown('choice', ('a', 'b'))
+    assert server.gui._gui_input_handle_from_uuid[control._impl.uuid] is control
+    assert control.value == 'a'
+    assert control.options == ('a', 'b')
+
+
+def test_the_gui_is_made_after_the_server_has_started():
+    """So a message may come before there is a panel: then `gui` is no attribute yet."""
+    source = inspect.getsource(viser.ViserServer.__init__)
+    assert source.index('server.start()') < source.index('self.gui')
+
+
+def test_a_client_is_sent_messages_by_its_connection():
+    """`queue_message` takes one message."""
+    queue = inspect.signature(viser.infra.WebsockClientConnection.queue_message)
+    assert [*queue.parameters] == ['self', 'message']
+    source = inspect.getsource(viser.ClientHandle.__init__)
+    assert 'self._websock_connection = ' in source
+
+
+def test_serve_takes_what_guards_it():
+    """A check of requests, a class of connections, a limit of size; and a socket, for asyncio."""
+    assert {'process_request', 'create_connection', 'max_size', 'kwargs'} <= {
+        *inspect.signature(websockets_server.serve.__init__).parameters}
+    assert 'sock' in inspect.signature(asyncio.BaseEventLoop.create_server).parameters
+    assert [*inspect.signature(
+        websockets_server.ServerConnection.recv).parameters] == ['self', 'decode']
+
+
+def test_a_share_url_is_requested_by_one_method(server):
+    """Which is overridden, and does nothing."""
+    assert [*inspect.signature(viser.ViserServer.request_share_url).parameters] == [
+        'self', 'verbose']
+    assert server.request_share_url() is None
+
+
+def test_headers_are_read_by_all_their_values():
+    """`get_all`, by which a request is checked."""
+    headers = websockets.Headers([('Host', 'a'), ('Host', 'b')])
+    assert headers.get_all('Host') == ['a', 'b']
+    assert headers.get_all('Origin') == []
