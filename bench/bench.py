@@ -13,7 +13,6 @@ import sys
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', '97')
 
-import bags
 from geometry_msgs.msg import TransformStamped
 import hostile
 import listening
@@ -22,6 +21,7 @@ from measure import best, Row
 import numpy as np
 import rclpy
 from rclpy.serialization import deserialize_message, serialize_message
+import reading
 import sending
 import viewing
 
@@ -45,13 +45,14 @@ def main() -> None:
     table(listening.into_the_buffer(u))
     table(listening.memory())
     table(listening.over_dds())
-    table(bags.rows(u))
-    table(bags.memory())
+    table(reading.rows(u))
+    table(reading.memory())
     table(hostile.rows())
     table(hostile.memory())
     table(viewing.placing())
     table(viewing.showing())
     table(sending.rows(rclpy.create_node('bench'), u))
+    table(sending.other_type(u))
     table(sending.ticking(rclpy.create_node('listener')))
     rclpy.shutdown()
 

@@ -1,6 +1,7 @@
 """What it costs to send transforms."""
 
 from collections.abc import Iterator
+from pathlib import Path
 import re
 import subprocess
 import sys
@@ -8,7 +9,7 @@ import sys
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 from measure import best, cpu_seconds, Row
-from nav_msgs.msg import Path
+from nav_msgs.msg import Path as NavPath
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
@@ -30,9 +31,9 @@ def transforms(count: int) -> list[TransformStamped]:
             for i in range(count)]
 
 
-def poses_of(built: list[TransformStamped]) -> Path:
+def poses_of(built: list[TransformStamped]) -> NavPath:
     """Build the same as poses, for a message that rclpy converts by compiled code."""
-    path = Path()
+    path = NavPath()
     for transform in built:
         pose = PoseStamped(header=transform.header)
         pose.pose.position.x = transform.transform.translation.x
@@ -49,7 +50,7 @@ def rows(node: Node, u: float) -> Iterator[Row]:
         real = tf2_ros.TransformBroadcaster(node)
     except ImportError:
         real = None
-    paths = node.create_publisher(Path, '/path', 100)
+    paths = node.create_publisher(NavPath, '/path', 100)
     is_real = TFMessage.__module__.startswith('tf2_msgs')
     for count in (4, 100, 1000):
         built = transforms(count)
@@ -73,6 +74,38 @@ def rows(node: Node, u: float) -> Iterator[Row]:
         yield f'building those objects, {count} transforms', f'{building / u:.2f} u', ''
         yield (f'rclpy: publish(Path) of {count} poses, compiled conversion',
                f'{rclpy_time / u:.2f} u', '1')
+
+
+#: Publishes a message of another type by rclpy's own method and by that of the package, in turn,
+#: and prints what each takes (s).
+OTHER_TYPE = """
+from measure import best
+import rclpy
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from std_msgs.msg import String
+rclpy.init()
+publisher = rclpy.create_node('other').create_publisher(String, 'text', 1)
+own = _rclpy.Publisher.publish
+import dummy_arm.tf.transform_broadcaster
+ways = own, _rclpy.Publisher.publish
+times = [], []
+for _ in range(5):
+    for way, taken in zip(ways, times):
+        _rclpy.Publisher.publish = way
+        taken.append(best(lambda: publisher.publish(String(data='hello'))))
+print(*map(min, times))
+rclpy.shutdown()
+"""
+
+
+def other_type(u: float) -> Iterator[Row]:
+    """Measure what a message of another type costs more, where TFMessage is made at run time."""
+    printed = subprocess.run([sys.executable, '-c', OTHER_TYPE], check=True, text=True,
+                             stdout=subprocess.PIPE, cwd=Path(__file__).parent).stdout
+    own, ours = map(float, printed.split())
+    yield "publish(String), rclpy's own", f'{own / u:.2f} u', '1'
+    yield ('publish(String), where TFMessage is made at run time', f'{ours / u:.2f} u',
+           f'{ours / own:.2f} of rclpy, {(ours - own) * 1e6:+.2f} µs')
 
 
 def ticking(node: Node) -> Iterator[Row]:

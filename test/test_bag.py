@@ -197,7 +197,7 @@ def test_a_truncated_file(tmp_path, logs, kind):
     (file,) = [path] if path.is_file() else (
         each for each in path.iterdir() if each.suffix != '.yaml')
     whole = file.read_bytes()
-    lengths = []
+    lengths: list[int] = []
     for tenth in range(1, 10):
         file.write_bytes(whole[:len(whole) * tenth // 10])
         with pytest.raises(BagError, match=re.escape(f'{path} cannot be read: ') + (
@@ -335,6 +335,40 @@ def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path):
     assert parts[0] == 0
     assert parts == sorted(parts)
     assert parts[-1] > 50
+
+
+@pytest.mark.parametrize('partial', [False, True])
+@pytest.mark.parametrize('kind', KINDS)
+def test_progress_is_called_back(tmp_path, kind, partial):
+    """With the part that has been read, from 0 to 1."""
+    path, parts = bags.make(tmp_path, kind, bags.walk(100)), []
+    read(path, partial=partial, on_progress=parts.append)
+    assert len(parts) > 1
+    assert parts == sorted(parts)
+    assert 0.0 <= parts[0] < 0.5
+    assert parts[-1] == 1.0
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_what_the_callback_raises_ends_the_reading(tmp_path, kind):
+    """At whichever call, and is raised; also where its type is that of a damage."""
+    def on_progress(_):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise error
+
+    path = bags.make(tmp_path, kind, bags.walk(10))
+    for partial in False, True:
+        parts: list[float] = []
+        read(path, partial=partial, on_progress=parts.append)
+        steps = {0, 1, len(parts) // 2, len(parts) - 2, len(parts) - 1}
+        for error in (KeyboardInterrupt(), ValueError('enough'), EOFError(), BagError('mine'),
+                      ImportError('mine'), sqlite3.DatabaseError('mine')):
+            for left in sorted(steps):
+                with pytest.raises(type(error)) as raised:
+                    read(path, partial=partial, on_progress=on_progress)
+                assert raised.value is error
 
 
 @pytest.mark.parametrize('partial', [False, True])

@@ -1,6 +1,7 @@
 """The value that a lookup gives."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,6 +17,19 @@ def test_its_matrix():
     """Homogenous, (4, 4)."""
     assert A_FROM_B.matrix() == pytest.approx(np.array(
         [[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]), abs=1e-15)
+
+
+def test_is_made_of_a_message():
+    """Of geometry_msgs, or of any class with its fields."""
+    def fields(**values):
+        return SimpleNamespace(**values)
+
+    message = fields(
+        header=fields(stamp=fields(sec=3, nanosec=4), frame_id='a'), child_frame_id='b',
+        transform=fields(translation=fields(x=1.0, y=2.0, z=3.0),
+                         rotation=fields(x=0.0, y=0.6, z=0.0, w=0.8)))
+    assert Transform.from_message(message) == Transform(
+        3_000_000_004, 'a', 'b', (1.0, 2.0, 3.0), (0.0, 0.6, 0.0, 0.8))
 
 
 def test_takes_points_from_the_child_frame():
@@ -35,7 +49,7 @@ def test_composes_where_the_frames_between_are_the_same():
     with pytest.raises(ValueError, match="'b' from 'c' with 'a' from 'b': the frames between"):
         _ = B_FROM_C @ A_FROM_B
     with pytest.raises(TypeError):
-        _ = A_FROM_B @ (1, 2)
+        _ = A_FROM_B @ (1, 2)  # type: ignore[operator]
 
 
 def test_its_inverse():

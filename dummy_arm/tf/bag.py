@@ -68,7 +68,7 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
                 else:
                     buffer.insert_pieces(reader.read(some, stream.sender, stream.is_static))
             count += len(messages)
-    content.tick()
+    content.end()
     if not count:
         raise BagError(
             f'nothing of TF can be read of {" ".join(content.damage)}' if content.damage else
@@ -116,12 +116,13 @@ def _records(path: Path, content: Content) -> Iterator[tuple[Stream, bytes]]:
         else:
             from dummy_arm.tf._bag import rosbag2
             yield from rosbag2.records(path, content)
-    except ImportError as error:
-        raise BagError(f'what reads bags cannot be imported ({error}): '
-                       'pip install mcap lz4 ruamel.yaml backports.zstd') from None
-    except BagError:
-        raise
     except Exception as error:  # a damaged file is met by errors of many types
+        content.tick()  # the error may be what the callback has raised before
+        if isinstance(error, ImportError):
+            raise BagError(f'what reads bags cannot be imported ({error}): '
+                           'pip install mcap lz4 ruamel.yaml backports.zstd') from None
+        if isinstance(error, BagError):
+            raise
         content.meet(path, error)
 
 

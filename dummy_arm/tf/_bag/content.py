@@ -121,6 +121,11 @@ class Content:
         self._done = self._before + part * self._share
         self.tick()
 
+    def end(self) -> None:
+        """Report that the bag has been read."""
+        self._done = 1.0
+        self.tick()
+
     def tick(self) -> None:
         """Call on_progress; raise what it raises, and then again each time."""
         if self._stopped is None:
@@ -138,9 +143,9 @@ class Content:
         :raises BagError: unless the bag is read as partial.
         :raises ImportError: if that is the error: it is not the file's.
         """
+        self.tick()  # the error may be what the callback has raised before
         if isinstance(error, ImportError):
             raise error
-        self.tick()  # it may have been stopped, and this is the error that came of it
         if not self.partial:
             if isinstance(error, BagError):  # about a file of the bag
                 raise error

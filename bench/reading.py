@@ -1,7 +1,7 @@
 """
 What it costs to read TF out of a bag.
 
-    bags.py BAG SECONDS    read it, of which SECONDS are kept, '' for all; print the peak of the
+    reading.py BAG SECONDS    read it, of which SECONDS are kept, '' for all; print the peak of the
                            memory (MiB)
 """
 
