@@ -8,7 +8,8 @@ from typing import Optional
 
 from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.msg import FloatingPointRange, ParameterDescriptor, SetParametersResult
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock, ROSClock
+from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
@@ -150,7 +151,8 @@ class DummyArm(Node):
 
     def _warn_of_clock(self) -> None:
         self._warning.cancel()
-        if self._start_ns is None and self.get_clock().ros_time_is_active:
+        clock = self.get_clock()
+        if self._start_ns is None and isinstance(clock, ROSClock) and clock.ros_time_is_active:
             self.get_logger().warning(
                 'waiting for the time: use_sim_time is true, and nothing comes on /clock')
 

@@ -2,6 +2,7 @@
 
 from contextlib import closing
 import fcntl
+from itertools import count
 import os
 from pathlib import Path
 import pty
@@ -341,8 +342,8 @@ def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path):
 @pytest.mark.parametrize('kind', KINDS)
 def test_progress_is_called_back(tmp_path, kind, partial):
     """With the part that has been read, from 0 to 1."""
-    path, parts = bags.make(tmp_path, kind, bags.walk(100)), []
-    read(path, partial=partial, on_progress=parts.append)
+    parts: list[float] = []
+    read(bags.make(tmp_path, kind, bags.walk(100)), partial=partial, on_progress=parts.append)
     assert len(parts) > 1
     assert parts == sorted(parts)
     assert 0.0 <= parts[0] < 0.5
@@ -352,11 +353,13 @@ def test_progress_is_called_back(tmp_path, kind, partial):
 @pytest.mark.parametrize('kind', KINDS)
 def test_what_the_callback_raises_ends_the_reading(tmp_path, kind):
     """At whichever call, and is raised; also where its type is that of a damage."""
-    def on_progress(_):
-        nonlocal left
-        left -= 1
-        if left < 0:
-            raise error
+    def fail(number, error):
+        calls = count()
+
+        def on_progress(_):
+            if next(calls) >= number:
+                raise error
+        return on_progress
 
     path = bags.make(tmp_path, kind, bags.walk(10))
     for partial in False, True:
@@ -365,9 +368,9 @@ def test_what_the_callback_raises_ends_the_reading(tmp_path, kind):
         steps = {0, 1, len(parts) // 2, len(parts) - 2, len(parts) - 1}
         for error in (KeyboardInterrupt(), ValueError('enough'), EOFError(), BagError('mine'),
                       ImportError('mine'), sqlite3.DatabaseError('mine')):
-            for left in sorted(steps):
+            for step in steps:
                 with pytest.raises(type(error)) as raised:
-                    read(path, partial=partial, on_progress=on_progress)
+                    read(path, partial=partial, on_progress=fail(step, error))
                 assert raised.value is error
 
 

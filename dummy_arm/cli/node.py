@@ -10,6 +10,7 @@ from rclpy.exceptions import ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import try_shutdown
 
 from dummy_arm.cli.fast_dds import destroy
 from dummy_arm.cli.parser import CommandError, ros_words, UsageError
@@ -51,7 +52,7 @@ def ros(ros_args: Sequence[str]) -> Iterator[None]:
     except ParameterException as error:
         raise UsageError(ros_words(error)) from None
     finally:
-        rclpy.try_shutdown()
+        try_shutdown()
 
 
 @contextmanager

@@ -67,7 +67,7 @@ _MODULES = {
     'TransformRegistration': 'buffer_interface',
     'TypeException': 'buffer_interface',
 }
-
+_PUBLIC_MODULES = {module for module in _MODULES.values() if not module.startswith('_')}
 
 __all__ = [*_MODULES]
 
@@ -75,10 +75,10 @@ __all__ = [*_MODULES]
 def __getattr__(name: str) -> Any:
     if name in _MODULES:
         return getattr(import_module(f'{__name__}.{_MODULES[name]}'), name)
-    if name in _MODULES.values():
+    if name in _PUBLIC_MODULES:
         return import_module(f'{__name__}.{name}')
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_MODULES, *_MODULES.values()})
+    return sorted({*globals(), *_MODULES, *_PUBLIC_MODULES})

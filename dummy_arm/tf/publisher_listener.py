@@ -174,7 +174,7 @@ class PublisherListener(TransformListener):
 
     def __init__(self, *arguments: Any, **kwargs: Any) -> None:
         """Start to listen; as TransformListener, to a Buffer, MessageBufferCore or BufferCore."""
-        node = kwargs.get('node', arguments[1] if len(arguments) > 1 else None)
+        node: Any = kwargs.get('node', arguments[1] if len(arguments) > 1 else None)
         self._names = names = _Names(node)
 
         def source(*arguments: Any) -> _SentSource:

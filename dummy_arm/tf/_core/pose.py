@@ -1,8 +1,9 @@
 """
-Poses of frames in other frames: composed, inverted, interpolated, normalised; and their messages.
+Poses of frames in other frames: composed, inverted, interpolated and normalised.
 
 A pose is seven numbers: x, y, z (m) and the quaternion x, y, z, w of its rotation. The functions
-for many poses take and return columns: seven arrays, one for each number.
+for many poses take and return columns: seven arrays, one for each number. `Row` is a pose with its
+stamp and frames; `Rows` and `Batch` are those of messages that arrived together.
 """
 
 from array import array

@@ -36,20 +36,20 @@ class TransformFuture(Future):
         :param lookup: returns the result, or raises a TransformException as long as there is none.
         :param what: what is waited for, for the error when it takes too long.
         """
-        super().__init__()
+        super().__init__()  # type: ignore[no-untyped-call]
         self.lookup, self.what = lookup, what
         self._waits = waits
 
     def add_done_callback(self, callback: Callable[[Future], None]) -> None:
         """Add a function to be called when this is done; until then the future is kept."""
-        super().add_done_callback(callback)
+        super().add_done_callback(callback)  # type: ignore[no-untyped-call]
         if not is_of_executor(callback):  # which holds this, and would do so for ever
             self._waits.keep(self)
 
     def cancel(self) -> None:
         """Stop waiting."""
         if self._waits.forget(self):
-            super().cancel()
+            super().cancel()  # type: ignore[no-untyped-call]
 
 
 #: The deadline (s, of the monotonic clock), a tie-breaker, the timeout (s), and the future.

@@ -118,6 +118,7 @@ class ListenerThread:
 
     def _listen(self) -> None:
         context = self._context.handle
+        assert context is not None  # as long as there is a node
         wait_set = WaitSet(2, 1, 0, 0, 0, 0, context)
         pause = 0.0
         while context.ok() and not self.has_ended:

@@ -151,7 +151,7 @@ def guard_condition(node: Node, group: CallbackGroup, on_destroy: Callable[[], o
         on_destroy()
         GuardCondition.destroy(guard)
 
-    guard.destroy = destroy
+    guard.destroy = destroy  # type: ignore[method-assign]
     return guard
 
 
