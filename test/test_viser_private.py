@@ -21,15 +21,16 @@ def server():
 
 
 def test_messages_are_classes_with_the_fields_that_are_checked():
-    """By name; a camera has those that must be finite."""
-    assert {name: {*kind.__annotations__} for name, kind in viser_private._MESSAGES.items()} == {
-        'GuiUpdateMessage': {'uuid', 'updates'},
-        'SceneNodeClickMessage': {
-            'name', 'instance_index', 'ray_origin', 'ray_direction', 'screen_pos', 'modifier',
-            'owner'},
-        'ViewerCameraMessage': {
-            'wxyz', 'position', 'fov', 'near', 'far', 'image_height', 'image_width', 'look_at',
-            'up_direction'}}
+    """A camera has those that must be finite."""
+    for message_type, fields in (
+            (viser_private.GuiUpdateMessage, {'uuid', 'updates'}),
+            (viser_private.SceneNodeClickMessage, {
+                'name', 'instance_index', 'ray_origin', 'ray_direction', 'screen_pos', 'modifier',
+                'owner'}),
+            (viser_private.ViewerCameraMessage, {
+                'wxyz', 'position', 'fov', 'near', 'far', 'image_height', 'image_width',
+                'look_at', 'up_direction'})):
+        assert {*message_type.__annotations__} == fields
 
 
 def test_a_message_is_a_msgpack_map_with_its_type(server):
@@ -40,6 +41,8 @@ def test_a_message_is_a_msgpack_map_with_its_type(server):
     assert mapping == {
         'type': 'GuiUpdateMessage', 'uuid': control._impl.uuid, 'updates': {'value': 0.7}}
     assert server.accepts(msgspec.msgpack.encode(mapping))
+    assert viser_private.message_of(
+        msgspec.msgpack.encode(mapping), [viser_private.GuiUpdateMessage]) == message
 
 
 @pytest.mark.parametrize('name', [
@@ -53,7 +56,8 @@ def test_messages_that_turn_a_camera_take_one_value(name):
 def test_a_control_is_found_by_its_uuid(server):
     """With its value and, of a choice, its options."""
     control = server.gui.add_dropdown('choice', ('a', 'b'))
-    assert server.gui._gui_input_handle_from_uuid[control._impl.uuid] is control
+    assert server.control(control._impl.uuid) is control
+    assert server.control('another') is None
     assert control.value == 'a'
     assert control.options == ('a', 'b')
 

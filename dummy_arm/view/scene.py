@@ -11,8 +11,8 @@ import viser
 
 from dummy_arm.tf.texts import visible
 from dummy_arm.view.rods import Rods, rods, TIMEOUT
+from dummy_arm.view.server import Server
 from dummy_arm.view.shown import Shown
-from dummy_arm.view.viser_private import Server
 
 #: So many names are moved at once at most; with more, each in its turn.
 NAMES_AT_ONCE = 50

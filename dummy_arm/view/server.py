@@ -3,22 +3,75 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 import errno
-from functools import partial
 from ipaddress import ip_address
+from math import isfinite
 import os
 import socket
-from typing import Optional, TYPE_CHECKING
+from typing import Any, Optional, TYPE_CHECKING, Union
 from urllib.parse import urlsplit
 
 from dummy_arm.cli.parser import CommandError, UsageError
-from dummy_arm.view.viser_private import Server
+from dummy_arm.view.viser_private import (
+    GuardedServer,
+    GuiUpdateMessage,
+    message_of,
+    SceneNodeClickMessage,
+    ViewerCameraMessage,
+)
 
 if TYPE_CHECKING:
-    import websockets
+    from websockets import Headers
 
 PORT = 8080
 _MOST_PORTS = 100
 _DEFAULT_PORT = 80  # of http
+#: The messages of the page that are needed: the panel, a camera (the first makes somebody a client
+#: of viser's), a click. What else it can send, as an upload, has no use here.
+_MESSAGES = GuiUpdateMessage, ViewerCameraMessage, SceneNodeClickMessage
+
+
+class Server(GuardedServer):
+    """
+    A server whose viewers can look at the scene and use the panel, and nothing else.
+
+    Only pages that it has served itself can connect to it.
+    """
+
+    def __init__(self, listening: socket.socket) -> None:
+        """
+        Start the server.
+
+        :param listening: the socket at which it serves.
+        :raises CommandError: when requests would not be checked.
+        """
+        self._is_loopback = ip_address(listening.getsockname()[0]).is_loopback
+        super().__init__(listening)
+
+    def why_refused(self, headers: 'Headers') -> str:
+        """Return why a request with these headers is refused; '' if it is not."""
+        return why_refused(headers, self._is_loopback)
+
+    def accepts(self, data: Union[bytes, str]) -> bool:
+        """Return True if a message is one that the page sends, with values that it can have."""
+        message = message_of(data, _MESSAGES)
+        if isinstance(message, ViewerCameraMessage):
+            return all(map(isfinite, (
+                *message.wxyz, *message.position, *message.look_at, *message.up_direction,
+                message.fov, message.near, message.far)))
+        if isinstance(message, GuiUpdateMessage):
+            return self._can_set(message.uuid, message.updates)
+        return message is not None
+
+    def _can_set(self, uuid: str, updates: dict[str, Any]) -> bool:
+        """Return True if an update is a value that a control of the panel can have."""
+        control = self.control(uuid)
+        if control is None or updates.keys() != {'value'}:
+            return False
+        value = updates['value']
+        if isinstance(control.value, float):
+            return type(value) in (int, float) and isfinite(value)
+        return type(value) is type(control.value) and value in getattr(
+            control, 'options', (value,))
 
 
 @contextmanager
@@ -32,17 +85,16 @@ def served(host: str, port: Optional[int] = None) -> Iterator[Server]:
     :raises CommandError: when the port or, without one, all ports are taken, or it needs root.
     """
     listening = _listening(host, port)
-    address, number = listening.getsockname()[:2]
-    server = Server(listening, partial(why_refused, is_loopback=ip_address(address).is_loopback))
+    server = Server(listening)
     try:
         server.gui.configure_theme(show_share_button=False)
-        print('\n'.join(told(address, number)))
+        print('\n'.join(told(*listening.getsockname()[:2])))
         yield server
     finally:
         server.stop()
 
 
-def why_refused(headers: 'websockets.Headers', is_loopback: bool) -> str:
+def why_refused(headers: 'Headers', is_loopback: bool) -> str:
     """
     Return why a request is refused; '' if it is not.
 

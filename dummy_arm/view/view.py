@@ -12,9 +12,9 @@ from dummy_arm.view.details import details, overview
 from dummy_arm.view.panel import Panel
 from dummy_arm.view.rods import TIMEOUT
 from dummy_arm.view.scene import Scene
+from dummy_arm.view.server import Server
 from dummy_arm.view.shown import Shown, Stage, within_reach
 from dummy_arm.view.source import AnyBuffer, LENGTH, Source
-from dummy_arm.view.viser_private import Server
 
 _BETWEEN_TEXTS = 0.2  # s
 _SETTLING = 1.0  # s, until the frames that come first have all come

@@ -3,10 +3,10 @@ The server of viser with what is not public of viser and websockets, as of viser
 
 test/test_viser_private.py has a test for each thing that this relies on:
 
-- `viser._messages`: the messages that the page sends, and those that turn a camera.
+- `viser._messages`: the messages that the page sends, each a msgpack map with `type`, the name of
+  its class, and the fields of that; and those that turn a camera.
 - viser starts its server by `websockets.asyncio.server.serve`, found through its module, with
   `process_request`, and takes `sock`, `create_connection` and `max_size`.
-- A message is a msgpack map with `type`, the name of its class, and the fields of that.
 - `gui._gui_input_handle_from_uuid` finds a control of the panel, and
   `client._websock_connection.queue_message` sends to one viewer.
 """
@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from http import HTTPStatus
 import logging
-from math import isfinite
 import socket
 from typing import Any, Optional, Union
 import warnings
@@ -24,6 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dummy_arm.cli.parser import CommandError
+
+__all__ = ['VISER', 'GuardedServer', 'GuiUpdateMessage', 'SceneNodeClickMessage',
+           'ViewerCameraMessage', 'message_of']
 
 #: As in setup.py; bounded above, since what is not public of viser is used here.
 VISER = 'viser>=1.1,<1.2'
@@ -46,11 +48,25 @@ except ImportError as error:
     raise CommandError(f'viser, which makes the page, cannot be imported ({error}): '
                        f"pip install '{VISER}'") from None
 
-#: The messages of the page that are needed: the panel, a camera (the first makes somebody a client
-#: of viser's), a click. What else it can send, as an upload, has no use here.
-_MESSAGES = {each.__name__: each for each in (
-    GuiUpdateMessage, ViewerCameraMessage, SceneNodeClickMessage)}
 _LONGEST_MESSAGE = 2**16  # bytes; viser's own limit is 50 MB
+
+
+def message_of(data: Union[bytes, str], types: Iterable[type]) -> Any:
+    """
+    Return the message that a viewer has sent.
+
+    :param types: the types that it may have, of `viser._messages`.
+    :returns: None if it has another type, other fields, or fields of other types.
+    """
+    if isinstance(data, str):
+        return None
+    named = {each.__name__: each for each in types}
+    try:
+        fields = msgspec.msgpack.decode(data, type=dict[str, Any])
+        message: Any = msgspec.convert(fields, named[fields.pop('type')])
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return None
+    return message if fields.keys() <= vars(message).keys() else None
 
 
 class _Connection(websockets.asyncio.server.ServerConnection):
@@ -78,19 +94,14 @@ class _Connection(websockets.asyncio.server.ServerConnection):
                 return message
 
 
-class Server(viser.ViserServer):
-    """
-    A server whose viewers can look at the scene and use the panel, and nothing else.
+class GuardedServer(viser.ViserServer):
+    """A server of viser that asks a subclass about each request and each message of a viewer."""
 
-    Only pages that it has served itself can connect to it.
-    """
-
-    def __init__(self, listening: socket.socket, why_refused: Callable[[Any], str]) -> None:
+    def __init__(self, listening: socket.socket) -> None:
         """
         Start the server.
 
         :param listening: the socket at which it serves.
-        :param why_refused: returns why a request with these headers is refused; '' if it is not.
         :raises CommandError: when requests would not be checked.
         """
         rich.reconfigure(quiet=True)  # viser tells by it where it serves, and when it ends
@@ -106,7 +117,7 @@ class Server(viser.ViserServer):
             is_guarded = True
 
             def process(connection: Any, request: Any) -> Any:
-                if why := why_refused(request.headers):
+                if why := self.why_refused(request.headers):
                     return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
                 return process_request(connection, request)
             # Given a port, viser would take the next one where that is taken.
@@ -128,6 +139,10 @@ class Server(viser.ViserServer):
                 'server.serve, so requests of other pages could not be refused: '
                 f"pip install '{VISER}'")
 
+    def why_refused(self, headers: Any) -> str:
+        """Return why a request with these headers is refused; '' if it is not."""
+        raise NotImplementedError
+
     def accepts(self, data: Union[bytes, str]) -> bool:
         """
         Return True if a message of a viewer can be handed to viser.
@@ -135,34 +150,13 @@ class Server(viser.ViserServer):
         viser sets whatever attribute a message names, to whatever value it has, and prints a
         traceback for a message that it cannot read.
         """
-        if isinstance(data, str):
-            return False
-        try:
-            fields = msgspec.msgpack.decode(data, type=dict[str, Any])
-            message = msgspec.convert(fields, _MESSAGES[fields.pop('type')])
-        except (ValueError, TypeError, KeyError, RecursionError):
-            return False
-        if not fields.keys() <= vars(message).keys():
-            return False
-        if isinstance(message, ViewerCameraMessage):
-            return all(map(isfinite, (
-                *message.wxyz, *message.position, *message.look_at, *message.up_direction,
-                message.fov, message.near, message.far)))
-        return not isinstance(message, GuiUpdateMessage) or self._can_set(
-            message.uuid, message.updates)
+        raise NotImplementedError
 
-    def _can_set(self, uuid: str, updates: dict[str, Any]) -> bool:
-        """Return True if an update is a value that a control of the panel can have."""
+    def control(self, uuid: str) -> Any:
+        """Return a control of the panel; None if there is none of this uuid."""
         if 'gui' not in vars(self):  # viser makes it after it has started to serve
-            return False
-        control = self.gui._gui_input_handle_from_uuid.get(uuid)
-        if control is None or updates.keys() != {'value'}:
-            return False
-        value = updates['value']
-        if isinstance(control.value, float):
-            return type(value) in (int, float) and isfinite(value)
-        return type(value) is type(control.value) and value in getattr(
-            control, 'options', (value,))
+            return None
+        return self.gui._gui_input_handle_from_uuid.get(uuid)
 
     def turn_cameras(self, clients: Iterable[viser.ClientHandle], position: NDArray[np.float64],
                      look_at: NDArray[np.float64], fov: float, far: float) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dummy_arm.tf._core.pose import Columns, interpolate, interpolate_columns, Pose, POSE_BYTES
-from dummy_arm.tf._core.times import display
 
 #: At most so many samples of one stamp are kept; only the first and the last of them matter.
 MOST_OF_ONE_STAMP = 100
@@ -279,23 +278,6 @@ class History:
         if not self.stamps:
             return 0
         return max(0, time - self.latest, self.oldest - time)
-
-    def why_not(self, time: int) -> str:
-        """
-        Return tf2's words for a time at which there is no pose; '' without any sample.
-
-        :param time: ns.
-        """
-        if not len(self):
-            return ''
-        if len(self) == 1:
-            return (f'Lookup would require extrapolation at time {display(time)}, but only time '
-                    f'{display(self.latest)} is in the buffer')
-        if time > self.latest:
-            return ('Lookup would require extrapolation into the future.  Requested time '
-                    f'{display(time)} but the latest data is at time {display(self.latest)}')
-        return ('Lookup would require extrapolation into the past.  Requested time '
-                f'{display(time)} but the earliest data is at time {display(self.oldest)}')
 
     def dump(self) -> dict[str, Any]:
         """Return everything that is known of the frame; see `BufferCore.dump`."""

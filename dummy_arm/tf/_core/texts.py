@@ -1,5 +1,5 @@
 """
-The words of errors and log lines: hints that follow tf2's own words, and how names are written.
+The words of errors and log lines: tf2's own and the hints after them, and how names are written.
 
 Names of frames come from others, so they are escaped and cut where they are printed.
 """
@@ -12,7 +12,7 @@ import logging
 from math import inf
 from time import monotonic
 
-from dummy_arm.tf._core.times import SECOND
+from dummy_arm.tf._core.times import display, SECOND
 
 #: The longest name (characters) that a log line shows in full.
 LONGEST = 100
@@ -106,6 +106,27 @@ def roots(target: str, target_root: str, source: str, source_root: str) -> str:
     """Name the roots of two trees."""
     return (f' {quoted(target)} is in the tree of root {quoted(target_root)}, '
             f'{quoted(source)} in that of root {quoted(source_root)}.')
+
+
+def no_pose(count: int, oldest: int, latest: int, time: int) -> str:
+    """
+    Write tf2's words for a time at which a frame has no pose.
+
+    :param count: how many samples the frame has; 0: ''.
+    :param oldest: the stamp of the first of them (ns).
+    :param latest: the stamp of the last of them (ns).
+    :param time: ns.
+    """
+    if not count:
+        return ''
+    if count == 1:
+        return (f'Lookup would require extrapolation at time {display(time)}, but only time '
+                f'{display(latest)} is in the buffer')
+    if time > latest:
+        return ('Lookup would require extrapolation into the future.  Requested time '
+                f'{display(time)} but the latest data is at time {display(latest)}')
+    return ('Lookup would require extrapolation into the past.  Requested time '
+            f'{display(time)} but the earliest data is at time {display(oldest)}')
 
 
 def extrapolation(frame: str, parent: str, oldest: int, latest: int, time: int) -> str:

@@ -298,9 +298,10 @@ class FrameTree:
         """
         history = self.histories[frame]
         assert isinstance(history, History)
+        words = texts.no_pose(len(history), history.oldest, history.latest, time)
         return ExtrapolationException(
-            f'{history.why_not(time)}, when looking up transform from frame [{source}] to frame '
-            f'[{target}].' + self._why_not_at(time, target, source, frame))
+            f'{words}, when looking up transform from frame [{source}] to frame [{target}].'
+            + self._why_not_at(time, target, source, frame))
 
     def _why_not_at(self, time: int, target: str, source: str, stopped_at: str) -> str:
         """
