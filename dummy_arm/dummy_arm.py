@@ -17,7 +17,7 @@ from dummy_arm.arm import Arm, Wave
 from dummy_arm.cli.node import run_node
 from dummy_arm.cli.parser import Parser, run, UsageError
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tf.texts import logged
+from dummy_arm.tf.formatting import logged
 
 MAP = 'map'
 CLOCK_PATIENCE = 5.0  # s

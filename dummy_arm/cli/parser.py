@@ -11,7 +11,7 @@ import sys
 from typing import Any, NoReturn, Optional
 
 from dummy_arm.cli.signals import note_signals
-from dummy_arm.tf.texts import visible
+from dummy_arm.tf.formatting import visible
 
 
 class UsageError(ValueError):

@@ -9,8 +9,8 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from dummy_arm.tf import Buffer, Frame
+from dummy_arm.tf.formatting import nearest, quoted, searched, some
 from dummy_arm.tf.publisher_listener import PublisherListener
-from dummy_arm.tf.texts import nearest, quoted, searched, some
 
 _SHOWN = 20
 _DISCOVERY = 1.0  # s

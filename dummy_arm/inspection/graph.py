@@ -10,7 +10,7 @@ from tempfile import TemporaryFile
 
 from dummy_arm.inspection.forest import Forest, frequency
 from dummy_arm.tf import Frame
-from dummy_arm.tf.texts import display, dot_quoted, in_seconds, visible
+from dummy_arm.tf.formatting import display, dot_quoted, in_seconds, visible
 
 _STEP = 0.05  # s
 #: The program that draws. It imports modules from where this process does, so that none in the

@@ -7,7 +7,7 @@ from textwrap import wrap
 from typing import Optional
 from unicodedata import combining, east_asian_width
 
-from dummy_arm.tf.texts import LONGEST
+from dummy_arm.tf.formatting import LONGEST
 
 _HOME_AND_CLEAR = '\x1b[H\x1b[2J'
 

@@ -17,7 +17,7 @@ from dummy_arm.cli.node import spun_node
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import sleep
-from dummy_arm.tf.texts import nearest
+from dummy_arm.tf.formatting import nearest
 
 #: How long a node is waited for, and its answer (s).
 PATIENCE = 5.0

@@ -12,8 +12,8 @@ from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.signals import sleep
 from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import Transform, TransformException
+from dummy_arm.tf.formatting import logged, SECOND, visible_lines
 from dummy_arm.tf.rotations import euler_from_quaternion
-from dummy_arm.tf.texts import logged, SECOND, visible_lines
 
 RATE = 1.0  # Hz
 PRECISION = 3

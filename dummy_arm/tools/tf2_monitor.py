@@ -8,7 +8,7 @@ from dummy_arm.cli.signals import sleep
 from dummy_arm.inspection.terminal import column, padded, show, width, wrapped
 from dummy_arm.inspection.traffic import Delays, Stream, summed_up, Traffic, WINDOW
 from dummy_arm.tf import TransformException
-from dummy_arm.tf.texts import SECOND, shortened, visible
+from dummy_arm.tf.formatting import SECOND, shortened, visible
 
 if TYPE_CHECKING:
     from dummy_arm.inspection.frame_listener import FrameListener

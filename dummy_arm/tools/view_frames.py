@@ -16,7 +16,7 @@ from dummy_arm.inspection.forest import Forest, frequency
 from dummy_arm.inspection.graph import as_dot, draw, DrawingError
 from dummy_arm.inspection.terminal import column, height, padded, show, width, wrapped
 from dummy_arm.tf import Frame
-from dummy_arm.tf.texts import display, in_seconds, nearest, shortened, visible
+from dummy_arm.tf.formatting import display, in_seconds, nearest, shortened, visible
 
 if TYPE_CHECKING:
     from dummy_arm.inspection.frame_listener import FrameListener

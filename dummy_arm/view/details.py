@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import Frame
+from dummy_arm.tf.formatting import SECOND, some, visible
 from dummy_arm.tf.rotations import euler_from_quaternion
-from dummy_arm.tf.texts import SECOND, some, visible
 from dummy_arm.view.rods import TIMEOUT
 from dummy_arm.view.shown import REACH, Shown
 from dummy_arm.view.source import Source

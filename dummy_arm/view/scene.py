@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 import trimesh
 import viser
 
-from dummy_arm.tf.texts import visible
+from dummy_arm.tf.formatting import visible
 from dummy_arm.view.rods import Rods, rods, TIMEOUT
 from dummy_arm.view.server import Server
 from dummy_arm.view.shown import Shown

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from dummy_arm.inspection.forest import Forest
 from dummy_arm.tf import Frame, Transform
-from dummy_arm.tf.texts import in_seconds
+from dummy_arm.tf.formatting import in_seconds
 from dummy_arm.view.source import AnyBuffer
 
 #: How far apart the roots of trees are shown that nothing connects (m, along -y).

@@ -7,7 +7,7 @@ from typing import NamedTuple, Optional, Protocol, TYPE_CHECKING, Union
 from dummy_arm.inspection.forest import frequency
 from dummy_arm.inspection.traffic import Traffic
 from dummy_arm.tf import BufferCore, Frame
-from dummy_arm.tf.texts import SECOND
+from dummy_arm.tf.formatting import SECOND
 
 if TYPE_CHECKING:
     from rclpy.node import Node

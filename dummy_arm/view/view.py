@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 import viser
 
-from dummy_arm.tf.texts import SECOND
+from dummy_arm.tf.formatting import SECOND
 from dummy_arm.view.details import details, overview
 from dummy_arm.view.panel import Panel
 from dummy_arm.view.rods import TIMEOUT
