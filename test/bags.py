@@ -98,9 +98,7 @@ def _write_ros1(path, compression, messages):
 
 
 def _filled(message):
-    topic, time, content, *others = message
-    msgtype, sender = [*others, *(TF, '/sender')[len(others):]]
-    return topic, time, content, msgtype, sender
+    return (*message, *(TF, '/sender')[len(message) - 3:])
 
 
 @cache

@@ -5,10 +5,14 @@ from contextlib import contextmanager
 from functools import partial
 import shutil
 import time
+from typing import Any, TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, ConsoleMessage, Page
 
 pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
 playwright = pytest.importorskip('playwright.sync_api', reason='playwright is not installed')
@@ -56,7 +60,7 @@ _TEXTS = """() => Array.from(document.querySelectorAll('[data-text]'),
 class Scene:
     """What is drawn."""
 
-    def __init__(self, drawn: dict) -> None:
+    def __init__(self, drawn: dict[str, Any]) -> None:
         """Take it as the page tells it."""
         #: The names that are shown, and where (m).
         self.names = {name: np.array(place) for name, place in drawn['names'].items()}
@@ -82,16 +86,21 @@ class Scene:
 class Look:
     """Somebody who looks."""
 
-    def __init__(self, page: 'playwright.Page', url: str) -> None:
+    def __init__(self, page: 'Page', url: str) -> None:
         """Open the page."""
-        self.page, self.faults, self.asked = page, [], set()
+        self.page = page
+        self.faults: list[str] = []
+        self.asked: set[str] = set()
         page.set_default_timeout(_TIMEOUT * 1e3)
         page.on('request', lambda request: self.asked.add(urlsplit(request.url).hostname))
         page.on('websocket', lambda socket: self.asked.add(urlsplit(socket.url).hostname))
         page.on('pageerror', lambda error: self.faults.append(str(error)))
-        page.on('console', lambda message: message.type == 'error' and self.faults.append(
-            message.text))
+        page.on('console', self._note)
         page.goto(url)
+
+    def _note(self, message: 'ConsoleMessage') -> None:
+        if message.type == 'error':
+            self.faults.append(message.text)
 
     def scene(self) -> Scene:
         """Tell what is drawn now."""
@@ -99,8 +108,9 @@ class Look:
 
     def scene_with(self, *names: str) -> Scene:
         """Wait until names are shown, and their frames drawn."""
-        return self.until(lambda: (scene := self.scene()).names.keys() >= {*names}
-                          and (scene.begins.size or not names) and scene)
+        found: Scene = self.until(lambda: (scene := self.scene()).names.keys() >= {*names}
+                                  and (scene.begins.size or not names) and scene)
+        return found
 
     def until(self, condition, timeout=_TIMEOUT, pause=_PAUSE):
         """
@@ -129,7 +139,8 @@ class Look:
 
     def value(self, key: str) -> str:
         """Read a value in the table of the selected frame."""
-        return self.page.inner_text(f'[data-value="{key}"]')
+        text: str = self.page.inner_text(f'[data-value="{key}"]')
+        return text
 
     def numbers(self, key: str) -> list[float]:
         """Read the numbers of a value."""
@@ -137,7 +148,8 @@ class Look:
 
     def overview(self) -> str:
         """Read what is told of all frames."""
-        return self.page.inner_text('[data-text="overview"]')
+        text: str = self.page.inner_text('[data-text="overview"]')
+        return text
 
     def choose(self, label: str, frame: str) -> None:
         """Choose a frame in a control."""
@@ -154,7 +166,7 @@ class Look:
 
 
 @contextmanager
-def chromium() -> Iterator['playwright.Browser']:
+def chromium() -> Iterator['Browser']:
     """Have a browser from here to the end of the block."""
     with playwright.sync_playwright() as started:
         browser = started.chromium.launch(executable_path=CHROMIUM, args=[

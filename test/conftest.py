@@ -22,9 +22,10 @@ import sys
 import termios
 import threading
 import time
-from typing import Any
+from typing import Any, NoReturn, Optional
 
 import pytest
+from ros_needed import needs_ros, reaches_ros
 
 from dummy_arm.tf._core.pose import Piece, Row
 from dummy_arm.tf._wire.cdr import Fields
@@ -39,6 +40,39 @@ DESKTOP = {} if find_spec('tf2_msgs') else {'PYTHONPATH': os.pathsep.join(filter
     str(Path(__file__).parent / 'desktop'), os.environ.get('PYTHONPATH'))))}
 #: The processes of these tests.
 _pids = {os.getpid()}
+_HAS_ROS = find_spec('rclpy') is not None
+
+
+def pytest_ignore_collect(collection_path: Path) -> Optional[bool]:
+    """Leave out a module that cannot be imported, since there is no ROS."""
+    is_out = not _HAS_ROS and collection_path.suffix == '.py' and reaches_ros(collection_path.stem)
+    return True if is_out else None
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark the tests that need no ROS; leave the others out where there is none."""
+    left_out = []
+    for item in items:
+        assert isinstance(item, pytest.Function)
+        fixtures = [(each.func.__module__, each.func.__name__)
+                    for found in item._fixtureinfo.name2fixturedefs.values() for each in found]
+        if not needs_ros(item.path.stem, item.originalname, fixtures):
+            item.add_marker('no_ros')
+        elif not _HAS_ROS:
+            left_out.append(item)
+    if left_out:
+        items[:] = [item for item in items if item not in left_out]
+        config.hook.pytest_deselected(items=left_out)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Tell which modules were not collected; the tests of others are 'deselected'."""
+    modules = sorted(path.name for path in Path(__file__).parent.glob('test_*.py')
+                     if not _HAS_ROS and reaches_ros(path.stem))
+    if modules:
+        terminalreporter.write_line(
+            f'rclpy is not installed: {len(modules)} modules that need ROS are left out, and the '
+            f'tests of others that do: {", ".join(modules)}')
 
 
 def tool(name: str, *arguments: str) -> tuple[str, ...]:
@@ -82,17 +116,23 @@ made_at_run_time = pytest.mark.skipif(
 
 
 @pytest.fixture(scope='session')
-def golden_messages() -> list[dict]:
+def golden_messages() -> list[dict[str, Any]]:
     """TFMessages with the bytes that tf2_msgs' own type support makes of them."""
     path = Path(__file__).parent / 'data' / 'tf_message_cdr.json'
-    return json.loads(path.read_text())['cases']
+    cases: list[dict[str, Any]] = json.loads(path.read_text())['cases']
+    return cases
+
+
+def unexpected(error: Exception) -> NoReturn:
+    """Fail, since there was an error: what a reader or a source is given to tell of them."""
+    pytest.fail(repr(error))
 
 
 class Arrived:
     """A source of a buffer, with messages that have arrived on /tf."""
 
     def __init__(self, *messages: bytes) -> None:
-        self._pieces = MessageReader(pytest.fail).read(messages, 'sent', False)
+        self._pieces = MessageReader(unexpected).read(messages, 'sent', False)
 
     def take(self) -> list[Piece]:
         """Return them, as long as nobody has inserted them."""
@@ -102,15 +142,16 @@ class Arrived:
         """Do nothing: there is no thread."""
 
 
-def golden_fields(case: dict) -> list[Fields]:
+def golden_fields(case: dict[str, Any]) -> list[Fields]:
     """Read the transforms of a golden case as they are on the wire."""
     return [(t['sec'], t['nanosec'], t['frame_id'], t['child_frame_id'], (*t['xyz'], *t['xyzw']))
             for t in case['transforms']]
 
 
-def golden_rows(case: dict) -> list[Row]:
+def golden_rows(case: dict[str, Any]) -> list[Row]:
     """Read the transforms of a golden case as rows."""
-    return [Row(sec * 10**9 + nanosec, *others) for sec, nanosec, *others in golden_fields(case)]
+    return [Row(sec * 10**9 + nanosec, parent, child, pose)
+            for sec, nanosec, parent, child, pose in golden_fields(case)]
 
 
 @pytest.fixture
@@ -120,7 +161,10 @@ def domain_id() -> Iterator[int]:
 
     Others than tests reserve none: see `Ros.strangers`.
     """
-    for domain in random.sample(range(1, 101), 100):  # 1 is where others are, too
+    # Each worker of pytest-xdist has a share of its own; in 0 there are others, too.
+    worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
+    share = range(1 + worker, 101, int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1')))
+    for domain in random.sample(share, len(share)):
         with socket.socket() as reservation:
             try:
                 reservation.bind(('127.0.0.1', 23400 + domain))
@@ -146,13 +190,15 @@ class Process:
             stderr=subprocess.STDOUT, start_new_session=True,
             env={**os.environ, 'ROS_DOMAIN_ID': str(domain), **environment}, **how)
         _pids.add(self._popen.pid)
+        assert self._popen.stdout is not None
+        self._stdout = self._popen.stdout
         self.output = ''
         self._lines: queue.Queue[str] = queue.Queue()
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
 
     def _read(self) -> None:
-        for line in self._popen.stdout:
+        for line in self._stdout:
             self.output += line
             self._lines.put(line)
         self._lines.put('')
@@ -210,7 +256,7 @@ class Process:
             self._popen.wait()
         self._end_group()
         self._reader.join()
-        self._popen.stdout.close()
+        self._stdout.close()
 
     def has_left_others(self) -> bool:
         """Tell whether something that the process has started goes on."""
@@ -304,8 +350,12 @@ def logs() -> Iterator[list[logging.LogRecord]]:
     launch replaces the class of loggers by one whose loggers do not propagate.
     """
     records: list[logging.LogRecord] = []
-    handler = logging.Handler(logging.WARNING)
-    handler.emit = records.append
+
+    class Recorder(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            records.append(record)
+
+    handler = Recorder(logging.WARNING)
     logger = logging.getLogger('dummy_arm.tf')
     logger.addHandler(handler)
     yield records
@@ -316,12 +366,14 @@ def logs() -> Iterator[list[logging.LogRecord]]:
 def failed(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
     """Call a `main` that fails: `failed(main, 'argument', …)`; give its exit code and stderr."""
     def call(main: Callable[[list[str]], int], *arguments: str) -> tuple[int, str]:
+        code: object
         try:
             code = main([*arguments])
         except SystemExit as end:
             code = end.code
         output, error = capsys.readouterr()
         assert not output
+        assert isinstance(code, int)
         return code, error
 
     return call

@@ -11,7 +11,7 @@ from types import CodeType
 from typing import Any, Optional
 
 
-def interruptions(prepare: Callable[[], Callable[[], object]], *files: str
+def interruptions(prepare: Callable[[], Callable[[], object]], *files: str, step: int = 1
                   ) -> Iterator[Optional[KeyboardInterrupt]]:
     """
     Do work again and again, each time with Ctrl-C at the next place in some files.
@@ -21,12 +21,13 @@ def interruptions(prepare: Callable[[], Callable[[], object]], *files: str
 
     :param prepare: returns the work, before each time.
     :param files: the names of the files.
+    :param step: how many places on the next is.
     :returns: what was raised, after each time; None after the last, which was not interrupted.
     """
-    loaded = {Path(module.__file__).name for module in sys.modules.values()
-              if getattr(module, '__file__', None)}
+    loaded = {Path(file).name for module in sys.modules.values()
+              if (file := getattr(module, '__file__', None))}
     assert loaded.issuperset(files)
-    for number in count():
+    for number in count(0, step):
         interrupt = _interrupted(prepare(), number, files)
         yield interrupt
         if interrupt is None:

@@ -46,11 +46,12 @@ class Ending:
         import rclpy
         from rclpy.duration import Duration
         from rclpy.time import Time
+        from rclpy.utilities import ok
 
         from dummy_arm.tf import Buffer, TransformBroadcaster, TransformListener
 
         self.steps, self.rclpy, self.latest = steps, rclpy, Time()
-        if not rclpy.ok():
+        if not ok():
             rclpy.init()
         self.node = rclpy.create_node('ending')
         self.buffer = Buffer(node=self.node)
@@ -106,7 +107,7 @@ class Ending:
             self.end()
             ended.append(True)
 
-        ended = []
+        ended: list[bool] = []
         executor = self.rclpy.executors.SingleThreadedExecutor()
         executor.add_node(self.node)
         timer = self.node.create_timer(0.0, end)

@@ -128,7 +128,7 @@ def test_a_limit_must_be_positive(tmp_path, limit):
     with pytest.raises(ValueError, match=f'max_bytes must be a positive .*, got {limit}'):
         read(tmp_path, max_bytes=limit)
     with pytest.raises(TypeError):
-        read(tmp_path, max_bytes=1.5)
+        read(tmp_path, max_bytes=1.5)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize('partial', [False, True])

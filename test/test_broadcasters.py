@@ -135,7 +135,7 @@ def test_statics_accumulate(ros):
     with pytest.raises(ValueError, match='finite'):
         broadcaster.sendTransform([transform('map', 'a', 7.0), transform('map', 'd', math.nan)])
     broadcaster.sendTransform(transform('odom', '/b', 4.0))
-    late = []
+    late: list[TFMessage] = []
     ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
     ros.until(lambda: late)
     (message,) = late

@@ -6,12 +6,14 @@ import signal
 import sys
 import threading
 import time
+from typing import Any
 import weakref
 
 from conftest import made_at_run_time
 from geometry_msgs.msg import Quaternion, TransformStamped, Vector3
 import pytest
-from rclpy.clock import Clock, ClockType
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
 from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.time import Time
@@ -47,8 +49,8 @@ def later(function, *arguments):
     return timer
 
 
-NO_WAIT = {'timeout': Duration()}
-SIGNATURES = {
+NO_WAIT: dict[str, object] = {'timeout': Duration()}
+SIGNATURES: dict[str, tuple[str, dict[str, object]]] = {
     '__init__': ('cache_time node', {'cache_time': None, 'node': None}),
     'set_transform': ('transform authority', {}),
     'set_transform_static': ('transform authority', {}),
@@ -108,7 +110,7 @@ def test_has_the_names_of_tf2_ros():
     assert dummy_arm.tf.buffer.Buffer is Buffer
     assert issubclass(Buffer, MessageBufferCore)
     assert issubclass(Buffer, BufferInterface)
-    everything = {}
+    everything: dict[str, Any] = {}
     exec('from dummy_arm.tf import *', everything)
     for name in ('Buffer', 'BufferCore', 'BufferInterface', 'TransformRegistration',
                  'ConvertRegistration', 'TypeException', 'NotImplementedException', 'Stamped',
@@ -123,8 +125,9 @@ def test_has_the_names_of_tf2_ros():
 def test_answers_with_the_message():
     """The very one that was set; for time 0 the latest."""
     buffer = Buffer()
-    assert buffer.set_transform(made(), 'test') is None
-    assert buffer.set_transform_static(made('tool', 'tip'), 'test') is None
+    tip = made('tool', 'tip')
+    assert buffer.set_transform(made(), 'test') is None  # type: ignore[func-returns-value]
+    assert buffer.set_transform_static(tip, 'test') is None  # type: ignore[func-returns-value]
     assert buffer.lookup_transform('map', 'tool', T) == made()
     assert buffer.lookup_transform('map', 'tool', T.to_msg()) == made()
     assert buffer.lookup_transform_core('map', 'tool', Time()) == made()
@@ -135,7 +138,9 @@ def test_answers_with_the_message():
     assert buffer.can_transform_core('map', 'tool', T) == (True, '')
     assert buffer.can_transform_full_core('map', T, 'tool', T, 'map') == (True, '')
     assert buffer.can_transform('map', 'tool', Time(seconds=1)) is False
-    assert buffer.can_transform('map', 'x', T, return_debug_tuple=True)[1].startswith(
+    answer = buffer.can_transform('map', 'x', T, return_debug_tuple=True)
+    assert isinstance(answer, tuple)
+    assert answer[1].startswith(
         'Invalid frame ID "x" passed to canTransform argument source_frame - frame does not exist')
     latest = buffer.get_latest_common_time('map', 'tip')
     assert (type(latest), latest) == (Time, T)
@@ -150,14 +155,14 @@ def test_times_are_no_plain_numbers():
     buffer = Buffer()
     for time_like in 5, 5.0, None:
         with pytest.raises(TypeError, match='time must have sec and nanosec, or nanoseconds'):
-            buffer.lookup_transform('a', 'b', time_like)
+            buffer.lookup_transform('a', 'b', time_like)  # type: ignore[arg-type]
     buffer.set_transform(made(), 'test')
     with pytest.raises(TypeError, match=r'timeout must have .* Got 1\.0 of type float'):
-        buffer.lookup_transform('map', 'tool', T, timeout=1.0)
+        buffer.lookup_transform('map', 'tool', T, timeout=1.0)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match='timeout must have'):
-        buffer.wait_for_transform_async('map', 'x', T, timeout=1.0)
+        buffer.wait_for_transform_async('map', 'x', T, timeout=1.0)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match='a frame must be a str, got None'):
-        buffer.wait_for_transform_async('map', None, T)
+        buffer.wait_for_transform_async('map', None, T)  # type: ignore[arg-type]
 
 
 def test_the_cache_time():
@@ -193,7 +198,7 @@ def test_a_subclass_may_watch_what_comes_in():
     class Watching(Buffer):
         seen = 0
 
-        def set_transform(self, transform, authority):
+        def set_transform(self, transform, authority):  # type: ignore[override]
             self.seen += 1
             return super().set_transform(transform, authority)
 
@@ -232,7 +237,8 @@ def test_what_programs_use_although_it_begins_with_an_underscore():
 def test_a_subclass_may_look_up_in_its_own_way():
     """By way of the core methods, as tf2_ros does; waits do not go by way of the subclass."""
     class Patient(Buffer):
-        def can_transform(self, target_frame, source_frame, time, timeout=LONG):
+        def can_transform(  # type: ignore[override]
+                self, target_frame, source_frame, time, timeout=LONG):
             return self.can_transform_core(target_frame, source_frame, time)[0]
 
         def lookup_transform(self, target_frame, source_frame, time, timeout=LONG):
@@ -380,10 +386,11 @@ def test_an_abandoned_wait_leaves_nothing_behind(ros, abandon):
     """No future, no thread, no reference to the buffer."""
     buffer, threads = Buffer(node=ros.node), threading.active_count()
     if abandon == 'close':
-        waiting = buffer.lookup_transform_async('map', 'tool', T, timeout=LONG)
-        waiting.send(None)
+        coroutine = buffer.lookup_transform_async('map', 'tool', T, timeout=LONG)
+        coroutine.send(None)
         assert buffer.is_waited_for
-        waiting.close()
+        coroutine.close()
+        del coroutine
     else:
         waiting = buffer.wait_for_transform_async('map', 'tool', T, timeout=LONG)
         assert buffer.is_waited_for
@@ -396,7 +403,7 @@ def test_an_abandoned_wait_leaves_nothing_behind(ros, abandon):
             assert not buffer.is_waited_for
             buffer.set_transform(made(), 'test')
             assert waiting.cancelled()
-    del waiting
+        del waiting
     gc.collect()
     assert not buffer.is_waited_for
     for _ in range(200):
@@ -437,7 +444,8 @@ def test_a_future_with_a_callback_needs_no_other_reference():
 @pytest.mark.parametrize('how', ['callback', 'spun until done'])
 def test_an_executor_that_was_shut_down_harms_nobody(ros, how):
     """Neither who brings the data, nor who waits besides."""
-    executor, buffer, seen = SingleThreadedExecutor(context=ros.context), Buffer(node=ros.node), []
+    executor, buffer = SingleThreadedExecutor(context=ros.context), Buffer(node=ros.node)
+    seen: list[object] = []
     ros.executor.remove_node(ros.node)
     executor.add_node(ros.node)
     first = buffer.wait_for_transform_async('map', 'tool', T)
@@ -485,7 +493,9 @@ def test_timeouts_go_on_after_a_callback_that_ended_their_thread():
     buffer, done = Buffer(), threading.Event()
     buffer.wait_for_transform_async('map', 'tool', T, timeout=SOON).add_done_callback(
         lambda _: sys.exit())
-    buffer._futures._thread.join(20)
+    thread = buffer._futures._thread
+    assert thread is not None
+    thread.join(20)
     buffer.wait_for_transform_async('map', 'tool', T, timeout=SOON).add_done_callback(
         lambda _: done.set())
     assert done.wait(20)
@@ -550,7 +560,8 @@ def test_a_callback_may_use_the_buffer():
 
 def test_an_awaiting_callback_goes_on_when_another_thread_brings_the_data(ros):
     """Although nothing else wakes the executor."""
-    buffer, results = Buffer(node=ros.node), []
+    buffer = Buffer(node=ros.node)
+    results: list[TransformStamped] = []
 
     async def on_timer():
         timer.cancel()
@@ -569,7 +580,8 @@ def test_an_awaiting_callback_goes_on_when_another_thread_brings_the_data(ros):
 
 def test_done_callbacks_need_no_executor(ros):
     """They run where the data come in, as in tf2_ros; so a callback may wait for one."""
-    buffer, done, results = Buffer(node=ros.node), threading.Event(), []
+    buffer, done = Buffer(node=ros.node), threading.Event()
+    results: list[bool] = []
 
     def on_timer():
         timer.cancel()
@@ -586,7 +598,8 @@ def test_done_callbacks_need_no_executor(ros):
 
 def test_a_callback_that_waits_gets_the_data_of_another_thread(ros):
     """In a single-threaded executor, too."""
-    buffer, results = Buffer(node=ros.node), []
+    buffer = Buffer(node=ros.node)
+    results: list[TransformStamped] = []
 
     def on_timer():
         timer.cancel()

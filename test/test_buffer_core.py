@@ -30,6 +30,7 @@ from dummy_arm.tf import (
     Transform,
     TransformException,
 )
+from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._core.tree import FrameTree
 from dummy_arm.tf._wire import cdr
 
@@ -341,12 +342,12 @@ def test_bad_values_change_nothing():
                         (T + S, (10 ** 400, 0, 0, *STILL))):
         for parent in 'a', 'other':
             with pytest.raises((TypeError, ValueError, OverflowError)):
-                buffer.insert(stamp, parent, 'b', pose)
-    for parent, child in ((None, 'b'), ('a', 5), (b'a', 'b')):
+                buffer.insert(stamp, parent, 'b', pose)  # type: ignore[arg-type]
+    for wrong, child in ((None, 'b'), ('a', 5), (b'a', 'b')):
         with pytest.raises(TypeError, match='a frame id must be a str'):
-            buffer.insert(T, parent, child, (0, 0, 0, *STILL))
+            buffer.insert(T, wrong, child, (0, 0, 0, *STILL))  # type: ignore[arg-type]
     with pytest.raises(TypeError, match=r'takes a Transform .* got tuple'):
-        buffer.set_transform((T, 'a', 'b'))
+        buffer.set_transform((T, 'a', 'b'))  # type: ignore[arg-type]
     put(buffer, 'a', 'b', T + 2 * S, 3.0)
     assert x_at(buffer, 'a', 'b', T + S) == 2.0
 
@@ -473,7 +474,8 @@ def test_many_at_once():
     times = np.array([T + S // 2, T - 1, 0, T + 2 * S, T + 2 * S + 1, T])
     translations, rotations, known = buffer.lookup_transforms('b', 'a', times)
     assert (translations.shape, rotations.shape, known.shape) == ((6, 3), (6, 4), (6,))
-    assert (translations.dtype, rotations.dtype, known.dtype) == (float, float, bool)
+    assert (translations.dtype, rotations.dtype, known.dtype) == (
+        np.dtype(float), np.dtype(float), np.dtype(bool))
     assert known.tolist() == [True, False, True, True, False, True]
     assert translations[known, 0].tolist() == [-0.5, -2.0, -2.0, 0.0]
     assert np.isnan(translations[~known]).all()
@@ -506,7 +508,7 @@ def test_the_longest_span_of_time():
 def test_numbers_come_out_as_floats():
     """Whatever they went in as."""
     buffer = BufferCore()
-    buffer.insert(np.int64(T), 'a', 'b', (1, 2, 3, *np.float32([0.1, 0.2, 0.3, 0.9])),
+    buffer.insert(np.int64(T), 'a', 'b', (1, 2, 3, *np.array([0.1, 0.2, 0.3, 0.9], np.float32)),
                   is_static=True)
     answer = buffer.lookup_transform('a', 'b')
     assert {type(number) for number in (*answer.translation, *answer.rotation)} == {float}
@@ -673,13 +675,13 @@ def test_ctrl_c_as_a_frame_gets_a_new_parent_leaves_no_old_path(is_static):
 
 def test_ctrl_c_in_an_update_does_not_keep_those_who_wait_from_looking():
     """The insertion is announced, at the latest by the next update."""
-    buffer, before = None, 0
+    buffer, before = BufferCore(), 0
 
     def prepare():
         nonlocal buffer, before
         buffer = BufferCore()
         before = buffer.update()
-        buffer.add_source(Arrived(cdr.pack([(T, 'map', 'tool', (0.0, 0.0, 0.0, *STILL))])))
+        buffer.add_source(Arrived(cdr.pack([Row(T, 'map', 'tool', (0.0, 0.0, 0.0, *STILL))])))
         return buffer.update
 
     for _ in interruptions(prepare, 'engine.py', 'insertion.py', 'history.py', 'tree.py'):
@@ -716,7 +718,8 @@ def test_a_signal_handler_does_not_wait(monkeypatch):
 
 def test_nobody_sees_a_half_written_state():
     """Readers beside writers that append, sort in, expire, reparent and clear."""
-    buffer, failures, stop = BufferCore(S), [], threading.Event()
+    buffer, stop = BufferCore(S), threading.Event()
+    failures: list[object] = []
     half = math.sqrt(0.5)
 
     def write():

@@ -101,7 +101,7 @@ def test_every_prefix_is_malformed(golden_messages):
 @pytest.mark.parametrize('count', [2, 10**9, 2**32 - 1])
 def test_a_count_beyond_the_bytes_is_malformed(count):
     """A packet that claims a billion transforms is refused at once."""
-    data = bytearray(cdr.pack([(0, 'a', 'b', IDENTITY)]))
+    data = bytearray(cdr.pack([Row(0, 'a', 'b', IDENTITY)]))
     data[4:8] = struct.pack('<I', count)
     with pytest.raises(cdr.MalformedMessage, match=f'{count} transforms'):
         cdr.unpack(bytes(data))
@@ -111,7 +111,7 @@ def test_a_count_beyond_the_bytes_is_malformed(count):
 @pytest.mark.parametrize('position', [16, 24])
 def test_a_string_beyond_the_bytes_is_malformed(position, length):
     """A name that is longer than the message is refused."""
-    data = bytearray(cdr.pack([(0, 'map', 'tool', IDENTITY)]))
+    data = bytearray(cdr.pack([Row(0, 'map', 'tool', IDENTITY)]))
     data[position:position + 4] = struct.pack('<I', length)
     with pytest.raises(cdr.MalformedMessage):
         cdr.unpack(bytes(data))
@@ -133,7 +133,7 @@ def test_any_bytes_are_read_or_malformed(data):
 
 def test_bytes_after_the_end_are_ignored():
     """Fast DDS pads what it delivers."""
-    transforms = [(0, 'a', 'b', IDENTITY)]
+    transforms = [Row(0, 'a', 'b', IDENTITY)]
     assert cdr.unpack(cdr.pack(transforms) + b'\0\0\0') == transforms
 
 
@@ -150,7 +150,7 @@ def test_odd_strings_are_read_as_rclpy_does(field, name):
 def test_a_nul_in_a_name_is_refused():
     """C would cut the name there, without a word."""
     with pytest.raises(ValueError, match=r"'a\\x00b' must not contain a NUL"):
-        cdr.pack([(0, 'a\0b', 'c', IDENTITY)])
+        cdr.pack([Row(0, 'a\0b', 'c', IDENTITY)])
 
 
 @given(st.lists(st.tuples(names, names), min_size=1, max_size=5), st.data())
@@ -160,7 +160,8 @@ def test_a_packet_packs_as_pack_does(edges, data):
     poses = np.array(data.draw(st.lists(
         st.tuples(*[numbers] * 7), min_size=len(edges), max_size=len(edges))))
     assert cdr.Packet(edges).pack(stamp_ns, poses) == cdr.pack(
-        [(stamp_ns, *edge, pose) for edge, pose in zip(edges, poses.tolist())])
+        [Row(stamp_ns, parent, child, pose)
+         for (parent, child), pose in zip(edges, poses.tolist())])
 
 
 @pytest.mark.parametrize('shape', [(7,), (2, 7), (1, 6), (1, 1), (0, 7)])
@@ -175,7 +176,7 @@ def test_a_stamp_that_does_not_fit_is_refused(stamp_ns):
     """Seconds are an int32 on the wire, in a packet too."""
     error = rf'stamp must be from -2\*\*31 to 2\*\*31 - 1 seconds, got {stamp_ns} ns'
     with pytest.raises(ValueError, match=error):
-        cdr.pack([(stamp_ns, 'a', 'b', IDENTITY)])
+        cdr.pack([Row(stamp_ns, 'a', 'b', IDENTITY)])
     with pytest.raises(ValueError, match=error):
         cdr.Packet([('a', 'b')]).pack(stamp_ns, np.zeros((1, 7)))
 
@@ -183,6 +184,6 @@ def test_a_stamp_that_does_not_fit_is_refused(stamp_ns):
 @pytest.mark.parametrize('stamp_ns', [2**31 * S - 1, -2**31 * S, -1, 0])
 def test_the_ends_of_what_fits(stamp_ns):
     """To the ns."""
-    row = (stamp_ns, 'a', 'b', IDENTITY)
+    row = Row(stamp_ns, 'a', 'b', IDENTITY)
     assert cdr.unpack(cdr.pack([row])) == [row]
     assert cdr.Packet([('a', 'b')]).pack(stamp_ns, [IDENTITY]) == cdr.pack([row])

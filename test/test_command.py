@@ -64,7 +64,7 @@ def test_an_error_is_one_line_that_does_not_control_the_terminal(parser, capsys,
 
 def test_a_wrong_argument_does_not_control_the_terminal(failed, parser):
     """The same of what the parser refuses."""
-    code, line = failed(lambda args: run(parser, print, args), '--\x1b[2J\n')
+    code, line = failed(lambda args: run(parser, lambda **_: 0, args), '--\x1b[2J\n')
     assert code == 2
     assert line.startswith('tool: unrecognized arguments: --\\x1b[2J\\n; usage: tool ')
 
@@ -75,6 +75,8 @@ def test_who_has_read_enough_is_no_error():
             'Parser("tool", ""), lambda ros_args: [print("line") for _ in range(100000)] and 0))')
     process = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE,
                                stderr=subprocess.PIPE)
+    assert process.stdout is not None
+    assert process.stderr is not None
     assert process.stdout.readline() == b'line\n'
     process.stdout.close()
     assert process.stderr.read() == b''
@@ -104,6 +106,7 @@ def test_a_second_signal_ends_what_does_not_heed_the_first():
         '        time.sleep(0.01)\n'
         'sys.exit(run(Parser("tool", ""), command))')
     process = subprocess.Popen([sys.executable, '-c', program], stdout=subprocess.PIPE)
+    assert process.stdout is not None
     assert process.stdout.readline() == b'begun\n'
     process.send_signal(signal.SIGTERM)
     time.sleep(0.3)

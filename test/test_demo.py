@@ -27,6 +27,7 @@ def test_it_tells_where_to_look_and_ends(domain_id, signal_number, to_all):
             ['make', 'demo', f'VENV={sys.prefix}', '-o', f'{sys.prefix}/installed'], cwd=ROOT,
             text=True, env={**environment, 'ROS_DOMAIN_ID': str(domain_id)},
             start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT) as make:
+        assert make.stdout is not None
         lines = [make.stdout.readline() for _ in range(2)]
         try:
             assert any('look at http://127.0.0.1:' in line for line in lines)

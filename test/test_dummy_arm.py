@@ -12,6 +12,7 @@ from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from rclpy.parameter_client import AsyncParameterClient
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.task import Future
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
@@ -23,9 +24,16 @@ CHAIN = [('base_link', 'joint_1'), ('joint_1', 'joint_2'), ('joint_2', 'joint_3'
          ('joint_3', 'end_effector')]
 
 
+def zero_in(text):
+    """Read the time of t = 0 (ns) from a line of the log."""
+    found = re.search(r't = 0 at (\d+) ns', text)
+    assert found is not None
+    return int(found[1])
+
+
 def zero(process):
     """Read the time of t = 0 (ns) from the first line of the log."""
-    return int(re.search(r't = 0 at (\d+) ns', process.line())[1])
+    return zero_in(process.line())
 
 
 def ns(transform):
@@ -55,7 +63,7 @@ def angle(message, joint):
 @pytest.fixture
 def joints(ros):
     """The messages on /tf."""
-    messages = []
+    messages: list[TFMessage] = []
     ros.node.create_subscription(TFMessage, '/tf', messages.append, 1000)
     return messages
 
@@ -63,7 +71,7 @@ def joints(ros):
 @pytest.fixture
 def statics(ros):
     """The messages on /tf_static."""
-    messages = []
+    messages: list[TFMessage] = []
     ros.node.create_subscription(TFMessage, '/tf_static', messages.append, LATCHED)
     return messages
 
@@ -79,7 +87,7 @@ def test_early_and_late_subscribers_get_the_arm(ros, joints, statics, start):
     process = start(*ARM)
     start_ns = zero(process)
     ros.until(lambda: statics and len(joints) >= 100)
-    late = []
+    late: list[TFMessage] = []
     ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
     ros.until(lambda: late, timeout=2.0)
     for message in (*statics, *late):
@@ -110,13 +118,13 @@ class Parameters:
     """The parameter services of the node."""
 
     def __init__(self, ros):
-        self._ros = ros
+        self._ros, self._asked = ros, 0.0
         self._client = AsyncParameterClient(ros.node, 'dummy_arm')
         ros.until(self._client.services_are_ready)
 
     def _answer(self, ask):
         """Ask until there is an answer: DDS may lose one whose client it has just discovered."""
-        futures = []
+        futures: list[Future] = []
 
         def answered():
             if not futures or time.monotonic() > self._asked + 2.0:
@@ -306,7 +314,7 @@ def test_sim_time_is_followed_backwards_too(ros, joints, start):
     publisher = ros.node.create_publisher(Clock, '/clock', 10)
     start(*ARM, '--ros-args', '-p', 'use_sim_time:=true')
     ros.until(lambda: publisher.get_subscription_count() == 1)
-    logs = []
+    logs: list[Log] = []
     ros.node.create_subscription(Log, '/rosout', logs.append, LATCHED)
     def check(messages, earliest_ns, latest_ns):
         for message in messages:
@@ -317,7 +325,7 @@ def test_sim_time_is_followed_backwards_too(ros, joints, start):
 
     end_ns = play(ros, publisher, joints, 100 * 10**9)
     ros.until(lambda: logs)
-    start_ns = int(re.search(r't = 0 at (\d+) ns', logs[0].msg)[1])
+    start_ns = zero_in(logs[0].msg)
     assert 100 * 10**9 <= start_ns < end_ns
     check(joints, start_ns, end_ns)
     count = len(joints)

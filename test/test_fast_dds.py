@@ -35,7 +35,7 @@ def test_nobody_is_heard_of_any_more(ros, start):
 @pytest.fixture
 def debug_log(monkeypatch):
     """List what is logged at debug level."""
-    lines = []
+    lines: list[str] = []
     monkeypatch.setattr(fast_dds, 'get_logger', lambda name: SimpleNamespace(debug=lines.append))
     return lines
 

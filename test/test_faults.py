@@ -5,6 +5,7 @@ from geometry_msgs.msg import TransformStamped
 import pytest
 
 from dummy_arm.tf import TFMessage
+from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._ros.transform_stamped import message_of
 
 S = 10**9
@@ -68,14 +69,16 @@ def test_a_wrong_message_is_a_type_error(ros):
 
 def test_objects_and_bytes_both_ways(ros):
     """Published as object or bytes, subscribed as object or raw."""
-    objects, raw, with_info = [], [], []
+    objects: list[TFMessage] = []
+    raw: list[bytes] = []
+    with_info = []
     ros.node.create_subscription(TFMessage, '/tf', objects.append, 10)
     ros.node.create_subscription(TFMessage, '/tf', raw.append, 10, raw=True)
     ros.node.create_subscription(
         TFMessage, '/tf', lambda message, info: with_info.append((message, info)), 10)
     publisher = ros.node.create_publisher(TFMessage, '/tf', 10)
     message = TFMessage(transforms=[
-        message_of((S + 2, 'a', 'b', (1.5, 0, 0, 0.0, 0.0, 0.0, 1.0)))])
+        message_of(Row(S + 2, 'a', 'b', (1.5, 0, 0, 0.0, 0.0, 0.0, 1.0)))])
     publisher.publish(message)
     ros.until(lambda: objects and raw and with_info)
     assert objects[0] == message
@@ -91,7 +94,7 @@ def test_a_large_message_arrives(ros, start):
     process, publisher = subscribed(ros, start, code=SUBSCRIBER.replace(
         '[t.child_frame_id for t in m.transforms]',
         'len(m.transforms), m.transforms[-1].transform'))
-    rows = [(S + 2, f'frame_{i}', f'frame_{i + 1}', (i, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    rows = [Row(S + 2, f'frame_{i}', f'frame_{i + 1}', (i, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
             for i in range(5000)]
     publisher.publish(TFMessage(transforms=[message_of(row) for row in rows]))
     line = process.line()

@@ -170,7 +170,8 @@ def interrupt():
 threading.Timer(0.2, interrupt).start()
 try:
     in_child(x)
-    time.sleep(10)
+    for _ in range(1000):  # what comes is not heard within one long sleep
+        time.sleep(0.01)
 except KeyboardInterrupt:
     print('done')
 """

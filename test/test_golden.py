@@ -24,12 +24,12 @@ def buffer_of(case):
 def ask(buffer, query):
     """Ask whether there is an answer, then for it: (can, Transform or exception)."""
     if query['kind'] == 'full':
-        arguments = (query['target'], query['target_ns'], query['source'], query['source_ns'],
-                     query['fixed'])
+        names = ['target', 'target_ns', 'source', 'source_ns', 'fixed']
         can, lookup = buffer.can_transform_full, buffer.lookup_transform_full
     else:
-        arguments = query['target'], query['source'], query['time_ns']
+        names = ['target', 'source', 'time_ns']
         can, lookup = buffer.can_transform, buffer.lookup_transform
+    arguments = [query[name] for name in names]
     try:
         return can(*arguments), lookup(*arguments)
     except exceptions.TransformException as error:

@@ -16,8 +16,9 @@ import pytest
 
 from dummy_arm.tf import BufferCore
 from dummy_arm.tf._core import insertion
+from dummy_arm.tf._core.history import History
 from dummy_arm.tf._core.insertion import normalize_poses
-from dummy_arm.tf._core.pose import Batch, normalized
+from dummy_arm.tf._core.pose import Batch, normalized, Row
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.streams import MessageReader
 
@@ -104,7 +105,7 @@ def test_golden_messages_are_read_as_unpacked(golden_messages):
 
 def test_padding_and_what_follows_are_no_matter():
     """Real messages have anything there, and it may change."""
-    rows = [(T * S + 5, 'a', 'bcdef', STILL), (T * S + 5, 'bcdef', 'x' * 9, STILL)]
+    rows = [Row(T * S + 5, 'a', 'bcdef', STILL), Row(T * S + 5, 'bcdef', 'x' * 9, STILL)]
     data = cdr.pack(rows)
     ones = bytearray(data)
     # After 'a\0' come two bytes of padding, after 'bcdef\0' two and four.
@@ -124,8 +125,8 @@ def test_padding_and_what_follows_are_no_matter():
 
 def test_a_layout_is_of_all_names():
     """Messages of one length whose first names are the same are told apart."""
-    one = cdr.pack([(T * S, 'a', 'b', STILL), (T * S, 'b', 'c', STILL)])
-    other = cdr.pack([(T * S, 'a', 'b', STILL), (T * S, 'b', 'd', STILL)])
+    one = cdr.pack([Row(T * S, 'a', 'b', STILL), Row(T * S, 'b', 'c', STILL)])
+    other = cdr.pack([Row(T * S, 'a', 'b', STILL), Row(T * S, 'b', 'd', STILL)])
     buffer, reader = BufferCore(), MessageReader(fail)
     for _ in range(2):
         insert(buffer, reader, one, one, other, other, one)
@@ -134,8 +135,8 @@ def test_a_layout_is_of_all_names():
 
 def test_malformed_messages_are_told_and_the_others_inserted():
     """Each with its error, whose text begins with the kind."""
-    good = cdr.pack([(T * S, 'a', 'b', STILL)])
-    errors = []
+    good = cdr.pack([Row(T * S, 'a', 'b', STILL)])
+    errors: list[cdr.MalformedMessage] = []
     buffer, reader = BufferCore(), MessageReader(errors.append)
     bad = [b'', b'\0\1\0\0', good[:-1], good[:30], b'\0\7' + good[2:],
            good[:4] + b'\xff\xff\xff\xff' + good[8:], b'\0\1\0\0' + bytes(3)]
@@ -149,10 +150,10 @@ def test_malformed_messages_are_told_and_the_others_inserted():
 def test_the_memory_for_layouts_is_bounded(monkeypatch):
     """A peer that sends ever new names does not fill it; old streams are learnt again."""
     monkeypatch.setattr('dummy_arm.tf._wire.streams._MOST_BYTES', 10 * len(
-        cdr.pack([(T * S, 'a', 'b', STILL)])))
+        cdr.pack([Row(T * S, 'a', 'b', STILL)])))
     reader = MessageReader(fail)
     for i in range(100):
-        read(reader, cdr.pack([(T * S, 'a', f'b{i}', STILL)]))
+        read(reader, cdr.pack([Row(T * S, 'a', f'b{i}', STILL)]))
         assert len(reader._layouts) <= 11
 
 
@@ -192,8 +193,8 @@ def test_messages_are_inserted_as_their_transforms_one_by_one(made, many):
     try:
         for batch, is_static in made:
             insert(fast, reader, *map(cdr.pack, batch), is_static=is_static)
-            for row in (row for message in batch for row in message):
-                slow.insert(*row, is_static=is_static)
+            for stamp, parent, child, pose in (row for message in batch for row in message):
+                slow.insert(stamp, parent, child, pose, is_static=is_static)
             assert state(fast) == state(slow)
     finally:
         insertion._MANY = before
@@ -201,7 +202,7 @@ def test_messages_are_inserted_as_their_transforms_one_by_one(made, many):
 
 def chain(number, stamp, shift=0.0):
     """Make a message of a chain of frames."""
-    return cdr.pack([(stamp, f'f{i}', f'f{i + 1}', (shift + i, *STILL[1:]))
+    return cdr.pack([Row(stamp, f'f{i}', f'f{i + 1}', (shift + i, *STILL[1:]))
                       for i in range(number)])
 
 
@@ -222,17 +223,18 @@ def test_what_the_user_inserts_does_not_overtake_what_was_sent_before():
     """Though that waits to be inserted."""
     buffer = BufferCore()
 
-    source = Arrived(cdr.pack([(T * S, 'a', 'b', STILL)]))
+    source = Arrived(cdr.pack([Row(T * S, 'a', 'b', STILL)]))
     buffer.add_source(source)
     buffer.insert(T * S, 'a', 'b', (1.0, *STILL[1:]), is_static=True)
     assert buffer.frames()[0].is_static
     assert not source.take()
 
 
-def test_streams_that_have_frames_in_common_answer_as_single_transforms_do():
+@pytest.mark.parametrize('rounds', [5, pytest.param(25, marks=pytest.mark.soak)])
+def test_streams_that_have_frames_in_common_answer_as_single_transforms_do(rounds):
     """Those of a chain, parts of it, single frames, late ones, twice the same, after a clear."""
     random = np.random.default_rng(5)
-    for _ in range(25):
+    for _ in range(rounds):
         fast, slow, reader = BufferCore(2 * S), BufferCore(2 * S), MessageReader(fail)
         disturbances = random.choice([0.0, 0.02, 0.2])
         now, sent = T * S, [chain(6, T * S)]
@@ -246,8 +248,8 @@ def test_streams_that_have_frames_in_common_answer_as_single_transforms_do():
                         chain(int(random.integers(1, 6)), now + 1),
                         chain(6, now - int(random.integers(0, 3 * S)), 5.0),
                         sent[-1], batch[0], chain(6, now, 7.0),
-                        cdr.pack([(now, 'f0', f'new {now}', STILL)]),
-                        cdr.pack([(now, 'other', 'f3', STILL)]),
+                        cdr.pack([Row(now, 'f0', f'new {now}', STILL)]),
+                        cdr.pack([Row(now, 'other', 'f3', STILL)]),
                     ][random.integers(0, 7)])
             sent += batch
             insert(fast, reader, *batch)
@@ -272,6 +274,8 @@ def test_streams_that_have_frames_in_common_answer_as_single_transforms_do():
 
 
 FILES = 'history.py', 'insertion.py', 'pose.py', 'tree.py', 'engine.py'
+at_every_place = pytest.mark.parametrize(
+    'step', [23, pytest.param(1, marks=pytest.mark.soak)], ids=['some', 'every'])
 
 
 @pytest.mark.parametrize('stamps', [[60], [60, 61, 62], [59], [58.5], [10], [200]])
@@ -279,9 +283,11 @@ FILES = 'history.py', 'insertion.py', 'pose.py', 'tree.py', 'engine.py'
 @pytest.mark.parametrize('by', ['message', 'insert'])
 def test_ctrl_c_at_any_place_leaves_a_history_whole(stamps, parent, by):
     """Every sample has the pose and the parent that belong to its stamp, and more can follow."""
+    buffer, reader = BufferCore(), MessageReader(fail)
+
     def put(*seconds, parent='a'):
         insert(buffer, reader, *(
-            cdr.pack([(int(second * S), parent, 'c', (second, *STILL[1:]))])
+            cdr.pack([Row(int(second * S), parent, 'c', (second, *STILL[1:]))])
             for second in seconds))
 
     def prepare():
@@ -295,7 +301,6 @@ def test_ctrl_c_at_any_place_leaves_a_history_whole(stamps, parent, by):
             lambda: [buffer.insert(int(second * S), parent, 'c', (second, *STILL[1:]))
                      for second in stamps])
 
-    buffer = reader = None
     for places, _ in enumerate(interruptions(prepare, *FILES)):  # noqa: B007
         put(300, 301)
         known = buffer.dump()['c']
@@ -306,9 +311,12 @@ def test_ctrl_c_at_any_place_leaves_a_history_whole(stamps, parent, by):
     assert places > 10
 
 
+@at_every_place
 @pytest.mark.parametrize('limits', [(30_000, {}), (S, {'max_samples': 40})])
-def test_ctrl_c_at_any_place_leaves_each_sample_its_parent(limits):
+def test_ctrl_c_at_any_place_leaves_each_sample_its_parent(limits, step):
     """While the oldest of a frame with several parents expire, or are dropped."""
+    buffer = BufferCore()
+
     def put(begin, end):
         for i in range(begin, end):
             buffer.insert(T * S + i * 1000, f'p{i % 3}', 'c', (float(i), *STILL[1:]))
@@ -319,8 +327,7 @@ def test_ctrl_c_at_any_place_leaves_each_sample_its_parent(limits):
         put(0, 45)
         return lambda: put(45, 65)
 
-    buffer = None
-    for places, _ in enumerate(interruptions(prepare, *FILES)):  # noqa: B007
+    for places, _ in enumerate(interruptions(prepare, *FILES, step=step)):  # noqa: B007
         known = buffer.dump()['c']
         for stamp, pose, parent in zip(known['stamps'], known['poses'], known['parents']):
             number = (stamp - T * S) // 1000
@@ -328,11 +335,14 @@ def test_ctrl_c_at_any_place_leaves_each_sample_its_parent(limits):
             assert parent == f'p{number % 3}'
             assert buffer.lookup_transform(parent, 'c', stamp).translation[0] == number
         assert len(known['stamps']) == len(known['poses']) == len(known['parents']) > 20
-    assert places > 100
+    assert places * step > 100
 
 
-def test_ctrl_c_at_any_place_at_one_stamp_leaves_each_sample_its_parent():
+@at_every_place
+def test_ctrl_c_at_any_place_at_one_stamp_leaves_each_sample_its_parent(step):
     """Where the last of a hundred is replaced."""
+    buffer = BufferCore()
+
     def put(begin, end):
         for i in range(begin, end):
             buffer.insert(T * S, f'p{i % 3}', 'c', (float(i), *STILL[1:]))
@@ -343,25 +353,25 @@ def test_ctrl_c_at_any_place_at_one_stamp_leaves_each_sample_its_parent():
         put(0, 101)
         return lambda: put(101, 104)
 
-    buffer = None
-    for places, _ in enumerate(interruptions(prepare, *FILES)):  # noqa: B007
+    for places, _ in enumerate(interruptions(prepare, *FILES, step=step)):  # noqa: B007
         put(104, 105)
         known = buffer.dump()['c']
         assert len(known['stamps']) == len(known['poses']) == len(known['parents']) in (99, 100)
         for pose, parent in zip(known['poses'], known['parents']):
             assert parent == f'p{int(pose[0]) % 3}'
-    assert places > 20
+    assert places * step > 20
 
 
 def test_ctrl_c_at_any_place_of_an_update_loses_no_message():
     """What was taken stays in the list of its source until it is in the buffer."""
+    buffer = BufferCore()
+
     def prepare():
         nonlocal buffer
         buffer = BufferCore()
         buffer.add_source(Arrived(*(chain(3, (T + i) * S) for i in range(3))))
         return buffer.update
 
-    buffer = None
     for places, _ in enumerate(interruptions(prepare, *FILES)):  # noqa: B007
         assert [frame.length for frame in buffer.frames()] == [3, 3, 3]
         assert buffer.lookup_transform('f0', 'f3', (T + 1) * S).stamp == (T + 1) * S
@@ -408,7 +418,7 @@ def test_a_parent_without_a_name_is_refused_of_a_frame_with_several(parent, logs
     buffer.insert(1, 'a', 'x', STILL)
     buffer.insert(2, 'b', 'x', STILL)
     for stamp in 3, 4:
-        insert(buffer, reader, cdr.pack([(stamp, parent, 'x', STILL)]))
+        insert(buffer, reader, cdr.pack([Row(stamp, parent, 'x', STILL)]))
     assert buffer.dump()['x']['stamps'] == [1, 2]
     assert logs[0].getMessage().startswith('TF_NO_FRAME_ID')
 
@@ -417,7 +427,7 @@ def test_one_leading_slash_is_removed_however_a_message_comes():
     """In a batch, and late."""
     buffer, reader = BufferCore(), MessageReader(fail)
     for stamp in 10, 11, 5, 12:
-        insert(buffer, reader, cdr.pack([(stamp, '//map', 'x', STILL)]))
+        insert(buffer, reader, cdr.pack([Row(stamp, '//map', 'x', STILL)]))
     assert buffer.dump()['x']['parents'] == ['/map'] * 4
 
 
@@ -427,6 +437,7 @@ def test_an_insertion_that_fails_leaves_each_pose_its_stamp():
     for stamp in 10, 20, 30:
         buffer.insert(stamp, 'a' if stamp < 30 else 'b', 'x', (float(stamp), *STILL[1:]))
     history = buffer._tree.histories['x']
+    assert isinstance(history, History)
     view = memoryview(history.stamps)
     with pytest.raises(BufferError):
         buffer.insert(15, 'a', 'x', (15.0, *STILL[1:]))
@@ -459,7 +470,7 @@ def test_numbers_that_are_not_finite_give_no_warning():
             with warnings.catch_warnings():
                 warnings.simplefilter('error')
                 insert(buffer, reader, *(cdr.pack([
-                    ((T + number) * S + i, 'a', f'{i}', (*numbers, *STILL[2:]))
+                    Row((T + number) * S + i, 'a', f'{i}', (*numbers, *STILL[2:]))
                     for i in range(many)])
                     for many in (1, 40)))
     assert buffer.can_transform('a', '39')
@@ -477,7 +488,7 @@ def test_a_log_may_look_up_while_transforms_are_refused(monkeypatch):
             thread.join(20.0)
 
     monkeypatch.setattr(logging.getLogger('dummy_arm.tf'), 'handlers', [Handler()])
-    insert(buffer, reader, cdr.pack([(T * S, 'a', 'b', STILL), (T * S, 'x', 'x', STILL)]))
+    insert(buffer, reader, cdr.pack([Row(T * S, 'a', 'b', STILL), Row(T * S, 'x', 'x', STILL)]))
     assert found == [True]
     assert not buffer.insert(T * S, 'y', 'y', STILL)  # within the same second
     assert found == [True]

@@ -18,7 +18,7 @@ LATCHED = profile(None, 10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 def heard(ros, number):
     """Hear messages of /tf: stamps (s), translations and rotations of their only transform."""
-    messages = []
+    messages: list[TFMessage] = []
     subscription = ros.node.create_subscription(TFMessage, '/tf', messages.append, 100)
     ros.until(lambda: len(messages) >= number)
     ros.node.destroy_subscription(subscription)
@@ -36,7 +36,7 @@ def test_step_1_static_transform(ros, start):
     process = start(*tool(
         'static_transform_publisher', '1', '0', '0', '0', '0', '0', '/map', '/base_link'))
     process.line_with("from '/map' to '/base_link'")
-    messages = []
+    messages: list[TFMessage] = []
     ros.node.create_subscription(TFMessage, '/tf_static', messages.append, LATCHED)
     ros.until(lambda: messages)
     (transform,) = messages[0].transforms
@@ -97,7 +97,7 @@ def test_steps_5_and_6_the_frames_of_the_arm(start, tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {'frames.pdf', 'frames.gv'}
     pypdf = pytest.importorskip('pypdf')
     (page,) = pypdf.PdfReader(tmp_path / 'frames.pdf').pages
-    heights = {}
+    heights: dict[str, float] = {}
     text = page.extract_text(visitor_text=lambda text, _, matrix, *rest: heights.setdefault(
         text.strip(), matrix[5]))
     lines = [line.strip() for line in text.splitlines()]

@@ -39,7 +39,9 @@ def by_lookups(buffer, target, until):
 @given(INSERTS, st.sampled_from(NAMES), st.sampled_from([0, T, T + S, T + 15 * S // 10]))
 def test_as_lookups(inserts, target, until):
     """Stamps in common or not, static edges; and where time has no limit, changes of parents."""
-    buffer, parents, known = BufferCore(), {}, set()
+    buffer = BufferCore()
+    parents: dict[int, int] = {}
+    known: set[str] = set()
     for child, parent, tenth, is_static, x in inserts:
         parent %= child
         if until:

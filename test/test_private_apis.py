@@ -10,6 +10,7 @@ import ast
 from pathlib import Path
 import re
 from threading import RLock, Thread
+from typing import Any
 
 PACKAGE = Path(__file__).parent.parent / 'dummy_arm'
 #: The slots of generated messages: geometry_msgs, std_msgs, builtin_interfaces.
@@ -50,7 +51,7 @@ def used_names(tree):
         if isinstance(node, ast.Attribute) and is_private(node.attr):
             yield node.attr
         modules = ([alias.name for alias in node.names] if isinstance(node, ast.Import) else
-                   [node.module] if isinstance(node, ast.ImportFrom) else [])
+                   [node.module or ''] if isinstance(node, ast.ImportFrom) else [])
         for module in modules:
             parts = module.split('.')
             if parts[0] != 'dummy_arm' and (
@@ -75,7 +76,8 @@ def test_what_is_used_of_fast_dds_is_in_one_file():
 
 def test_a_lock_knows_whether_this_thread_holds_it():
     """`RLock._is_owned`, by which a nested call is told from one of another thread."""
-    lock, owned = RLock(), []
+    lock: Any = RLock()
+    owned: list[bool] = []
     owned.append(lock._is_owned())
     with lock:
         with lock:

@@ -1,5 +1,6 @@
 """Who sent a transform, over DDS."""
 
+import ctypes
 import sys
 import threading
 import time
@@ -18,6 +19,7 @@ from dummy_arm.tf import (
     TFMessage,
     TransformBroadcaster,
 )
+from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._ros import rclpy_private
 from dummy_arm.tf._ros.rclpy_private import subscribe, Taker
 from dummy_arm.tf._ros.transform_stamped import message_of
@@ -50,13 +52,13 @@ def sender_of(listener, name, known=True):
 def test_each_transform_is_of_the_node_that_sent_it(ros, start, listener):
     """Also where several send at the same time, and after the sender has ended."""
     ours = TransformBroadcaster(ros.node)
-    StaticTransformBroadcaster(ros.node).sendTransform(message_of((0, 'map', 'a', STILL)))
+    StaticTransformBroadcaster(ros.node).sendTransform(message_of(Row(0, 'map', 'a', STILL)))
     process = start(*tool(
         'static_transform_publisher', '--frame-id', 'map', '--child-frame-id', 'b',
         '--ros-args', '-r', '__ns:=/robot', '-r', '__node:=other'))
     arm = start(*tool('dummy_arm'))
     for i in range(100):
-        ours.sendTransform(message_of((i * S, 'map', 'c', STILL)))
+        ours.sendTransform(message_of(Row(i * S, 'map', 'c', STILL)))
         time.sleep(0.002)
     assert sender_of(listener, 'a') == '/test'
     assert sender_of(listener, 'b') == '/robot/other'
@@ -76,7 +78,7 @@ def test_the_newest_sender_counts(ros, start, listener):
     arm.close()
     deadline = time.monotonic() + TIMEOUT
     while sender_of(listener, 'joint_1') != '/test':
-        ours.sendTransform(message_of((time.time_ns(), 'base_link', 'joint_1', STILL)))
+        ours.sendTransform(message_of(Row(time.time_ns(), 'base_link', 'joint_1', STILL)))
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
@@ -89,11 +91,11 @@ def test_where_rcl_cannot_be_called_the_sender_is_unknown(ros, monkeypatch, lack
             raise OSError(name)
         return object()
 
-    monkeypatch.setattr(rclpy_private.ctypes, 'PyDLL', load)
+    monkeypatch.setattr(ctypes, 'PyDLL', load)
     rclpy_private.rcl_take.cache_clear()
     listener = PublisherListener(Buffer(node=ros.node), ros.node)
     try:
-        StaticTransformBroadcaster(ros.node).sendTransform(message_of((0, 'map', 'a', STILL)))
+        StaticTransformBroadcaster(ros.node).sendTransform(message_of(Row(0, 'map', 'a', STILL)))
         assert sender_of(listener, 'a', known=False) == UNKNOWN
         (message,), dropped = listener.received()
         assert (message.gid, message.is_static, dropped) == ('', True, 0)
@@ -107,8 +109,9 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
     """Of all sizes, empty ones too."""
     listener.unregister()
     subscription = subscribe(
-        ros.node, TFMessage, '/bytes', lambda _: None, QoSProfile(depth=100), None)
-    raw = []
+        ros.node, TFMessage, '/bytes', lambda _: None, QoSProfile(depth=100),
+        ros.node.default_callback_group)
+    raw: list[bytes] = []
     ros.node.create_subscription(TFMessage, '/bytes', raw.append, 100, raw=True)
     publisher = ros.node.create_publisher(TFMessage, '/bytes', 100)
     ros.until(lambda: publisher.get_subscription_count() == 2)
@@ -116,7 +119,8 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
     begin = time.time_ns()
     for message in messages:
         publisher.publish(message)
-    taken, taker = [], Taker(Sent.of)
+    taken: list[Sent] = []
+    taker = Taker(Sent.of)
 
     def all_taken():
         taker.take(subscription.handle, 1000, taken)
@@ -134,22 +138,25 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
 
 def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_messages):
     """Each takes into its own memory."""
-    ends, mixed = threading.Event(), []
+    ends = threading.Event()
+    mixed: list[Sent] = []
     publishers, subscriptions = zip(*(
         (ros.node.create_publisher(TFMessage, topic, 1000),
-         subscribe(ros.node, TFMessage, topic, lambda _: None, QoSProfile(depth=1000), None))
+         subscribe(ros.node, TFMessage, topic, lambda _: None, QoSProfile(depth=1000),
+                   ros.node.default_callback_group))
         for topic in ('/one', '/two')))
     ros.until(lambda: all(publisher.get_subscription_count() for publisher in publishers))
     messages = [bytes.fromhex(case['cdr_hex']) for case in golden_messages[1:3]]
 
     def take(subscription, expected):
-        taken, taker = [], Taker(Sent.of)
+        taken: list[Sent] = []
+        taker = Taker(Sent.of)
         while not ends.is_set():
             taker.take(subscription.handle, 1000, taken)
         mixed.extend(message for message in taken if message != expected)
         counts.append(len(taken))
 
-    counts = []
+    counts: list[int] = []
     threads = [threading.Thread(target=take, args=both) for both in zip(subscriptions, messages)]
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1e-5)
@@ -177,7 +184,7 @@ def send(ros, listener):
     publisher = TransformBroadcaster(ros.node).pub_tf
 
     def send(stamp):
-        message = pack([(stamp, 'map', 'moving', STILL)])
+        message = pack([Row(stamp, 'map', 'moving', STILL)])
         publisher.publish(message)
         return message
 
@@ -201,7 +208,7 @@ def test_what_is_received_is_given_once(ros, listener, send):
     begin, sent, latched, messages = time.time_ns(), [], [], []
     for number in range(100, 150):
         sent.append(send(number))
-        latched.append((0, 'map', f'still_{number}', STILL))
+        latched.append(Row(0, 'map', f'still_{number}', STILL))
         static.sendTransform(message_of(latched[-1]))
         if number % 3:
             messages += listener.received().messages
@@ -263,7 +270,7 @@ def test_what_came_before_the_end_is_received(listener, send):
     assert listener.received() == ([], 0)
 
 
-SIZE = len(pack([(0, 'map', 'moving', STILL)]))
+SIZE = len(pack([Row(0, 'map', 'moving', STILL)]))
 
 
 @pytest.mark.parametrize(('limit', 'value', 'kept'), [

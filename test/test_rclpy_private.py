@@ -1,6 +1,7 @@
 """What tf/_ros/rclpy_private.py relies on, of rclpy 7.1 and rcl; each over real DDS."""
 
 import ast
+from collections.abc import Callable
 from pathlib import Path
 import threading
 import time
@@ -42,7 +43,8 @@ CONVERSIONS = (
 @pytest.fixture
 def strings(ros):
     """Subscribe to a topic of String, and make its publisher."""
-    subscription = subscribe(ros.node, String, 'text', print, QoSProfile(depth=10), None)
+    subscription = subscribe(ros.node, String, 'text', print, QoSProfile(depth=10),
+                             ros.node.default_callback_group)
     publisher = ros.node.create_publisher(String, 'text', 10)
     ros.until(lambda: publisher.get_subscription_count() == 1)
     yield publisher, subscription
@@ -92,7 +94,7 @@ def test_install_changes_what_publishes_takes_and_serializes(ros):
     message = TFMessage(transforms=[TransformStamped(child_frame_id='tool')])
     data = serialize_message(message)
     assert deserialize_message(data, TFMessage) == message
-    received = []
+    received: list[TFMessage] = []
     ros.node.create_subscription(TFMessage, 'tf_of_test', received.append, 10)
     publisher = ros.node.create_publisher(TFMessage, 'tf_of_test', 10)
     ros.until(lambda: publisher.get_subscription_count() == 1)
@@ -103,7 +105,8 @@ def test_install_changes_what_publishes_takes_and_serializes(ros):
 
 def test_messages_of_other_types_take_the_way_that_they_took(ros):
     """Published, taken and serialized by rclpy's own."""
-    text, received = String(data='hello'), []
+    text = String(data='hello')
+    received: list[String] = []
     assert deserialize_message(serialize_message(text), String) == text
     ros.node.create_subscription(String, 'text', received.append, 10)
     publisher = ros.node.create_publisher(String, 'text', 10)
@@ -128,12 +131,18 @@ def test_subscribe_makes_a_subscription_that_no_executor_sees(ros, strings):
 def test_incompatible_qos_counts_publishers_that_do_not_fit(ros):
     """With the policy, once."""
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    subscription = subscribe(ros.node, String, 'text', print, latched, None)
+    subscription = subscribe(ros.node, String, 'text', print, latched,
+                             ros.node.default_callback_group)
     event = incompatible_qos(subscription)
     assert event.take_event().total_count_change == 0
     ros.node.create_publisher(String, 'text', QoSProfile(depth=1))
     statuses = []
-    ros.until(lambda: statuses.append(event.take_event()) or statuses[-1].total_count_change)
+
+    def has_changed():
+        statuses.append(event.take_event())
+        return statuses[-1].total_count_change
+
+    ros.until(has_changed)
     assert qos_policy_name_from_kind(statuses[-1].last_policy_kind) == 'DURABILITY'
     assert event.take_event().total_count_change == 0
     event.destroy_when_not_in_use()
@@ -176,7 +185,7 @@ def test_an_executor_that_spins_until_a_future_is_done_adds_a_callback_of_its_ow
             added.append(callback)
             super().add_done_callback(callback)
 
-    added = []
+    added: list[Callable[[Future], object]] = []
     ros.executor.spin_until_future_complete(Watched(), timeout_sec=0.01)
     assert added
     assert all(map(is_of_executor, added))
@@ -209,7 +218,7 @@ def test_a_wait_set_waits_for_subscriptions_and_guard_conditions(ros, strings):
 def test_an_error_of_rcl_is_a_runtime_error(ros):
     """`cli` catches it so, since rclpy.init raises it."""
     assert issubclass(RCLError, RuntimeError)
-    with pytest.raises(RCLError, match='enclave|Enclave|context'):
+    with pytest.raises(RCLError, match=r'enclave|Enclave|context'):
         type(ros.context)().init(args=['--ros-args', '-e', 'bad'], domain_id=0)
 
 
@@ -217,12 +226,18 @@ def test_rcl_tells_the_gid_of_a_message(strings, ros):
     """The beginning of what `get_publishers_info_by_topic` reports; all are taken, in order."""
     publisher, subscription = strings
     assert rcl_take() is not None
-    taker, messages = Taker(lambda *arguments: arguments), []
+    messages: list[tuple[bytes, str, int]] = []
+    taker = Taker(lambda data, gid, received: (data, gid, received))
     taker.take(subscription.handle, 10, messages)
     assert not messages
     for text in 'one', 'two', 'three':
         publisher.publish(String(data=text))
-    ros.until(lambda: taker.take(subscription.handle, 2, messages) or len(messages) == 3)
+
+    def has_all():
+        taker.take(subscription.handle, 2, messages)
+        return len(messages) == 3
+
+    ros.until(has_all)
     assert [deserialize_message(data, String).data for data, _, _ in messages] == [
         'one', 'two', 'three']
     (info,) = ros.node.get_publishers_info_by_topic('text')

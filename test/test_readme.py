@@ -87,7 +87,7 @@ def test_record_makes_a_bag_of_the_arm(start, ros, tmp_path, signal_number):
 
     from dummy_arm.tf.bag import read
 
-    heard = []
+    heard: list[TFMessage] = []
     ros.node.create_subscription(TFMessage, '/tf', heard.append, 100)
     recorder = start('-c', RECORDER, str(tmp_path / 'bag'))
     ros.until(lambda: ros.node.count_subscribers('/tf') == 2)

@@ -77,6 +77,11 @@ def composed_quaternion(three, axes):
     return hamilton(c, hamilton(b, a)) if axes[0] == 's' else hamilton(a, hamilton(b, c))
 
 
+def from_angles(three: tuple[float, float, float], axes: str):
+    """Make the same by the function that is tested."""
+    return quaternion_from_euler(*three, axes)
+
+
 def apart(one, other):
     """Give the angle between two rotations, if it is small."""
     one, other = np.array(one), np.array(other)
@@ -125,7 +130,7 @@ def test_all_conventions_are_here():
 @given(st.tuples(angles, angles, angles))
 def test_from_euler_angles_as_matrices_by_hand(axes, three):
     """About axes that stay, or that turn with the body."""
-    quaternion = quaternion_from_euler(*three, axes)
+    quaternion = from_angles(three, axes)
     assert [type(number) for number in quaternion] == [float] * 4
     assert np.allclose(turned(quaternion), composed(three, axes), rtol=0, atol=1e-14)
     assert np.allclose(quaternion_matrix(quaternion)[:3, :3], composed(three, axes),
@@ -163,7 +168,7 @@ def test_euler_angles_there_and_back(axes, three):
 def test_at_gimbal_lock_the_last_angle_is_zero(axes, data, first, last):
     """The first one about axes that turn, which is the last of the same about fixed axes."""
     middle = data.draw(st.sampled_from(locks(axes)))
-    for make in composed_quaternion, lambda three, axes: quaternion_from_euler(*three, axes):
+    for make in composed_quaternion, from_angles:
         found = check_round_trip(make((first, middle, last), axes), axes)
         assert found[2 if axes[0] == 's' else 0] == 0.0
 
@@ -290,7 +295,8 @@ def test_matrices_there_and_back(quaternion, translation):
 
 def test_matrices_that_were_typed_in():
     """Three digits will do."""
-    quaternion = quaternion_from_matrix([[0.707, -0.707, 0], [0.707, 0.707, 0], [0, 0, 1]])
+    matrix: list[list[float]] = [[0.707, -0.707, 0], [0.707, 0.707, 0], [0, 0, 1]]
+    quaternion = quaternion_from_matrix(matrix)
     assert quaternion == pytest.approx(about(math.pi / 4, (0, 0, 1)), abs=1e-3)
     assert np.linalg.norm(quaternion) == pytest.approx(1.0, abs=1e-15)
 

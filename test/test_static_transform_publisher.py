@@ -19,7 +19,7 @@ FRAMES = ['--frame-id', 'map', '--child-frame-id', 'base']
 def published(ros, start, *arguments):
     """Run the command; give its process, and the only transform that it publishes."""
     process = start(*tool(NAME, *arguments))
-    messages = []
+    messages: list[TFMessage] = []
     ros.node.create_subscription(
         TFMessage, '/tf_static', messages.append,
         QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL))
@@ -77,7 +77,7 @@ def test_what_it_says_and_its_parameters(ros, start):
     assert process.line() == "rotation: ('0.000000', '0.000000', '0.000000', '1.000000')\n"
     assert process.line() == "from 'map' to 'base'\n"
     other.line_with('Spinning')
-    names = [re.search(f'{NAME}_[A-Za-z0-9]{{16}}', each.output)[0] for each in (process, other)]
+    names = [re.findall(f'{NAME}_[A-Za-z0-9]{{16}}', each.output)[0] for each in (process, other)]
     assert names[0] != names[1]
     listing = start(*tool('param', names[0]))
     assert listing.exit_code() == 0

@@ -20,10 +20,14 @@ def test_a_line_is_cut_off_by_columns(line, columns, left):
 @pytest.mark.parametrize('line', ['日' * 3000, 'ä' * 3000, '\u0301' * 3000])
 def test_each_character_of_a_line_is_looked_at_once(monkeypatch, line):
     """However much of it is cut off."""
-    looked_at = []
+    looked_at: list[str] = []
 
     def counted(function):
-        return lambda character: looked_at.append(character) or function(character)
+        def look(character):
+            looked_at.append(character)
+            return function(character)
+
+        return look
 
     for name in 'combining', 'east_asian_width':
         monkeypatch.setattr(terminal, name, counted(getattr(terminal, name)))

@@ -8,6 +8,7 @@ from conftest import ARM, tool, tool_without_ros
 import pytest
 
 from dummy_arm.tf import StaticTransformBroadcaster, Transform, TransformBroadcaster
+from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._ros.transform_stamped import message_of
 from dummy_arm.tf.rotations import quaternion_from_euler
 from dummy_arm.tools.tf2_echo import main, text_of
@@ -113,7 +114,7 @@ def test_a_time_exactly(start, ros):
 
     def send():
         moving.sendTransform([
-            message_of((LATER + i * S, 'map', 'robot', (x, *STILL[1:])))
+            message_of(Row(LATER + i * S, 'map', 'robot', (x, *STILL[1:])))
             for i, x in enumerate((1.0, 1.000001, 3.0))])
 
     ros.node.create_timer(0.1, send)
@@ -144,26 +145,26 @@ def test_waiting_says_what_is_missing(start, ros):
     stamps = [float(stamp) for stamp in re.findall(r'\[(\d+\.\d+)\]', process.output)]
     assert stamps[2] - stamps[0] > 1.9
     broadcaster = StaticTransformBroadcaster(ros.node)
-    broadcaster.sendTransform(message_of((0, 'earth', 'moon', STILL)))
+    broadcaster.sendTransform(message_of(Row(0, 'earth', 'moon', STILL)))
     ros.until(lambda: "'base_lnik' does not exist either. Frames here" in process.output)
     broadcaster.sendTransform([
-        message_of((0, 'map', name, STILL)) for name in ('odom', 'base_link', 'base')])
+        message_of(Row(0, 'map', name, STILL)) for name in ('odom', 'base_link', 'base')])
     ros.until(lambda: "here, the nearest names first: 'base_link', 'base', " in process.output)
     assert 'Invalid frame ID "base_lnik" passed to canTransform argument source_frame - ' in (
         process.output)
     assert "'map'" in process.output
     assert 'Known frames' not in process.output
-    broadcaster.sendTransform(message_of((0, 'map', 'base_lnik', STILL)))
+    broadcaster.sendTransform(message_of(Row(0, 'map', 'base_lnik', STILL)))
     ros.until(lambda: 'At time 0.000000000\n' in process.output)
 
 
 def test_a_failure_is_told_and_it_goes_on(start, ros):
     """In tf2's words, with the frames."""
     broadcaster = StaticTransformBroadcaster(ros.node)
-    broadcaster.sendTransform(message_of((0, 'map', 'robot', STILL)))
+    broadcaster.sendTransform(message_of(Row(0, 'map', 'robot', STILL)))
     process = start(*tool('tf2_echo', 'map', 'robot', '20'))
     ros.until(lambda: 'At time' in process.output)
-    broadcaster.sendTransform(message_of((0, 'elsewhere', 'robot', STILL)))
+    broadcaster.sendTransform(message_of(Row(0, 'elsewhere', 'robot', STILL)))
     ros.until(lambda: 'Failure at ' in process.output)
     assert re.search(
         r"Failure at \d{10}\.\d{3}\nException thrown:Could not find a connection between 'map' "
@@ -171,7 +172,7 @@ def test_a_failure_is_told_and_it_goes_on(start, ros):
         r'The current list of frames is:\n(Frame .*\n)+', process.output)
     assert 'Frame robot exists with parent elsewhere.\n' in process.output
     before = len(process.output)
-    broadcaster.sendTransform(message_of((0, 'map', 'robot', STILL)))
+    broadcaster.sendTransform(message_of(Row(0, 'map', 'robot', STILL)))
     ros.until(lambda: 'At time' in process.output[before:])
 
 

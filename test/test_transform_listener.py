@@ -6,11 +6,13 @@ from pathlib import Path
 import re
 import threading
 import time
+from typing import Any
 
-from conftest import TIMEOUT
+from conftest import TIMEOUT, unexpected
 from endings import without_others
 from geometry_msgs.msg import TransformStamped
 import pytest
+from rclpy.clock import ROSClock
 from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -32,6 +34,7 @@ from dummy_arm.tf import (
     TransformListener,
 )
 from dummy_arm.tf._core import engine
+from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._ros.rclpy_private import subscribe
 from dummy_arm.tf._ros.subscription import Misfits, SubscriptionSource
 from dummy_arm.tf._ros.transform_stamped import message_of
@@ -63,7 +66,7 @@ while True:
 
 def made(stamp_ns=0, parent='map', child='robot', x=0.0):
     """Make a transform."""
-    return message_of((stamp_ns, parent, child, (x, *STILL[1:])))
+    return message_of(Row(stamp_ns, parent, child, (x, *STILL[1:])))
 
 
 @pytest.fixture
@@ -116,7 +119,7 @@ def spun(work):
 def test_a_lookup_waits_inside_a_callback(ros, sender, listen, where, spin_thread):
     """Of a single-threaded executor, which spins nothing else meanwhile."""
     buffer, _ = listen(spin_thread=spin_thread)
-    answers = []
+    answers: list[Any] = []
 
     def wait(*_):
         if not answers:
@@ -274,7 +277,9 @@ def test_a_clock_that_jumps_back_clears_the_buffer(ros, listen):
     assert buffer.lookup_transform('map', 'static', LATEST, timeout=WAIT)
     send(100)
     node.set_parameters([Parameter('use_sim_time', value=True)])
-    assert node.get_clock().ros_time_is_active
+    its_clock = node.get_clock()
+    assert isinstance(its_clock, ROSClock)
+    assert its_clock.ros_time_is_active
     assert not buffer.can_transform('map', 'robot', LATEST)
     tick(100)
     send(100)
@@ -406,7 +411,8 @@ def test_frames_are_limited(ros, listen, said):
 
 def test_a_misfit_is_told_with_the_remedy(ros, said):
     """Static transforms that are not latched never arrive; it is told once a second at most."""
-    tf_static, now = subscribe(ros.node, TFMessage, '/tf_static', print, LATCHED, None), 0.0
+    tf_static, now = subscribe(ros.node, TFMessage, '/tf_static', print, LATCHED,
+                               ros.node.default_callback_group), 0.0
     misfits = Misfits(tf_static, lambda: now)
     ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
 
@@ -612,9 +618,10 @@ def test_in_a_pause_half_of_the_queue_stays_free(ros, depth, messages, seconds, 
 
 def source_of(ros, depth, clock=time.monotonic):
     """Return a source of a topic, what publishes messages that it then takes, and its end."""
-    tf, tf_static = (subscribe(ros.node, TFMessage, topic, print, QoSProfile(depth=depth), None)
+    tf, tf_static = (subscribe(ros.node, TFMessage, topic, print, QoSProfile(depth=depth),
+                               ros.node.default_callback_group)
                      for topic in ('/tf', '/tf_static'))
-    source = SubscriptionSource(tf_static, tf, pytest.fail, lambda: None, clock)
+    source = SubscriptionSource(tf_static, tf, unexpected, lambda: None, clock)
     broadcaster = TransformBroadcaster(ros.node)
     ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
 
@@ -799,6 +806,7 @@ def test_a_shutdown_without_a_word_ends_the_spin(domain_id):
     thread.start()
     time.sleep(0.5)
     begin = time.monotonic()
+    assert context.handle is not None
     context.handle.shutdown()  # which calls none of those that want to know
     thread.join(TIMEOUT)
     assert ended
@@ -1042,6 +1050,8 @@ class NamedFilter(AbstractFilter):
 class Mixin:
     """A class whose constructor comes before the listener's."""
 
+    node: Node
+
     def __init__(self, *args, **kwargs):
         """Listen, and take one's time."""
         super().__init__(*args, **kwargs)
@@ -1140,7 +1150,7 @@ def test_a_subclass_whose_constructor_fails_listens_no_more(ros):
     """Nor are its callbacks called, with what it has not set."""
     class Failing(TransformListener):
         def callback(self, data):
-            self.nothing.append(data)
+            self.nothing.append(data)  # type: ignore[attr-defined]
 
         def __init__(self, buffer, node):
             super().__init__(buffer, node)
@@ -1158,7 +1168,7 @@ def test_a_signal_handler_may_end_a_listener_that_gets_another_buffer(ros):
     class Interrupted(Buffer):
         """When a source is added, a signal comes."""
 
-        sources = frozenset()
+        sources: frozenset[object] = frozenset()
 
         def add_source(self, source):
             listener.unregister()
@@ -1292,30 +1302,38 @@ def test_ctrl_c_in_who_ends_a_listener_is_not_swallowed(ros, ending):
     eventually(lambda: not threads_of_listeners())
 
 
-def ended(start, kind, *ways):
+#: A few times, and more than a hundred.
+often = pytest.mark.parametrize('count', [3, pytest.param(101, marks=pytest.mark.soak)])
+
+
+def ended(start, count, kind, *ways):
     """Run `endings.py` in two ways at the same time; wait for the good end of both."""
     script = str(Path(__file__).parent / 'endings.py')
-    processes = [start(script, '101', kind, way, str(100 * i)) for i, way in enumerate(ways)]
+    processes = [start(script, str(count), kind, way, str(100 * i)) for i, way in enumerate(ways)]
     for process in processes:
         assert process.exit_code(300) == 0
         assert without_others(process.output) == 'all ended\n'
 
 
-def test_every_order_of_ending_in_a_thread(start):
-    """In any order of three calls, a hundred times each; in the executor's and the listener's."""
-    ended(start, 'in', 'executor', 'thread')
+@often
+def test_every_order_of_ending_in_a_thread(start, count):
+    """In any order of three calls, again and again; in the executor's and the listener's."""
+    ended(start, count, 'in', 'executor', 'thread')
 
 
-def test_every_order_of_ending_in_the_main_thread(start):
-    """In any order of three calls, a hundred times each."""
-    ended(start, 'in', 'main')
+@often
+def test_every_order_of_ending_in_the_main_thread(start, count):
+    """In any order of three calls, again and again."""
+    ended(start, count, 'in', 'main')
 
 
-def test_every_end_of_a_program(start):
-    """A hundred times each: its last line, and sys.exit() in a callback."""
-    ended(start, 'by', 'end', 'exit')
+@often
+def test_every_end_of_a_program(start, count):
+    """Again and again: its last line, and sys.exit() in a callback."""
+    ended(start, count, 'by', 'end', 'exit')
 
 
-def test_every_end_by_ctrl_c(start):
-    """A hundred times each: while it spins, and while it waits for a transform."""
-    ended(start, 'by', 'spin', 'lookup')
+@often
+def test_every_end_by_ctrl_c(start, count):
+    """Again and again: while it spins, and while it waits for a transform."""
+    ended(start, count, 'by', 'spin', 'lookup')

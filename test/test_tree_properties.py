@@ -157,7 +157,8 @@ def test_both_signs_of_a_quaternion_are_the_same(before, after, ratio, flip_befo
         for i, (rotation, sign) in enumerate(zip((before, after), signs)):
             buffer.insert(START + i * S, 'a', 'b', (0.0, 0.0, 0.0, *np.multiply(rotation, sign)))
         matrices.append(buffer.lookup_transform('a', 'b', START + int(ratio * S)).matrix())
-    assert np.allclose(*matrices, rtol=0, atol=1e-9)
+    one, other = matrices
+    assert np.allclose(one, other, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize('rotation', HALF_TURNS)
@@ -262,7 +263,9 @@ def test_the_edge_that_an_error_names_is_on_the_path_and_short_by_what_it_tells(
     try:
         buffer.lookup_transform(target, source, at)
     except ExtrapolationException as error:
-        parent, child, verb, seconds, _ = HINT.search(str(error)).groups()
+        hint = HINT.search(str(error))
+        assert hint is not None
+        parent, child, verb, seconds, _ = hint.groups()
         assert parent == parents[child]
         assert short[child] == round(float(seconds) * S) == max(short.values())
         assert verb == ('ends' if at > spans[child][1] else 'begins')

@@ -8,6 +8,7 @@ from pathlib import Path
 import re
 import socket
 from types import SimpleNamespace
+from typing import Optional
 from urllib.request import urlopen
 
 from conftest import TIMEOUT, tool, tool_without, tool_without_ros
@@ -245,7 +246,8 @@ def test_a_player(clock):
 class Known:
     """A source of which all is known."""
 
-    name, player = '/tf', None
+    name = '/tf'
+    player: Optional[Player] = None
 
     def __init__(self, buffer, facts):
         """Have a buffer, and facts of every frame."""

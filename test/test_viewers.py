@@ -84,7 +84,7 @@ def page():
         warnings.simplefilter('error')
         with served('127.0.0.1') as server:
             made = View(Bag(buffer, 'bag'), server)
-            made.server = server
+            made.server = server  # type: ignore[attr-defined]
             made.update()
             yield made
 
@@ -227,9 +227,10 @@ def test_no_message_of_a_viewer_ends_the_process(start, tmp_path):
         good.send(message)
     source = random.Random(1)
     bad = Viewer(port)
+    values: list[object] = [{}, None, 'x']
     for uuid in uuids.values():
         for name in 'props', '__dict__', 'value':
-            for value in {}, None, 'x':
+            for value in values:
                 bad.send(update(uuid, **{name: value}))
     for _ in range(4000):
         bad.send(any_message(source, [*uuids.values()])[:2**16])

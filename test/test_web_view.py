@@ -58,9 +58,10 @@ def test_the_waving_arm(start, ros, look, request, tmp_path):
     listener = TransformListener(buffer, ros.node)
     page = look(start(*VIEW))
 
-    scene = page.scene_with(*FRAMES)
+    # Each part of the page changes by a message of its own, and so a little sooner or later.
+    scene = page.until(lambda: (
+        scene := page.scene_with(*FRAMES)).begins.shape == (4, 6, 3) and scene)
     map_, *_, joint_3, hand = map(scene.index, FRAMES)
-    assert scene.begins.shape == (4, 6, 3)
     assert np.allclose(scene.begins[0, map_], 0.0)
     assert np.allclose(np.linalg.norm(scene.ends[:3] - scene.begins[:3], axis=2), 0.16)
     assert np.allclose(scene.ends[3, hand], scene.begins[0, joint_3], atol=1e-5)
@@ -68,7 +69,7 @@ def test_the_waving_arm(start, ros, look, request, tmp_path):
     assert np.allclose(scene.radii, [*[0.008] * 5, 0.0136])  # that which is selected stands out
     page.until(lambda: np.linalg.norm(
         page.scene().names['end_effector'] - scene.names['end_effector']) > 0.05)
-    assert '6 frames' in page.overview()
+    page.until(lambda: '6 frames' in page.overview())
     page.until(lambda: len(page.scene().trail) > 20)
     page.tick('Pause', True)
     page.click(middle_of_z_axis(page.scene(), 'joint_1'))
@@ -79,8 +80,8 @@ def test_the_waving_arm(start, ros, look, request, tmp_path):
     assert page.value('publisher') == '/dummy_arm'
     for where in 'parent', 'fixed':
         assert_numbers_are_those_of_a_lookup(page, where, buffer)
-    scene = page.scene()
-    assert np.allclose(scene.trail[-1, 1], scene.names['end_effector'], atol=0.05)
+    page.until(lambda: np.allclose(
+        (scene := page.scene()).trail[-1, 1], scene.names['end_effector'], atol=0.05))
     picture = artefact(request, tmp_path, 'web_view.png')
     page.page.screenshot(path=picture)
     assert_arm_is_seen(iio.imread(picture))
@@ -91,16 +92,17 @@ def test_the_waving_arm(start, ros, look, request, tmp_path):
     arm.end(signal.SIGINT)
     grey = page.until(lambda: (scene := page.scene()).radii[hand] < 0.007 and scene)
     assert np.ptp(grey.colours[0, hand]) < 0.02
-    assert page.value('rate').startswith('silent for')
+    page.until(lambda: page.value('rate').startswith('silent for'))
     gone = page.until(lambda: (scene := page.scene()).radii[hand] == 0.0 and scene)
-    assert gone.names.keys() == {'map, base_link'}
     assert np.allclose(gone.radii, [0.008, 0.008, 0.0, 0.0, 0.0, 0.0])
-    assert not len(gone.trail)
+    page.until(lambda: (scene := page.scene()).names.keys() == {'map, base_link'}
+               and not len(scene.trail))
     page.until(lambda: '2 frames\nnot shown, since nothing was heard of them or on the way to '
                'them for 15 s: joint_1, joint_2, joint_3, end_effector' in page.overview())
     start(*ARM)
-    back = page.scene_with(*FRAMES)
-    assert np.allclose(back.radii, [0.008, 0.008, 0.008, 0.0136, 0.008, 0.008])  # joint_2
+    back = page.until(lambda: np.allclose(  # with joint_2 selected
+        (scene := page.scene_with(*FRAMES)).radii, [0.008, 0.008, 0.008, 0.0136, 0.008, 0.008]
+    ) and scene)
     assert back.colours[0, hand, 0] > 0.7
 
 
@@ -248,11 +250,12 @@ def test_many_who_look_on_the_next_free_port(start, look):
         try:
             taken.bind(('127.0.0.1', 8080))
             taken.listen()
-        except OSError:  # by somebody else: as good
-            pass
+            used = {'http://127.0.0.1:8080'}
+        except OSError:  # by somebody else: as good, as long as they are there
+            used = set()
         views = [start(*VIEW), start(*VIEW)]
         urls = [url_of(view) for view in views]
-    assert len({*urls, 'http://127.0.0.1:8080'}) == 3
+    assert len({*urls, *used}) == 2 + len(used)
     first, second = look(urls[0]), look(urls[0])
     first.scene_with(*FRAMES)
     first.page.close()

@@ -8,7 +8,7 @@ of their own and do not propagate.
 import logging
 
 
-class LaunchLogger(logging.getLoggerClass()):
+class LaunchLogger(logging.getLoggerClass()):  # type: ignore[misc]
     """A logger that keeps to itself what is logged."""
 
     def __init__(self, *args, **kwargs):
