@@ -3,13 +3,16 @@
 PYTHON ?= python3
 VENV ?= .venv
 INSTALLED := $(VENV)/installed
+NO_ROS := .venv-no-ros
+# On two cores; the tests mostly wait. Where colcon runs them by itself, pytest-xdist is not needed.
+PARALLEL := -n 6 --dist worksteal
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 # A ROS installation that is sourced is for another Python; the venv brings all of its own.
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: demo listen test test-desktop lint bench pictures clean
+.PHONY: demo listen test test-all test-desktop test-no-ros lint bench pictures clean
 
 # Ctrl-C and SIGTERM end both.
 demo: $(INSTALLED)
@@ -20,18 +23,28 @@ demo: $(INSTALLED)
 listen: $(INSTALLED)
 	@$(VENV)/bin/python docs/examples/listen.py
 
-test: $(INSTALLED)
+# Soaks do a thing at every place, a hundred times or for long; without them, it is done at some.
+test: SELECTED = -m 'not soak'
+test: SAID = The soaks were left out ("deselected"); make test-all runs them, too.
+test-all: SAID = The soaks were run, too.
+test test-all: $(INSTALLED)
 	@rm -rf build
 	$(VENV)/bin/colcon build
 	$(VENV)/bin/colcon test --event-handlers console_direct+ \
-	    $(if $(PYTEST_ARGS),--pytest-args $(PYTEST_ARGS))
+	    --pytest-args $(PARALLEL) $(SELECTED) $(PYTEST_ARGS)
 	$(VENV)/bin/colcon test-result --verbose
 	@$(VENV)/bin/colcon test-result | awk '/^Summary:/ { ran = $$2 - $$8 } \
 	    END { if (ran < 1) { print "no test ran"; exit 1 } }'
+	@echo '$(SAID)'
 
 # As on a Jazzy desktop: with stand-ins for tf2_msgs and for the pytest plugins of launch.
 test-desktop: $(INSTALLED)
-	PYTHONPATH=$(CURDIR)/test/desktop $(VENV)/bin/python -m pytest -p launch_stand_in $(PYTEST_ARGS) test
+	PYTHONPATH=$(CURDIR)/test/desktop $(VENV)/bin/python -m pytest -p launch_stand_in \
+	    $(PARALLEL) -m 'not soak' $(PYTEST_ARGS) test
+
+# The tests that need no ROS, where there is none.
+test-no-ros: $(NO_ROS)/installed
+	$(NO_ROS)/bin/python -m pytest $(PARALLEL) -m 'no_ros and not soak' $(PYTEST_ARGS) test
 
 lint: $(INSTALLED)
 	$(VENV)/bin/ruff check
@@ -44,19 +57,21 @@ pictures: $(INSTALLED)-pictures
 	$(VENV)/bin/python docs/pictures.py
 
 clean:
-	rm -rf build install log $(VENV) dummy_arm.egg-info
+	rm -rf build install log $(VENV) $(NO_ROS) dummy_arm.egg-info
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
-$(INSTALLED): setup.py
+$(INSTALLED): EXTRAS = bag,ros,test,view
+$(NO_ROS)/installed: EXTRAS = bag,test,view
+$(INSTALLED) $(NO_ROS)/installed: setup.py
 	@[ "$$(uname -sm)" = 'Linux x86_64' ] || \
 	    { echo 'wheels of rclpy exist only for Linux x86-64; see README.md'; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
 	    { echo 'Python 3.10 or later is needed; name one: make PYTHON=python3.12'; exit 1; }
 	@$(PYTHON) -c 'import ensurepip' 2> /dev/null || { $(PYTHON) -c 'import sys; print( \
 	    "the venv module is missing: apt install python3.%d-venv" % sys.version_info[1])'; exit 1; }
-	$(PYTHON) -m venv $(VENV)
-	@touch $(VENV)/COLCON_IGNORE
-	$(VENV)/bin/python -m pip install --quiet --editable '.[bag,ros,test,view]'
+	$(PYTHON) -m venv $(@D)
+	@touch $(@D)/COLCON_IGNORE
+	$(@D)/bin/python -m pip install --quiet --editable '.[$(EXTRAS)]'
 	@touch $@
 
 $(INSTALLED)-%: $(INSTALLED)

@@ -24,8 +24,9 @@ import threading
 import time
 from typing import Any, NoReturn, Optional
 
+from hypothesis import HealthCheck, settings
+from imports import of_ros, reached
 import pytest
-from ros_needed import needs_ros, reaches_ros
 
 from dummy_arm.tf._core.pose import Piece, Row
 from dummy_arm.tf._wire.cdr import Fields
@@ -42,37 +43,40 @@ DESKTOP = {} if find_spec('tf2_msgs') else {'PYTHONPATH': os.pathsep.join(filter
 _pids = {os.getpid()}
 _HAS_ROS = find_spec('rclpy') is not None
 
+# How long an example takes is no matter: the machine may be busy.
+settings.register_profile('unhurried', deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile('unhurried')
+
+
+def needs_ros(path: Path) -> bool:
+    """Return whether a module of tests needs ROS to be imported."""
+    return bool(of_ros(reached(path, is_late=False)))
+
 
 def pytest_ignore_collect(collection_path: Path) -> Optional[bool]:
-    """Leave out a module that cannot be imported, since there is no ROS."""
-    is_out = not _HAS_ROS and collection_path.suffix == '.py' and reaches_ros(collection_path.stem)
+    """Leave out the modules that cannot be imported, where there is no ROS."""
+    is_out = not _HAS_ROS and collection_path.suffix == '.py' and needs_ros(collection_path)
     return True if is_out else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests that need no ROS; leave the others out where there is none."""
-    left_out = []
+    """Mark the tests that need no ROS, and leave out the others where there is none."""
+    fixtures = {item: {*getattr(item, 'fixturenames', ())} for item in items}
     for item in items:
-        assert isinstance(item, pytest.Function)
-        fixtures = [(each.func.__module__, each.func.__name__)
-                    for found in item._fixtureinfo.name2fixturedefs.values() for each in found]
-        if not needs_ros(item.path.stem, item.originalname, fixtures):
+        if not needs_ros(item.path) and not {'domain_id', 'ros'} & fixtures[item]:
             item.add_marker('no_ros')
-        elif not _HAS_ROS:
-            left_out.append(item)
-    if left_out:
-        items[:] = [item for item in items if item not in left_out]
+    if not _HAS_ROS:
+        left_out = [item for item in items if 'no_ros' not in item.keywords]
+        items[:] = [item for item in items if 'no_ros' in item.keywords]
         config.hook.pytest_deselected(items=left_out)
+    # Those of the page take the longest: last, one worker would go on with them alone.
+    items.sort(key=lambda item: 'browser' not in fixtures[item])
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Tell which modules were not collected; the tests of others are 'deselected'."""
-    modules = sorted(path.name for path in Path(__file__).parent.glob('test_*.py')
-                     if not _HAS_ROS and reaches_ros(path.stem))
-    if modules:
-        terminalreporter.write_line(
-            f'rclpy is not installed: {len(modules)} modules that need ROS are left out, and the '
-            f'tests of others that do: {", ".join(modules)}')
+    """Say that tests were left out: pytest-xdist does not report what its workers leave out."""
+    if not _HAS_ROS:
+        terminalreporter.write_line('rclpy is not installed: tests that need ROS were left out')
 
 
 def tool(name: str, *arguments: str) -> tuple[str, ...]:

@@ -4,6 +4,9 @@ import ast
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
+from typing import Optional
+
+from dummy_arm import tf
 
 ROOT = Path(__file__).parent.parent
 #: The beginnings of the names of modules that come with ROS.
@@ -38,7 +41,7 @@ def _nodes(tree: ast.AST, is_late: bool) -> Iterator[ast.AST]:
 @cache
 def imported(path: Path, is_late: bool = True) -> frozenset[str]:
     """
-    Return the modules that a file imports, with the packages that they are in.
+    Return the modules that a file imports, and of dummy_arm.tf the names: 'dummy_arm.tf:Buffer'.
 
     :param is_late: also those that it imports in functions.
     """
@@ -50,13 +53,18 @@ def imported(path: Path, is_late: bool = True) -> frozenset[str]:
             assert node.module, f'a relative import in {path}'
             for alias in node.names:
                 name = f'{node.module}.{alias.name}'
-                found.add(name if name in modules() or is_test_module(name) else node.module)
+                found.add(name if name in modules() else node.module)
+                if node.module == 'dummy_arm.tf' and alias.name in tf._MODULES:
+                    found.add(f'dummy_arm.tf:{alias.name}')
     return frozenset(found)
 
 
-def is_test_module(name: str) -> bool:
-    """Return whether a module lies beside the tests."""
-    return '.' not in name and (ROOT / 'test' / f'{name}.py').exists()
+def file_of(name: str) -> Optional[Path]:
+    """Return the file of a module, here or of the tests, or of a name of dummy_arm.tf."""
+    if name.startswith('dummy_arm.tf:'):
+        name = f'dummy_arm.tf.{tf._MODULES[name.partition(":")[2]]}'
+    beside = ROOT / 'test' / f'{name}.py'
+    return modules().get(name) or (beside if beside.exists() else None)
 
 
 def reached(path: Path, is_late: bool = True) -> set[str]:
@@ -64,13 +72,10 @@ def reached(path: Path, is_late: bool = True) -> set[str]:
     found: set[str] = set()
     waiting = [path]
     while waiting:
-        for name in imported(waiting.pop(), is_late):
-            if name not in found:
-                found.add(name)
-                if name in modules():
-                    waiting.append(modules()[name])
-                elif is_test_module(name):
-                    waiting.append(ROOT / 'test' / f'{name}.py')
+        for name in imported(waiting.pop(), is_late) - found:
+            found.add(name)
+            if file := file_of(name):
+                waiting.append(file)
     return found
 
 

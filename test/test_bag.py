@@ -387,15 +387,15 @@ def test_ctrl_c_ends_a_command_that_reads(tmp_path, kind, partial):
             'from dummy_arm.cli.signals import note_signals\n'
             'def ended(*_):\n'
             '    os.kill(os.getpid(), signal.SIGINT)\n'
-            'begin = time.monotonic()\n'
+            'begin = time.process_time()\n'  # whatever else the machine does
             'read_bag(sys.argv[1], "", len(sys.argv) > 2)\n'
-            'whole = time.monotonic() - begin\n'
+            'whole = time.process_time() - begin\n'
             'note_signals()\n'
-            'signal.signal(signal.SIGALRM, ended)\n'
-            'signal.setitimer(signal.ITIMER_REAL, whole / 5)\n'
-            'begin = time.monotonic()\n'
+            'signal.signal(signal.SIGPROF, ended)\n'
+            'signal.setitimer(signal.ITIMER_PROF, whole / 5)\n'
+            'begin = time.process_time()\n'
             'try: read_bag(sys.argv[1], "", len(sys.argv) > 2)\n'
-            'except KeyboardInterrupt: print((time.monotonic() - begin) / whole)\n')
+            'except KeyboardInterrupt: print((time.process_time() - begin) / whole)\n')
     done = subprocess.run([sys.executable, '-c', code, str(path), *['partial'] * partial],
                           capture_output=True, text=True, timeout=60)
     if done.stdout or kind == 'bag':  # else rosbags leaves out what is not TF, and is too fast

@@ -167,6 +167,7 @@ def interrupt():
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(0.2)
     is_over.set()
+signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background of a shell
 threading.Timer(0.2, interrupt).start()
 try:
     in_child(x)

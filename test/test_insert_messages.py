@@ -184,10 +184,23 @@ def batches(draw):
     return made
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=60)
 @given(batches(), st.sampled_from([1, 1000]))
 def test_messages_are_inserted_as_their_transforms_one_by_one(made, many):
     """Whatever is in them: the same samples, parents, static frames and expiry."""
+    assert_inserted_alike(made, many)
+
+
+@pytest.mark.soak
+@settings(deadline=None, max_examples=300)
+@given(batches(), st.sampled_from([1, 1000]))
+def test_many_messages_are_inserted_as_their_transforms_one_by_one(made, many):
+    """The same, longer."""
+    assert_inserted_alike(made, many)
+
+
+def assert_inserted_alike(made, many):
+    """Insert messages in both ways."""
     fast, slow, reader = BufferCore(), BufferCore(), MessageReader(fail)
     before, insertion._MANY = insertion._MANY, many
     try:

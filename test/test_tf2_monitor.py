@@ -248,7 +248,7 @@ def test_the_arm(start):
         assert re.search(r'  base_link  +static  +/dummy_arm\n', process.output)
         rates = [float(rate) for rate in re.findall(
             r'  joint_2  +(\d+\.\d) Hz +0\.\d{6} s +0\.\d{6} s  /dummy_arm\n', process.output)]
-        assert rates[-1] == pytest.approx(50.0, rel=0.2)
+        assert 25.0 < rates[-1] < 60.0  # of 50; on a busy machine it is slower
         assert re.search(r'\n +\d+\.\d Hz +0\.\d{6} s +0\.\d{6} s  /dummy_arm\n', process.output)
     assert '  end_effector ' in every.output
     assert '  end_effector ' not in way.output.partition('Chain is')[2]
@@ -305,9 +305,12 @@ def test_two_nodes_that_send_one_frame(start, ros):
     process = start(*tool('tf2_monitor'))
     ros.until(lambda: 'Warning: odom is published by /other and /test; a frame should have one '
               'publisher\n' in process.output)
+    before = len(process.output)
     other.destroy_node()
-    ros.until(lambda: re.search(r'  odom +static +/other \(gone\)\n', process.output))
-    assert 'Warning' not in process.output.rpartition('RESULTS')[2]
+    gone = re.compile(r'  odom +static +/other \(gone\)\n')
+    ros.until(lambda: gone.search(process.output, before))
+    results = process.output[before:].split('RESULTS')
+    assert 'Warning' not in next(filter(gone.search, results))
 
 
 def test_in_place_on_a_terminal(ros):
@@ -350,10 +353,10 @@ def test_sim_time_that_is_set_back(start, ros):
     ros.until(lambda: process.output[before:].count('RESULTS') > 3
               and way.output[before_of_way:].count('RESULTS') > 3)
     last = process.output.rpartition('RESULTS')[0].rpartition('RESULTS')[2]
-    assert re.search(r'  odom +\d+\.\d Hz +-?0\.0\d{5} s +-?0\.0\d{5} s  /test\n', last)
+    assert re.search(r'  odom +\d+\.\d Hz +-?0\.[01]\d{5} s +-?0\.[01]\d{5} s  /test\n', last)
     assert re.search(r'  old +/test\n', last)
     last = way.output.rpartition('RESULTS')[0].rpartition('RESULTS')[2]
-    assert re.search(r'Net delay     avg = -?0\.0\d{5} s: max = -?0\.0\d{5} s\n', last)
+    assert re.search(r'Net delay     avg = -?0\.[01]\d{5} s: max = -?0\.[01]\d{5} s\n', last)
 
 
 def test_without_a_clock(start):

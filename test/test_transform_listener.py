@@ -730,7 +730,8 @@ def test_after_the_end_nothing_more_comes_in(ros, sender, listen):
     listener.buffer = other = Buffer(node=ros.node)
     assert not ros.node.get_subscriptions_info_by_topic('/tf')
     heard, _ = listen()
-    heard.lookup_transform('map', 'robot', last + Duration(seconds=0.1), timeout=WAIT)
+    heard.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
+    eventually(lambda: heard.get_latest_common_time('map', 'robot') > last)
     assert buffer.get_latest_common_time('map', 'robot') == last
     assert not other.can_transform('map', 'robot', LATEST)
 

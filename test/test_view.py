@@ -317,12 +317,19 @@ def test_texts_of_what_is_far():
     assert 'away' not in overview(shown, source)
 
 
-def test_an_address_that_is_none(failed):
+@pytest.fixture
+def bag(tmp_path):
+    """Make a short bag; give its path."""
+    bags = pytest.importorskip('bags')
+    return str(bags.make(tmp_path / 'bag', 'mcap', bags.walk(1)))
+
+
+def test_an_address_that_is_none(failed, bag):
     """It is refused in one line that tells what is taken."""
     pytest.importorskip('viser')
     from dummy_arm.tools.web_view import main
     for host in '', '..', '192.0.2.1':
-        code, error = failed(main, '--host', host)
+        code, error = failed(main, '--bag', bag, '--host', host)
         assert code == 2
         assert len(error.splitlines()) == 1
         assert '--host takes' in error
@@ -374,13 +381,13 @@ def free_port():
         return found.getsockname()[1]
 
 
-def test_a_port_that_is_taken(failed):
+def test_a_port_that_is_taken(failed, bag):
     """It is an error, and no other port is taken instead."""
     pytest.importorskip('viser')
     from dummy_arm.tools.web_view import main
     with socket.create_server(('127.0.0.1', 0)) as taken:
         port = taken.getsockname()[1]
-        assert failed(main, '--port', str(port)) == (
+        assert failed(main, '--bag', bag, '--port', str(port)) == (
             1, f'web_view: port {port} of 127.0.0.1 is taken: end what has it, choose another, or '
             'leave out --port, for the next that is free\n')
 
@@ -396,12 +403,12 @@ def test_a_port_that_is_none(failed, text):
     assert 'from 1 to 65535' in error
 
 
-def test_a_port_that_needs_root(failed, monkeypatch):
+def test_a_port_that_needs_root(failed, monkeypatch, bag):
     """It is told that it is the port that does not do, not the address."""
     pytest.importorskip('viser')
     from dummy_arm.tools.web_view import main
     monkeypatch.setattr(socket.socket, 'bind', refusing(errno.EACCES))
-    code, error = failed(main, '--port', '80')
+    code, error = failed(main, '--bag', bag, '--port', '80')
     assert code == 1
     assert error == ('web_view: cannot serve at port 80 of 127.0.0.1: Permission denied; --port '
                      'takes a port from 1024 on without root\n')
