@@ -491,7 +491,8 @@ def test_ended_waits_are_not_kept_for_their_deadlines():
 def test_timeouts_go_on_after_a_callback_that_ended_their_thread():
     """By SystemExit, which rclpy lets through."""
     buffer, done = Buffer(), threading.Event()
-    buffer.wait_for_transform_async('map', 'tool', T, timeout=SOON).add_done_callback(
+    timeout = Duration(seconds=0.5)  # else it might be over before there is a callback
+    buffer.wait_for_transform_async('map', 'tool', T, timeout=timeout).add_done_callback(
         lambda _: sys.exit())
     thread = buffer._futures._thread
     assert thread is not None
@@ -505,11 +506,12 @@ def test_timeouts_go_on_after_a_callback_that_ended_their_thread():
 def test_a_callback_that_exits_does_not_keep_other_futures_from_their_end():
     """Neither from their timeouts nor from their answers."""
     buffer, done = Buffer(), threading.Event()
-    futures = [buffer.wait_for_transform_async('map', 'tool', T, timeout=SOON) for _ in range(3)]
+    futures = [buffer.wait_for_transform_async('map', 'tool', T, timeout=Duration(seconds=0.5))
+               for _ in range(3)]
     for future in futures:
         future.add_done_callback(lambda _: sys.exit())
     futures[-1].add_done_callback(lambda _: None)
-    last = buffer.wait_for_transform_async('map', 'tool', T, timeout=Duration(seconds=0.1))
+    last = buffer.wait_for_transform_async('map', 'tool', T, timeout=Duration(seconds=1.0))
     last.add_done_callback(lambda _: done.set())
     assert done.wait(20)
     assert all(isinstance(future.exception(), TimeoutException) for future in futures)

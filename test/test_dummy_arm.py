@@ -158,7 +158,14 @@ def test_changes_keep_the_angle_continuous(ros, joints, start):
     ros.until(lambda: len(joints) > changed + 300)
     assert parameters.set(joint_1__speed=-1, joint_1__limit=1) == ['', '']
     changed = len(joints)
-    ros.until(lambda: len(joints) > changed + 300)
+
+    def follows():  # later, if the arm was asked again since its answer came late
+        last = joints[-100:]
+        seconds = np.array([ns(message.transforms[0]) - start_ns for message in last]) / 1e9
+        return np.allclose([angle(message, 1) for message in last], 2.0 * np.sin(0.5 * seconds),
+                           rtol=0, atol=1e-9)
+
+    ros.until(lambda: len(joints) > changed + 300 and follows())
 
     seconds = np.array([ns(message.transforms[0]) - start_ns for message in joints]) / 1e9
     for joint, fastest in ((0, 3.0 * math.pi / 4 + 1.5), (1, 0.5 * 2.0 + 1.5 * 1.5)):

@@ -28,20 +28,25 @@ class Chain:
         """
         self._listening, self.ends = listening, ends
         self._ages, self._latest = Delays(), 0
+        #: The newest common time at the last look; and, where time was set back, that of before.
+        self._common = self._stale = 0
 
     def sample(self) -> None:
         """Look how old the newest transform is, if there is any that moves."""
         now, before = self._listening.now(), self._latest
         self._latest = now
-        if now < before - SECOND:  # time was set back; the buffer is cleared by the next time
+        if now < before - SECOND:  # time was set back
             self._ages.clear()
-            return
+            self._stale = self._common
         try:
-            latest = self._listening.buffer.get_latest_common_time(*self.ends).nanoseconds
+            self._common = self._listening.buffer.get_latest_common_time(*self.ends).nanoseconds
         except TransformException:  # which `lines` tells
             return
-        if latest:
-            self._ages.add(now, now - latest)
+        if self._stale and self._common >= self._stale:  # the buffer is not cleared yet
+            return
+        self._stale = 0
+        if self._common:
+            self._ages.add(now, now - self._common)
 
     def frames(self) -> list[str]:
         """List the frames; none while they are not connected."""
