@@ -30,9 +30,9 @@ test-all: SAID = The soaks were run, too.
 test test-all: $(INSTALLED)
 	@rm -rf build
 	$(VENV)/bin/colcon build
-	$(VENV)/bin/colcon test --event-handlers console_direct+ \
-	    --pytest-args $(PARALLEL) $(SELECTED) $(PYTEST_ARGS)
-	$(VENV)/bin/colcon test-result --verbose
+	$(VENV)/bin/colcon test --event-handlers console_direct+ --return-code-on-test-failure \
+	    --pytest-args $(PARALLEL) $(SELECTED) $(PYTEST_ARGS); code=$$?; \
+	    $(VENV)/bin/colcon test-result --verbose && exit $$code
 	@$(VENV)/bin/colcon test-result | awk '/^Summary:/ { ran = $$2 - $$8 } \
 	    END { if (ran < 1) { print "no test ran"; exit 1 } }'
 	@echo '$(SAID)'
