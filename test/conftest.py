@@ -7,6 +7,7 @@ os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'  # before rclpy starts
 from collections.abc import Callable, Iterable, Iterator, Mapping
 import contextlib
 import fcntl
+from functools import cache
 from importlib.util import find_spec
 import json
 import logging
@@ -25,7 +26,7 @@ import time
 from typing import Any, NoReturn, Optional
 
 from hypothesis import HealthCheck, settings
-from imports import of_ros, reached
+from imports import of_ros, reached, ROS
 import pytest
 
 from dummy_arm.tf._core.pose import Piece, Row
@@ -48,6 +49,7 @@ settings.register_profile('unhurried', deadline=None, suppress_health_check=[Hea
 settings.load_profile('unhurried')
 
 
+@cache
 def needs_ros(path: Path) -> bool:
     """Return whether a module of tests needs ROS to be imported."""
     return bool(of_ros(reached(path, is_late=False)))
@@ -86,16 +88,18 @@ def tool(name: str, *arguments: str) -> tuple[str, ...]:
 
 ARM = tool('dummy_arm')
 
-ROS = ('rclpy', 'geometry_msgs', 'std_msgs', 'tf2_msgs', 'builtin_interfaces', 'sensor_msgs')
-
 
 def without(modules: Iterable[str]) -> str:
-    """Give code by which a program does not find modules, as if they were not installed."""
+    """
+    Give code by which a program does not find modules, as if they were not installed.
+
+    :param modules: the beginnings of their names.
+    """
     return (
         'import sys\n'
         'class Blocked:\n'
         '    def find_spec(self, name, *_):\n'
-        f'        if name.split(".")[0] in {tuple(modules)!r}:\n'
+        f'        if name.startswith({tuple(modules)!r}):\n'
         '            raise ModuleNotFoundError(f"No module named {name!r}", name=name)\n'
         'sys.meta_path.insert(0, Blocked())\n')
 

@@ -102,13 +102,18 @@ def test_early_and_late_subscribers_get_the_arm(ros, joints, statics, start):
     assert np.median(stamps) == pytest.approx(1 / 50, rel=0.1)
 
 
-def test_the_first_message_is_a_straight_arm(joints, ros, start):
-    """The phases are zero at the first tick."""
-    process = start(*ARM, '--ros-args', '-p', 'rate:=0.5')  # time enough to be discovered
-    start_ns = zero(process)
+def test_the_first_message_is_a_straight_arm(joints, statics, ros, start):
+    """The phases are zero at the first tick, which waits for /clock here."""
+    publisher = ros.node.create_publisher(Clock, '/clock', 10)
+    process = start(*ARM, '--ros-args', '-p', 'use_sim_time:=true', '-p', 'rate:=0.5')
+    # A node that has found the subscription to /tf_static has found the earlier one to /tf, too.
+    ros.until(lambda: statics)
+    clock = Clock(clock=Time(seconds=100).to_msg())
+    ros.node.create_timer(0.1, lambda: publisher.publish(clock))
     ros.until(lambda: joints)
-    assert ns(joints[0].transforms[0]) == start_ns
+    assert ns(joints[0].transforms[0]) == 100 * 10**9
     assert [angle(joints[0], i) for i in range(3)] == [0.0, 0.0, 0.0]
+    ros.until(lambda: 't = 0 at 100000000000 ns' in process.output)
     assert 'publishing map -> base_link on /tf_static' in process.output
     assert 'base_link -> joint_1 -> joint_2 -> joint_3 -> end_effector on /tf at 0.5 Hz' in (
         process.output)

@@ -98,6 +98,12 @@ def test_the_entry_points_import_nothing_but_signals():
     assert not own(imported(modules()['dummy_arm.cli.signals']))
 
 
+@pytest.mark.parametrize('name', ['cli.entry_points', 'cli.parser', 'tf.formatting'])
+def test_what_every_command_starts_with_is_light(name):
+    """It imports no numpy, which takes longer than all the rest."""
+    assert 'numpy' not in reached(modules()[f'dummy_arm.{name}'], is_late=False)
+
+
 @pytest.mark.parametrize('name', [name for name in NAMES if name.startswith(NO_ROS)])
 def test_the_core_reaches_no_ros(name):
     """By any chain of imports, late ones included."""

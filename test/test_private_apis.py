@@ -34,7 +34,7 @@ def is_private(name):
 
 
 def own_names(tree):
-    """Yield the names that a module defines itself; strings may be names of slots."""
+    """Yield the names that a module defines itself."""
     for node in ast.walk(tree):
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
             yield node.name

@@ -15,12 +15,12 @@ from builtin_interfaces.msg import Time
 from conftest import (
     in_a_terminal,
     is_running,
-    ROS,
     TIMEOUT,
     tool,
     tool_without,
     tool_without_ros,
 )
+from imports import ROS
 import pytest
 from rosgraph_msgs.msg import Clock
 

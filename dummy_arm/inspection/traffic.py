@@ -7,7 +7,8 @@ from threading import Lock
 from time import time_ns
 from typing import NamedTuple, Optional, TYPE_CHECKING
 
-from dummy_arm.tf.formatting import in_seconds, is_too_long, SECOND
+from dummy_arm.tf import is_too_long
+from dummy_arm.tf.formatting import in_seconds, SECOND
 
 if TYPE_CHECKING:
     from dummy_arm.tf.publisher_listener import Sent

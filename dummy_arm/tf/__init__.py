@@ -9,6 +9,7 @@ from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dummy_arm.tf._core.frames import Frame as Frame
+    from dummy_arm.tf._core.pose import is_too_long as is_too_long
     from dummy_arm.tf._ros.messages import TFMessage as TFMessage
     from dummy_arm.tf.buffer import Buffer as Buffer
     from dummy_arm.tf.buffer_core import BufferCore as BufferCore
@@ -48,6 +49,7 @@ _MODULES = {
     'ExtrapolationException': 'exceptions',
     'Frame': '_core.frames',
     'InvalidArgumentException': 'exceptions',
+    'is_too_long': '_core.pose',
     'LookupException': 'exceptions',
     'MessageBufferCore': 'message_buffer',
     'MsgStamped': 'buffer_interface',

@@ -6,7 +6,6 @@ room, and no control character of theirs reaches the terminal.
 """
 
 from dummy_arm.tf._core.frames import dot_quoted
-from dummy_arm.tf._core.pose import is_too_long
 from dummy_arm.tf._core.texts import (
     abbreviated,
     logged,
@@ -28,7 +27,6 @@ __all__ = [
     'display',
     'dot_quoted',
     'in_seconds',
-    'is_too_long',
     'logged',
     'nearest',
     'quoted',

@@ -20,7 +20,7 @@ from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._ros.qos import profile
 from dummy_arm.tf._ros.rclpy_private import subscribe
 from dummy_arm.tf._ros.subscription import AUTHORITY, Misfits, SubscriptionSource, Topic
-from dummy_arm.tf._ros.transform_stamped import message_of_fields, row_of
+from dummy_arm.tf._ros.transform_stamped import deserialize
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf.buffer_core import BufferCore
 from dummy_arm.tf.message_buffer import MessageBufferCore
@@ -201,10 +201,9 @@ class TransformListener:
 
     def _converted(self, message: TransformStamped) -> Union[TransformStamped, Transform]:
         """Return a transform as the buffer takes it."""
-        if not isinstance(self._buffer, BufferCore):
-            return message
-        stamp, parent, child, pose = row_of(message)
-        return Transform(stamp, parent, child, pose[:3], pose[3:])
+        if isinstance(self._buffer, BufferCore):
+            return Transform.from_message(message)
+        return message
 
     def _work(self) -> Round:
         """Fill the buffer with what has arrived; the thread calls this."""
@@ -236,7 +235,7 @@ class TransformListener:
             for data, _ in arrived:
                 has_news = True
                 try:
-                    callback(TFMessage(transforms=[*map(message_of_fields, cdr.fields(data))]))
+                    callback(TFMessage(transforms=deserialize(data)))
                 except BaseException as error:  # SystemExit, too, must not end this thread
                     self._on_fault(error)
         return has_news

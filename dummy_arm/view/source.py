@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
 #: The buffer of a bag, or of a node.
 AnyBuffer = Union[BufferCore, 'Buffer']
-
-
 #: A stamp that is farther from most others is not of the same recording (ns).
 _FAR = 24 * 3600 * SECOND
 #: How long transforms of a node are kept, and how long a trail is (s).
