@@ -27,7 +27,7 @@ def rows() -> Iterator[Row]:
     message = cdr.pack(
         poses.Row(_S + 1000 * i, f'parent_{i}', 'child', IDENTITY) for i in range(_PARENTS))
     begin = perf_counter()
-    BufferCore().insert_pieces(MessageReader(_fail).read([message], 'bench', False))
+    BufferCore().insert_batches(MessageReader(_fail).read([message], 'bench', False))
     yield (f'{_PARENTS} transforms of one frame, each with another parent, in one message',
            f'{perf_counter() - begin:.2f} s', '')
     buffer = BufferCore()
@@ -85,7 +85,7 @@ def fill(frames: int, samples: int, length: int) -> None:
     for number in range(samples):
         for i, packet in enumerate(packets):
             poses = np.tile(IDENTITY, (min(together, frames - i * together), 1))
-            buffer.insert_pieces(reader.read(
+            buffer.insert_batches(reader.read(
                 [packet.pack(_S + 1000 * number, poses)], 'bench', False))
     peak = status('VmHWM')
     print(f'{peak - before:.0f} {sum(frame.length for frame in buffer.frames())}')

@@ -43,7 +43,7 @@ def into_the_buffer(u: float) -> Iterator[Row]:
 
         def insert(messages: list[bytes]) -> None:
             for message in messages:
-                buffer.insert_pieces(reader.read((message,), 'bench', False))  # noqa: B023
+                buffer.insert_batches(reader.read((message,), 'bench', False))  # noqa: B023
 
         def measure(number: int) -> float:
             messages = [packet.pack(next(stamps), poses) for _ in range(number)]  # noqa: B023
@@ -61,7 +61,7 @@ def memory() -> Iterator[Row]:
     buffer, reader = BufferCore(10_000 * MS), MessageReader(print)
     sizes = {}
     for number in range(300 * 100 + 1):
-        buffer.insert_pieces(reader.read(
+        buffer.insert_batches(reader.read(
             (packet.pack(10**18 + number * 10 * MS, poses),), 'bench', False))
         if number in (3_000, 30_000):
             sizes[number // 100] = resident()

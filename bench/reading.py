@@ -85,7 +85,7 @@ def insert_objects(path: Path) -> None:
 def insert_records(records: Iterable[Record], kind: str) -> None:
     """Insert messages as bytes."""
     reader = MessageReader(print, ros1 if kind == 'bag' else cdr)
-    BufferCore(FOR_EVER).insert_pieces(
+    BufferCore(FOR_EVER).insert_batches(
         reader.read((data for _, _, data in records), 'bench', False))
 
 

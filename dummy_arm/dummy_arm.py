@@ -26,7 +26,7 @@ PREFIX_DESCRIPTION = f'put before the name of every frame but {MAP}; read-only'
 
 
 @dataclass(frozen=True)
-class Quantity:
+class NumberParameter:
     """A parameter that is a number: its default, range, unit and meaning."""
 
     default: float
@@ -44,15 +44,15 @@ class Quantity:
                 f'{self.unit}, got {value!r}')
 
 
-def quantities(arm: Arm) -> dict[str, Quantity]:
+def number_parameters(arm: Arm) -> dict[str, NumberParameter]:
     """List the parameters of an arm that are numbers, by name."""
-    table = {'rate': Quantity(50.0, 0.1, 10000.0, 'Hz', 'how often /tf is published')}
+    table = {'rate': NumberParameter(50.0, 0.1, 10000.0, 'Hz', 'how often /tf is published')}
     for joint in arm.joints:
-        table[f'{joint.name}.speed'] = Quantity(
+        table[f'{joint.name}.speed'] = NumberParameter(
             joint.speed, -100.0, 100.0, 'rad/s', f'speed of the phase of {joint.name}')
-        table[f'{joint.name}.limit'] = Quantity(
+        table[f'{joint.name}.limit'] = NumberParameter(
             joint.limit, 0.0, math.pi, 'rad', f'{joint.name} waves between -limit and limit')
-        table[f'{joint.name}.offset'] = Quantity(
+        table[f'{joint.name}.offset'] = NumberParameter(
             joint.offset, -100.0, 100.0, 'm', f'distance of {joint.name} from the frame before')
     return table
 
@@ -68,7 +68,7 @@ class DummyArm(Node):
         """
         super().__init__('dummy_arm')
         self._arm = Arm()
-        self._quantities = quantities(self._arm)
+        self._quantities = number_parameters(self._arm)
         self._declare_parameters()
         self._set_waves()
         self._set_offsets()
@@ -176,7 +176,7 @@ def make_parser() -> Parser:
     """Make the parser, whose help lists the parameters."""
     lines = [f'  {name:15} {quantity.meaning} ({quantity.unit}; {quantity.smallest:g} to '
              f'{quantity.largest:g}; default {quantity.default:g})'
-             for name, quantity in quantities(Arm()).items()]
+             for name, quantity in number_parameters(Arm()).items()]
     return Parser(
         'dummy_arm',
         description='Publish a small arm that waves as TF: map -> base_link on /tf_static, '

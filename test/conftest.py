@@ -29,7 +29,7 @@ from hypothesis import HealthCheck, settings
 from imports import of_ros, reached, ROS
 import pytest
 
-from dummy_arm.tf._core.pose import Piece, Row
+from dummy_arm.tf._core.pose import BatchOrRows, Row
 from dummy_arm.tf._wire.cdr import Fields
 from dummy_arm.tf._wire.streams import MessageReader
 
@@ -140,11 +140,11 @@ class Arrived:
     """A source of a buffer, with messages that have arrived on /tf."""
 
     def __init__(self, *messages: bytes) -> None:
-        self._pieces = MessageReader(unexpected).read(messages, 'sent', False)
+        self._batches = MessageReader(unexpected).read(messages, 'sent', False)
 
-    def take(self) -> list[Piece]:
+    def take(self) -> list[BatchOrRows]:
         """Return them, as long as nobody has inserted them."""
-        return self._pieces
+        return self._batches
 
     def wake(self) -> None:
         """Do nothing: there is no thread."""

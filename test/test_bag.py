@@ -384,13 +384,13 @@ def test_ctrl_c_ends_a_command_that_reads(tmp_path, kind, partial):
         *bags.walk(1, begin=300 * S)])
     code = ('import os, signal, sys, time\n'
             'from dummy_arm.cli.bag_options import read_bag\n'
-            'from dummy_arm.cli.signals import note_signals\n'
+            'from dummy_arm.cli.signals import record_signals\n'
             'def ended(*_):\n'
             '    os.kill(os.getpid(), signal.SIGINT)\n'
             'begin = time.process_time()\n'  # whatever else the machine does
             'read_bag(sys.argv[1], "", len(sys.argv) > 2)\n'
             'whole = time.process_time() - begin\n'
-            'note_signals()\n'
+            'record_signals()\n'
             'signal.signal(signal.SIGPROF, ended)\n'
             'signal.setitimer(signal.ITIMER_PROF, whole / 5)\n'
             'begin = time.process_time()\n'

@@ -472,7 +472,7 @@ INTERRUPTED = """
 import os, signal, sys, time
 from dummy_arm.cli.bag_options import read_bag
 from dummy_arm.cli.parser import CommandError
-from dummy_arm.cli.signals import note_signals
+from dummy_arm.cli.signals import record_signals
 def duration():  # whatever else the machine does
     begin = time.process_time()
     try:
@@ -482,7 +482,7 @@ def duration():  # whatever else the machine does
     return time.process_time() - begin
 duration()  # with what is imported late
 whole = duration()
-note_signals()
+record_signals()
 signal.signal(signal.SIGPROF, lambda *_: os.kill(os.getpid(), signal.SIGINT))
 signal.setitimer(signal.ITIMER_PROF, whole / 5)
 print(duration() / whole)

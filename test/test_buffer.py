@@ -315,7 +315,7 @@ buffer = Buffer()
 
 
 def tell():
-    while not buffer.is_waited_for:
+    while not buffer.has_waiters:
         time.sleep(0.01)
     print('waiting', flush=True)
 
@@ -356,7 +356,7 @@ def test_a_coroutine_waits_for_what_is_not_there():
         with pytest.raises(StopIteration) as done:
             coroutine.send(None)
         assert done.value.value == made()
-    assert not buffer.is_waited_for
+    assert not buffer.has_waiters
 
 
 def test_a_future_times_out():
@@ -370,7 +370,7 @@ def test_a_future_times_out():
             r"^Timed out after 0\.05 s, waiting for the transform from 'tool' to 'map': "
             '"map" passed to lookupTransform argument target_frame does not exist')):
         future.result()
-    assert not buffer.is_waited_for
+    assert not buffer.has_waiters
     full = buffer.wait_for_transform_full_async('map', T, 'tool', T, 'map', timeout=LONG)
     buffer.set_transform(made(), 'test')
     assert full.result() == made()
@@ -388,24 +388,24 @@ def test_an_abandoned_wait_leaves_nothing_behind(ros, abandon):
     if abandon == 'close':
         coroutine = buffer.lookup_transform_async('map', 'tool', T, timeout=LONG)
         coroutine.send(None)
-        assert buffer.is_waited_for
+        assert buffer.has_waiters
         coroutine.close()
         del coroutine
     else:
         waiting = buffer.wait_for_transform_async('map', 'tool', T, timeout=LONG)
-        assert buffer.is_waited_for
+        assert buffer.has_waiters
         if abandon == 'stop spinning':
             ros.executor.spin_until_future_complete(waiting, 0.05)
             ros.executor.spin_once(timeout_sec=0.0)  # till then it holds what it has waited for
         if abandon == 'cancel':
             waiting.add_done_callback(lambda _: None)
             waiting.cancel()
-            assert not buffer.is_waited_for
+            assert not buffer.has_waiters
             buffer.set_transform(made(), 'test')
             assert waiting.cancelled()
         del waiting
     gc.collect()
-    assert not buffer.is_waited_for
+    assert not buffer.has_waiters
     for _ in range(200):
         if threading.active_count() == threads:
             break
@@ -542,7 +542,7 @@ def test_a_finalizer_may_cancel_a_wait():
     finally:
         gc.set_threshold(*thresholds)
     gc.collect()
-    assert not buffer.is_waited_for
+    assert not buffer.has_waiters
 
 
 def test_a_callback_may_use_the_buffer():

@@ -626,7 +626,7 @@ def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free(lookup):
         thread.start()
         thread.join(10.0)
         assert results == [0.0], f'locked by Ctrl-C at place {places}: {interrupt!r}'
-        assert not buffer.is_waited_for
+        assert not buffer.has_waiters
     assert places > 20
 
 

@@ -120,7 +120,7 @@ FAILING = """
 import sys
 from dummy_arm.cli.parser import Parser, run
 from dummy_arm.cli.signals import sleep
-from dummy_arm.cli.node import run_node, spun_node
+from dummy_arm.cli.node import run_node, spinning_node
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
@@ -133,7 +133,7 @@ def test_a_command_ends_when_its_node_stops(start):
     """In one line: what it prints would be old from then on."""
     process = start('-c', FAILING + """
 def command(ros_args):
-    with spun_node('tool', ros_args) as node:
+    with spinning_node('tool', ros_args) as node:
         node.create_timer(0.01, fail)
         while True:
             sleep(60)

@@ -81,7 +81,7 @@ def test_what_may_not_be_imported_is_noticed():
             ('dummy_arm.tf._core.engine', 'dummy_arm.tf._wire.streams'),
             ('dummy_arm.tf._core.engine', 'dummy_arm.tf.rotations'),
             ('dummy_arm.tf._wire.streams', 'dummy_arm.tf._core.texts'),
-            ('dummy_arm.tf._bag.content', 'dummy_arm.tf.buffer_core'),
+            ('dummy_arm.tf._bag.context', 'dummy_arm.tf.buffer_core'),
             ('dummy_arm.tf._tf2_msgs.tf_message', 'dummy_arm.tf._ros.messages'),
             ('dummy_arm.tf._ros.futures', 'dummy_arm.tf.buffer')):
         assert not may_import(name, other), (name, other)

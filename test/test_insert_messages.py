@@ -35,14 +35,14 @@ def fail(error):
 def insert(buffer, reader, *messages, **how):
     """Insert messages into a buffer."""
     how = {'authority': 'default_authority', 'is_static': False, **how}
-    buffer.insert_pieces(reader.read(messages, **how))
+    buffer.insert_batches(reader.read(messages, **how))
 
 
 def read(reader, message):
     """Read a message: rows, and batches."""
-    pieces = reader.read([message], 'somebody', False)
-    return ([row for piece in pieces if not isinstance(piece, Batch) for row in piece.rows],
-            [piece for piece in pieces if isinstance(piece, Batch)])
+    batches = reader.read([message], 'somebody', False)
+    return ([row for batch in batches if not isinstance(batch, Batch) for row in batch.rows],
+            [batch for batch in batches if isinstance(batch, Batch)])
 
 
 def state(buffer):
@@ -467,12 +467,12 @@ def test_messages_wake_a_lookup_that_waits():
     waiting = threading.Thread(target=lambda: found.append(
         buffer.lookup_transform('f0', 'f1', T * S, timeout=20 * S)))
     waiting.start()
-    while not buffer.is_waited_for:
+    while not buffer.has_waiters:
         pass
     insert(buffer, reader, chain(1, T * S))
     waiting.join(20.0)
     assert found[0].stamp == T * S
-    assert not buffer.is_waited_for
+    assert not buffer.has_waiters
 
 
 def test_numbers_that_are_not_finite_give_no_warning():

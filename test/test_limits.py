@@ -47,14 +47,14 @@ def by_calls(buffer, stamps, children, parent='map'):
 
 def by_messages(buffer, stamps, children, parent='map'):
     """Insert the same as messages, each with all children."""
-    buffer.insert_pieces(MessageReader(fail).read(
+    buffer.insert_batches(MessageReader(fail).read(
         [cdr.pack([Row(stamp, parent, child, pose(x)) for child in children])
          for x, stamp in enumerate(stamps)], 'default_authority', False))
 
 
 def by_a_message(buffer, stamps, children, parent='map'):
     """Insert the same as one message."""
-    buffer.insert_pieces(MessageReader(fail).read(
+    buffer.insert_batches(MessageReader(fail).read(
         [cdr.pack([Row(stamp, parent, child, pose(x))
                    for x, stamp in enumerate(stamps) for child in children])],
         'default_authority', False))
@@ -282,7 +282,7 @@ def test_names_of_messages_that_are_too_long_are_not_kept(form, logs):
     buffer, reader = BufferCore(), MessageReader(fail, form)
     rows = [Row(T, 'map', 'x' * 1_000_000, STILL), Row(T, 'map', 'tool', STILL)]
     data = cdr.pack(rows) if form is cdr else packed_for_ros1(rows)
-    buffer.insert_pieces(reader.read([data] * 3, 'default_authority', False))
+    buffer.insert_batches(reader.read([data] * 3, 'default_authority', False))
     assert lengths(buffer) == {'tool': 1}
     assert not reader._layouts
     (text,) = logged_texts(logs)
@@ -351,7 +351,7 @@ def test_texts():
 
 @pytest.fixture
 def compared(monkeypatch):
-    """Return the lists of names among which near ones are searched."""
+    """Return the lists of names among which near ones are match_candidates."""
     lists = []
 
     def get_close_matches(name, names, number):
@@ -359,9 +359,9 @@ def compared(monkeypatch):
         return [other for other in names if other.startswith(name)][:number]
 
     monkeypatch.setattr(texts, 'get_close_matches', get_close_matches)
-    texts.nearest.cache_clear()
+    texts.suggest_names.cache_clear()
     yield lists
-    texts.nearest.cache_clear()
+    texts.suggest_names.cache_clear()
 
 
 def why(buffer, name):
@@ -449,7 +449,7 @@ def test_frames_of_tf2_echo_are_compared_with_1000(ros, monkeypatch):
     listening = frame_listener.FrameListener(ros.node)
     for i in range(3000):
         listening.buffer.insert(T, 'map', f'frame_{i}', STILL, is_static=True)
-    text = listening.why_not('map', 'frame_x')
+    text = listening.why_no_transform('map', 'frame_x')
     assert "the nearest names first: 'frame_0', 'frame_1'" in text
     assert text.endswith(' and 2981 more.')
     assert len(compared) == 1000
@@ -458,10 +458,11 @@ def test_frames_of_tf2_echo_are_compared_with_1000(ros, monkeypatch):
 def test_traffic_of_frames_with_long_names_is_not_counted():
     """Of a hundred thousand frames at most, whose names fit into the memory."""
     from dummy_arm.inspection.traffic import Traffic
-    from dummy_arm.tf.publisher_listener import Sent
+    from dummy_arm.tf.publisher_listener import ReceivedMessage
     traffic = Traffic(lambda: T)
-    message = Sent(cdr.pack([Row(S + 2, 'map', name, STILL) for name in ('x' * 1025, 'tool')]))
-    message.gid, message.received = 'gid', T
+    message = ReceivedMessage(cdr.pack([
+        Row(S + 2, 'map', name, STILL) for name in ('x' * 1025, 'tool')]))
+    message.gid, message.reception_time = 'gid', T
     traffic.observe([message])
     streams = traffic.streams(lambda gids: dict.fromkeys(gids, '/node'), ['gid'])
     assert [stream.frame for stream in streams] == ['tool', '']

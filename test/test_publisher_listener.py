@@ -24,7 +24,7 @@ from dummy_arm.tf._ros import rclpy_private
 from dummy_arm.tf._ros.rclpy_private import subscribe, Taker
 from dummy_arm.tf._ros.transform_stamped import message_of
 from dummy_arm.tf._wire.cdr import pack, unpack
-from dummy_arm.tf.publisher_listener import PublisherListener, Sent, UNKNOWN
+from dummy_arm.tf.publisher_listener import PublisherListener, ReceivedMessage, UNKNOWN
 
 S = 10**9
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -99,7 +99,7 @@ def test_where_rcl_cannot_be_called_the_sender_is_unknown(ros, monkeypatch, lack
         assert sender_of(listener, 'a', known=False) == UNKNOWN
         (message,), dropped = listener.received()
         assert (message.gid, message.is_static, dropped) == ('', True, 0)
-        assert 0 <= time.time_ns() - message.received < TIMEOUT * S
+        assert 0 <= time.time_ns() - message.reception_time < TIMEOUT * S
     finally:
         listener.unregister()
         rclpy_private.rcl_take.cache_clear()
@@ -119,8 +119,8 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
     begin = time.time_ns()
     for message in messages:
         publisher.publish(message)
-    taken: list[Sent] = []
-    taker = Taker(Sent.of)
+    taken: list[ReceivedMessage] = []
+    taker = Taker(ReceivedMessage.of)
 
     def all_taken():
         taker.take(subscription.handle, 1000, taken)
@@ -131,7 +131,7 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
     (gid,) = {message.gid for message in taken}
     (info,) = ros.node.get_publishers_info_by_topic('/bytes')
     assert bytes.fromhex(gid) == bytes(info.endpoint_gid)[:16]
-    times = [begin, *(message.received for message in taken), time.time_ns()]
+    times = [begin, *(message.reception_time for message in taken), time.time_ns()]
     assert times == sorted(times)
     subscription.destroy()
 
@@ -139,7 +139,7 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
 def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_messages):
     """Each takes into its own memory."""
     ends = threading.Event()
-    mixed: list[Sent] = []
+    mixed: list[ReceivedMessage] = []
     publishers, subscriptions = zip(*(
         (ros.node.create_publisher(TFMessage, topic, 1000),
          subscribe(ros.node, TFMessage, topic, lambda _: None, QoSProfile(depth=1000),
@@ -149,8 +149,8 @@ def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_me
     messages = [bytes.fromhex(case['cdr_hex']) for case in golden_messages[1:3]]
 
     def take(subscription, expected):
-        taken: list[Sent] = []
-        taker = Taker(Sent.of)
+        taken: list[ReceivedMessage] = []
+        taker = Taker(ReceivedMessage.of)
         while not ends.is_set():
             taker.take(subscription.handle, 1000, taken)
         mixed.extend(message for message in taken if message != expected)
@@ -224,7 +224,7 @@ def test_what_is_received_is_given_once(ros, listener, send):
         assert of_topic == expected
         (info,) = ros.node.get_publishers_info_by_topic(topic)
         assert {message.gid for message in of_topic} == {bytes(info.endpoint_gid)[:16].hex()}
-        times = [begin, *(message.received for message in of_topic), time.time_ns()]
+        times = [begin, *(message.reception_time for message in of_topic), time.time_ns()]
         assert times == sorted(times)
 
 

@@ -62,10 +62,10 @@ def test_a_stream_is_read_as_batches():
 
     messages = [message(i) for i in range(50)]
     messages += [message(50, names[:2]), message(51), message(52, [('odom', 'map'), *names[1:]])]
-    pieces = MessageReader(unexpected, ros1).read(messages, '', False)
-    assert sum(len(piece.stamps) for piece in pieces if isinstance(piece, Batch)) == 50
+    batches = MessageReader(unexpected, ros1).read(messages, '', False)
+    assert sum(len(batch.stamps) for batch in batches if isinstance(batch, Batch)) == 50
     at_once, singly = BufferCore(100 * S), BufferCore(100 * S)
-    at_once.insert_pieces(MessageReader(unexpected, ros1).read(
+    at_once.insert_batches(MessageReader(unexpected, ros1).read(
         messages, 'default_authority', False))
     for data in messages:
         for row in ros1.unpack(data):

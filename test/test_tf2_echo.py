@@ -11,7 +11,7 @@ from dummy_arm.tf import StaticTransformBroadcaster, Transform, TransformBroadca
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._ros.transform_stamped import message_of
 from dummy_arm.tf.rotations import quaternion_from_euler
-from dummy_arm.tools.tf2_echo import main, text_of
+from dummy_arm.tools.tf2_echo import format_transform, main
 
 S = 10**9
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -56,31 +56,31 @@ def turned(stamp, translation, *roll_pitch_yaw):
 def test_the_text_is_that_of_tf2(recorded, transform):
     """To the character, but without its negative zeros; the columns stay where they are."""
     lists, matrix = recorded.split('- Matrix:')
-    assert text_of(transform) == (
+    assert format_transform(transform) == (
         lists.replace('-0.000', '0.000') + '- Matrix:' + matrix.replace('-0.000', ' 0.000'))
 
 
 def test_nanoseconds_have_nine_digits():
     """So that 12.005 does not look like 12.5."""
-    assert text_of(turned(12 * S + 5_000_000, (0.0,) * 3, 0, 0, 0)).startswith(
+    assert format_transform(turned(12 * S + 5_000_000, (0.0,) * 3, 0, 0, 0)).startswith(
         'At time 12.005000000\n')
 
 
 @pytest.mark.parametrize(('pitch', 'roll'), [(pi / 2, 0.1), (-pi / 2, 0.5)])
 def test_rpy_is_right_at_gimbal_lock(pitch, roll):
     """Of (0.3, +-pi/2, 0.2), where tf2 prints a roll of 0.1244 and 0.4636."""
-    assert f'RPY (radian) [{roll:.3f}, {pitch:.3f}, 0.000]' in text_of(
+    assert f'RPY (radian) [{roll:.3f}, {pitch:.3f}, 0.000]' in format_transform(
         turned(0, (0.0,) * 3, 0.3, pitch, 0.2))
 
 
 def test_the_precision():
     """Of every number; the columns of the matrix grow with it."""
     transform = turned(S, (1000.0, -2 / 3, -0.4), 0.0, 0.0, 0.0)
-    lines = text_of(transform, 6).splitlines()
+    lines = format_transform(transform, 6).splitlines()
     assert lines[1] == '- Translation: [1000.000000, -0.666667, -0.400000]'
     assert lines[6:8] == ['  1.000000  0.000000  0.000000 1000.000000',
                           '  0.000000  1.000000  0.000000 -0.666667']
-    assert text_of(transform, 0).splitlines()[1:3] == [
+    assert format_transform(transform, 0).splitlines()[1:3] == [
         '- Translation: [1000, -1, 0]', '- Rotation: in Quaternion [0, 0, 0, 1]']
 
 

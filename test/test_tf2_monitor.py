@@ -11,13 +11,13 @@ from rclpy.node import Node
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 
-from dummy_arm.inspection.traffic import Delays, Stream, Summary, summed_up, Traffic
+from dummy_arm.inspection.traffic import Delays, Stream, summarize, Summary, Traffic
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._ros.transform_stamped import message_of
 from dummy_arm.tf._wire import cdr
-from dummy_arm.tf.publisher_listener import Sent
-from dummy_arm.tools.tf2_monitor import lines_of, main
+from dummy_arm.tf.publisher_listener import ReceivedMessage
+from dummy_arm.tools.tf2_monitor import format_streams, main
 
 S, MS = 10**9, 10**6
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -25,15 +25,15 @@ STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 def sent(gid, received, *edges: tuple[str, str], stamp=None, is_static=False):
     """Make a message; times in ns."""
-    message = Sent(cdr.pack(
+    message = ReceivedMessage(cdr.pack(
         Row(received if stamp is None else stamp, *edge, STILL) for edge in edges))
-    message.gid, message.received, message.is_static = gid, received, is_static
+    message.gid, message.reception_time, message.is_static = gid, received, is_static
     return message
 
 
 def streams_of(traffic):
     """Give the streams by frame and sender; a gid stands for its name."""
-    return {(stream.frame, stream.sender): stream for stream in traffic.streams(
+    return {(stream.frame, stream.node): stream for stream in traffic.streams(
         lambda gids: {gid: gid.rstrip('*') for gid in gids}, ['/robot', '/other', '/a'])}
 
 
@@ -44,13 +44,13 @@ def test_delays_over_the_window():
     for i in range(20 * 50):
         delays.add(5 * S + i * 20 * MS, (i % 4) * MS)
     now = 5 * S + 999 * 20 * MS
-    summary = summed_up([delays], now)
+    summary = summarize([delays], now)
     assert summary is not None
     assert summary.rate == pytest.approx(50.0)
     assert summary.average_delay == pytest.approx(0.0015, abs=1e-5)
     assert summary.maximum_delay == pytest.approx(0.003)
-    assert summed_up([delays], now + 12 * S) is None
-    assert summed_up([], now) is None
+    assert summarize([delays], now + 12 * S) is None
+    assert summarize([], now) is None
     assert delays.last == now
 
 
@@ -58,7 +58,7 @@ def test_one_arrival_has_no_rate():
     """But a delay, which may be negative."""
     delays = Delays()
     delays.add(5 * S, -MS)
-    assert summed_up([delays], 5 * S) == Summary(None, -0.001, -0.001)
+    assert summarize([delays], 5 * S) == Summary(None, -0.001, -0.001)
 
 
 def test_a_little_out_of_order():
@@ -66,7 +66,7 @@ def test_a_little_out_of_order():
     delays = Delays()
     for arrival in 100 * S, 100 * S - MS, 100 * S + MS:
         delays.add(arrival, MS)
-    summary = summed_up([delays], 100 * S)
+    summary = summarize([delays], 100 * S)
     assert summary is not None
     assert summary.rate == pytest.approx(2000.0)
     assert summary[1:] == (0.001, 0.001)
@@ -78,7 +78,7 @@ def test_memory_does_not_grow_with_the_rate():
     for i in range(60_000):
         delays.add(i * MS, MS)
     assert len(delays.within(60 * S)) <= 11
-    summary = summed_up([delays], 60 * S)
+    summary = summarize([delays], 60 * S)
     assert summary is not None
     assert summary.rate == pytest.approx(1000.0)
 
@@ -111,9 +111,9 @@ def test_each_frame_has_the_delay_of_its_own_stamp():
     traffic = Traffic(time.time_ns)
     now = time.time_ns()
     traffic.observe([sent('/a', now - S, ('map', 'odom'))])
-    message = Sent(cdr.pack([Row(now - late * S, 'map', child, STILL)
+    message = ReceivedMessage(cdr.pack([Row(now - late * S, 'map', child, STILL)
                               for child, late in (('/', 3), ('odom', 1), ('base', 2))]))
-    message.gid, message.received = '/a', now
+    message.gid, message.reception_time = '/a', now
     traffic.observe([message])
     for frame, late in ('odom', 1.0), ('base', 2.0), ('', 2.0):
         assert streams_of(traffic)[frame, '/a'].summary.average_delay == pytest.approx(
@@ -178,7 +178,7 @@ def test_a_clock_that_does_not_run():
 def test_what_is_no_message_is_left_to_the_listener():
     """And an empty one does no harm."""
     traffic = Traffic(time.time_ns)
-    bad = Sent(b'\0\1\0\0\7')
+    bad = ReceivedMessage(b'\0\1\0\0\7')
     traffic.observe([bad, sent('/a', 1), sent('/a', time.time_ns(), ('map', 'odom'))])
     assert ('odom', '/a') in streams_of(traffic)
 
@@ -186,7 +186,7 @@ def test_what_is_no_message_is_left_to_the_listener():
 def test_lines():
     """A table, whose columns fit the longest name; what is odd can be seen."""
     moving = Summary(50.04, 0.00123449, 0.25)
-    assert lines_of([
+    assert format_streams([
         Stream('base_link', '/arm', True, True, None, None),
         Stream('base_link', '/before', True, False, None, None),
         Stream('joint\n1', '/arm', False, True, moving, 0.01),
@@ -220,7 +220,7 @@ def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
                Stream('\x1b' * 3000, '/arm', True, True, None, None),
                Stream(name, f'/{name}', True, True, None, None),
                Stream(name, '/arm', True, True, None, None)]
-    lines = lines_of(streams)
+    lines = format_streams(streams)
     assert lines[0] == (f'Warning: {short} is published by /{"x" * 48}...{"x" * 48} and /arm; '
                         'a frame should have one publisher')
     assert lines[3] == f'  base      static{"":30}  /arm'

@@ -36,7 +36,7 @@ from dummy_arm.tf import (
 from dummy_arm.tf._core import engine
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._ros.rclpy_private import subscribe
-from dummy_arm.tf._ros.subscription import Misfits, SubscriptionSource
+from dummy_arm.tf._ros.subscription import QosMonitor, SubscriptionSource
 from dummy_arm.tf._ros.transform_stamped import message_of
 
 LATEST = Time()
@@ -413,7 +413,7 @@ def test_a_misfit_is_told_with_the_remedy(ros, said):
     """Static transforms that are not latched never arrive; it is told once a second at most."""
     tf_static, now = subscribe(ros.node, TFMessage, '/tf_static', print, LATCHED,
                                ros.node.default_callback_group), 0.0
-    misfits = Misfits(tf_static, lambda: now)
+    misfits = QosMonitor(tf_static, lambda: now)
     ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
 
     def told():
@@ -673,10 +673,10 @@ def test_the_trip_of_a_message_is_as_written_down(ros):
     for number in range(3):
         before = len(calls)
         publisher.publish(TFMessage(transforms=[made(number + 1)]))
-        eventually(lambda: ('insert_pieces', '_core/insertion.py') in calls[before:])  # noqa: B023
+        eventually(lambda: ('insert_batches', '_core/insertion.py') in calls[before:])  # noqa: B023
         eventually(lambda: calls[-1] == ('_wait', '_ros/listener_thread.py'))
     listener.unregister()
-    insertion = 'insert_pieces', '_core/insertion.py'
+    insertion = 'insert_batches', '_core/insertion.py'
     begin = max(i for i, call in enumerate(calls) if call == insertion)
     first = max(i for i in range(begin) if calls[i][0] == '_work')
     last = max(i for i, call in enumerate(calls) if call == ('append', '_core/history.py'))
@@ -1092,7 +1092,7 @@ def test_callbacks_of_a_subclass_are_called_after_its_constructor(ros, said, kin
         waiting = threading.Thread(
             target=buffer.lookup_transform, args=('map', 'latched', LATEST, WAIT))
         waiting.start()
-        eventually(lambda: buffer.is_waited_for)
+        eventually(lambda: buffer.has_waiters)
     listener = kind(buffer, ros.node)
     if waiting is not None:
         waiting.join()
@@ -1240,7 +1240,7 @@ def test_a_blocked_lookup_ends_when_the_last_listener_ends(ros, end, kind):
 
     thread = threading.Thread(target=look_up)
     thread.start()
-    eventually(lambda: buffer.is_waited_for)
+    eventually(lambda: buffer.has_waiters)
     listeners[0].unregister()
     later_looks(buffer)
     assert not results
@@ -1265,7 +1265,7 @@ def test_a_lookup_that_began_before_any_listener_waits_on(ros, sender):
     thread = threading.Thread(target=lambda: found.append(
         buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)))
     thread.start()
-    eventually(lambda: buffer.is_waited_for)
+    eventually(lambda: buffer.has_waiters)
     TransformListener(buffer, ros.node).unregister()
     later_looks(buffer)
     assert thread.is_alive()

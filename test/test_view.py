@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 from dummy_arm.tf import BufferCore
-from dummy_arm.view import shown as shown_module
+from dummy_arm.view import snapshot as snapshot_module
 from dummy_arm.view import source as player_module
 from dummy_arm.view.rods import fading, rods
-from dummy_arm.view.shown import Stage
-from dummy_arm.view.source import Facts, Player
+from dummy_arm.view.snapshot import FrameWatcher
+from dummy_arm.view.source import Player, Publication
 from dummy_arm.view.view import Trail
 
 S = 10**9
@@ -37,7 +37,7 @@ def pose(x, y=0.0, z=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
 def clock(monkeypatch):
     """A clock that a test sets: `clock[0]`, in s."""
     now = [1000.0]
-    for module in shown_module, player_module:
+    for module in snapshot_module, player_module:
         monkeypatch.setattr(module, 'monotonic', lambda: now[0])
     return now
 
@@ -51,53 +51,53 @@ def arm(buffer, stamp, *names):
 def test_what_is_shown():
     """All trees; that of most frames in its root, others beside it; no loops."""
     buffer = BufferCore()
-    shown = Stage(buffer).look()
-    assert (shown.fixed, shown.deepest) == ('', '')
-    assert (len(shown.names), shown.poses.shape, shown.ages.shape) == (0, (0, 7), (0,))
+    snapshot = FrameWatcher(buffer).snapshot()
+    assert (snapshot.fixed, snapshot.deepest) == ('', '')
+    assert (len(snapshot.names), snapshot.poses.shape, snapshot.ages.shape) == (0, (0, 7), (0,))
     arm(buffer, T, 'world', 'tree')
     arm(buffer, T, 'map', 'odom', 'base')
     arm(buffer, T, 'map', 'other')
     arm(buffer, T, 'x', 'y', 'x')
     arm(buffer, T, 'y', 'below')
-    shown = Stage(buffer).look()
-    assert shown.fixed == 'map'
-    assert shown.names == ['map', 'odom', 'other', 'base', 'world', 'tree']
-    assert shown.parents == [-1, 0, 0, 1, -1, 4]
-    assert shown.points.tolist() == [
+    snapshot = FrameWatcher(buffer).snapshot()
+    assert snapshot.fixed == 'map'
+    assert snapshot.names == ['map', 'odom', 'other', 'base', 'world', 'tree']
+    assert snapshot.parents == [-1, 0, 0, 1, -1, 4]
+    assert snapshot.points.tolist() == [
         [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, -2, 0], [1, -2, 0]]
-    assert shown.poses[:, :3].tolist() == [
+    assert snapshot.poses[:, :3].tolist() == [
         [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 0], [1, 0, 0]]
-    assert shown.deepest == 'base'
-    assert shown.trees == {'map': 0.0, 'world': -2.0}
-    assert [sorted(loop) for loop in shown.loops] == [['x', 'y']]
-    assert shown.tree_of('tree') == ('world', -2.0)
-    shown = Stage(buffer).look('odom')
-    assert dict(zip(shown.names, shown.points[:, 0])) == {
+    assert snapshot.deepest == 'base'
+    assert snapshot.trees == {'map': 0.0, 'world': -2.0}
+    assert [sorted(loop) for loop in snapshot.loops] == [['x', 'y']]
+    assert snapshot.anchor_of('tree') == ('world', -2.0)
+    snapshot = FrameWatcher(buffer).snapshot('odom')
+    assert dict(zip(snapshot.names, snapshot.points[:, 0])) == {
         'odom': 0, 'map': -1, 'base': 1, 'other': 0, 'world': 0, 'tree': 1}
-    assert shown.deepest == 'base'  # as before: it is not by chance that it is chosen
-    assert shown.tree_of('map') == ('odom', 0.0)
-    assert Stage(buffer).look('nowhere').fixed == 'map'
-    assert Stage(buffer).look('below').fixed == 'map'  # a loop
+    assert snapshot.deepest == 'base'  # as before: it is not by chance that it is chosen
+    assert snapshot.anchor_of('map') == ('odom', 0.0)
+    assert FrameWatcher(buffer).snapshot('nowhere').fixed == 'map'
+    assert FrameWatcher(buffer).snapshot('below').fixed == 'map'  # a loop
 
 
 def test_ages_live(clock):
     """A frame is as old as the silence on its way; a root as the youngest below it."""
     buffer = BufferCore()
-    stage = Stage(buffer)
+    watcher = FrameWatcher(buffer)
     buffer.insert(T, 'map', 'base', pose(1.0), is_static=True)
     arm(buffer, T, 'base', 'upper', 'hand')
     arm(buffer, T, 'world', 'tree')
-    stage.look()
+    watcher.snapshot()
     clock[0] += 10.0
     arm(buffer, T + S, 'upper', 'hand')
-    shown = stage.look()
-    assert dict(zip(shown.names, shown.ages)) == {
+    snapshot = watcher.snapshot()
+    assert dict(zip(snapshot.names, snapshot.ages)) == {
         'map': 0.0, 'base': 0.0, 'upper': 10.0, 'hand': 10.0, 'world': 10.0, 'tree': 10.0}
-    shown = stage.look('hand')
-    assert dict(zip(shown.names, shown.ages)) == {
+    snapshot = watcher.snapshot('hand')
+    assert dict(zip(snapshot.names, snapshot.ages)) == {
         'hand': 0.0, 'upper': 0.0, 'base': 10.0, 'map': 10.0, 'world': 10.0, 'tree': 10.0}
     arm(buffer, T + S, 'base', 'upper')
-    assert not stage.look('map').ages[:4].any()
+    assert not watcher.snapshot('map').ages[:4].any()
 
 
 def test_ages_in_a_bag():
@@ -105,12 +105,12 @@ def test_ages_in_a_bag():
     buffer = BufferCore(10**18)
     for second in 0, 1, 2, 8, 9:
         arm(buffer, T + second * S, 'map', 'base')
-    stage = Stage(buffer)
-    assert stage.look('', T - S).names == []
+    watcher = FrameWatcher(buffer)
+    assert watcher.snapshot('', T - S).names == []
     for second, age in (0, 0.0), (2, 0.0), (5, 3.0), (8, 0.0), (12, 3.0):
-        shown = stage.look('', T + second * S)
-        assert shown.ages.tolist() == [age, age]
-        assert shown.frames['base'].latest == T + min(second, 9) * S - (3 * S if age == 3.0 and
+        snapshot = watcher.snapshot('', T + second * S)
+        assert snapshot.ages.tolist() == [age, age]
+        assert snapshot.frames['base'].latest == T + min(second, 9) * S - (3 * S if age == 3.0 and
                                                                         second == 5 else 0)
 
 
@@ -143,14 +143,14 @@ def test_what_is_far_is_drawn_nearer(place):
     buffer.insert(T, 'map', 'near', pose(6e5, 8e5))
     buffer.insert(T, 'map', 'far', pose(*place))
     buffer.insert(T, 'x', 'y', pose(*place))
-    shown = Stage(buffer).look()
-    assert shown.far == ['far', 'y']
-    assert shown.points[shown.names.index('near')].tolist() == [6e5, 8e5, 0.0]
-    i, y = map(shown.names.index, ('far', 'y'))
-    assert shown.poses[i, :3].tolist() == shown.poses[y, :3].tolist() == [*place]
+    snapshot = FrameWatcher(buffer).snapshot()
+    assert snapshot.far == ['far', 'y']
+    assert snapshot.points[snapshot.names.index('near')].tolist() == [6e5, 8e5, 0.0]
+    i, y = map(snapshot.names.index, ('far', 'y'))
+    assert snapshot.poses[i, :3].tolist() == snapshot.poses[y, :3].tolist() == [*place]
     direction = np.array(place) / np.abs(place).max()
-    assert np.linalg.norm(shown.points[[i, y]], axis=1) == pytest.approx(1e6)
-    for point in shown.points[[i, y]]:  # the trees lie 2 m beside each other
+    assert np.linalg.norm(snapshot.points[[i, y]], axis=1) == pytest.approx(1e6)
+    for point in snapshot.points[[i, y]]:  # the trees lie 2 m beside each other
         assert point == pytest.approx(1e6 * direction / np.linalg.norm(direction), abs=2.0)
 
 
@@ -160,9 +160,9 @@ def test_what_is_not_finite_is_not_drawn():
     for parent, child, x in (('map', 'base', 1.0), ('map', 'lost', float('inf')),
                              ('lost', 'below', 1.0), ('map', 'a', 1e308), ('a', 'b', 1e308)):
         buffer.insert(T, parent, child, pose(x))
-    shown = Stage(buffer).look()
-    assert {*shown.names} == {'map', 'base', 'a'}
-    assert {*shown.nowhere} == {'lost', 'below', 'b'}
+    snapshot = FrameWatcher(buffer).snapshot()
+    assert {*snapshot.names} == {'map', 'base', 'a'}
+    assert {*snapshot.not_finite} == {'lost', 'below', 'b'}
 
 
 def test_rods():
@@ -171,21 +171,21 @@ def test_rods():
     buffer.insert(T, 'map', 'a', pose(0.0, 0.0, 2.0, (0.0, 0.0, HALF, HALF)))
     buffer.insert(T, 'a', 'b', pose(1.0, 2.0, 2.0))
     buffer.insert(T, 'a', 'c', pose(0.0, 0.0, 0.0))
-    shown = Stage(buffer).look()
-    drawn = rods(shown, 0.5, 'b')
-    count = len(shown.names)
+    snapshot = FrameWatcher(buffer).snapshot()
+    drawn = rods(snapshot, 0.5, 'b')
+    count = len(snapshot.names)
     assert len(drawn.positions) == len(drawn.colors) == 4 * count
     w, x, y, z = drawn.wxyzs.T  # what becomes of the z axis
     ends = drawn.positions + drawn.scales[:, 2:] * np.column_stack(
         [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
-    begins = dict(zip(shown.names, drawn.positions[:count]))
+    begins = dict(zip(snapshot.names, drawn.positions[:count]))
     for k, axis in enumerate(([0.0, 0.5, 0.0], [-0.5, 0.0, 0.0], [0.0, 0.0, 0.5])):
-        i = shown.names.index('a') + k * count
+        i = snapshot.names.index('a') + k * count
         assert ends[i] - drawn.positions[i] == pytest.approx(axis, abs=1e-6)
-    for i, name in enumerate(shown.names):
+    for i, name in enumerate(snapshot.names):
         parent = {'a': 'map', 'b': 'a', 'c': 'a'}.get(name, name)
         assert ends[3 * count + i] == pytest.approx(begins[parent], abs=1e-6)
-    radii = dict(zip(shown.names, drawn.scales[:count, 0]))
+    radii = dict(zip(snapshot.names, drawn.scales[:count, 0]))
     assert radii['b'] > radii['a'] == radii['c'] > 0.0
 
 
@@ -225,21 +225,21 @@ def test_a_player(clock):
     player = Player(buffer.frames())
     assert player.length == 4.0
     clock[0] += 1.5
-    player.go(True)
+    player.advance(True)
     assert (player.position, player.time) == (1.5, T + 3 * S // 2)
     clock[0] += 1.0
-    player.go(False)
+    player.advance(False)
     assert player.position == 1.5
     player.seek(3.9)
     clock[0] += 1.0
-    player.go(True)
+    player.advance(True)
     assert (player.position, player.is_at_end) == (4.0, True)
-    player.go(True)
+    player.advance(True)
     assert player.position == 0.0
     player.seek(99.0)
     assert player.time == T + 4 * S
     still = Player([])
-    still.go(True)
+    still.advance(True)
     assert (still.length, still.time) == (0.0, 1)
 
 
@@ -249,15 +249,15 @@ class Known:
     name = '/tf'
     player: Optional[Player] = None
 
-    def __init__(self, buffer, facts):
+    def __init__(self, buffer, publication):
         """Have a buffer, and facts of every frame."""
-        self.buffer, self._facts = buffer, facts
+        self.buffer, self._publication = buffer, publication
 
-    def facts(self, frame):
+    def publication(self, frame):
         """Tell them."""
-        return self._facts
+        return self._publication
 
-    def why_none(self):
+    def why_no_frames(self):
         """Tell why."""
         return 'because'
 
@@ -266,31 +266,31 @@ def test_texts():
     """Names cannot be HTML; what is wrong is told."""
     from dummy_arm.view.details import details, overview
     buffer = BufferCore()
-    source = Known(buffer, Facts(50.04, 0.00123, '/<i>'))
-    assert 'nothing yet. because' in overview(Stage(buffer).look(), source)
+    source = Known(buffer, Publication(50.04, 0.00123, '/<i>'))
+    assert 'nothing yet. because' in overview(FrameWatcher(buffer).snapshot(), source)
     arm(buffer, T, 'map', '<script>', 'b')
     arm(buffer, T, 'x\n', 'y', 'x\n')
     arm(buffer, T, 'w"orld', 'tree')
-    shown = Stage(buffer).look()
-    text = overview(shown, source)
+    snapshot = FrameWatcher(buffer).snapshot()
+    text = overview(snapshot, source)
     assert '/tf: 5 frames' in text
     assert 'not connected to map: w&quot;orld' in text
     assert 'in a loop: ' in text
     assert '→ x\\n' in text
-    text = details(shown, 'b', source)
+    text = details(snapshot, 'b', source)
     assert '<b data-value="parent">&lt;script&gt;</b>' in text
     assert '<td data-value="rate">50.0 Hz</td>' in text
     assert '<td data-value="delay">1.23 ms</td>' in text
     assert '<td data-value="publisher">/&lt;i&gt;</td>' in text
     assert f'{T // S}.000000000 s' in text
     buffer.clear()
-    text = details(shown, 'b', source)  # as after a jump of time, or a long pause
+    text = details(snapshot, 'b', source)  # as after a jump of time, or a long pause
     assert 'parent' in text
     assert 'nan' not in text
-    assert '&lt;b&gt; is not there' in overview(shown, source, '<b>')
-    assert '&lt;i&gt; is not there.' in details(shown, '<i>', source)
-    assert 'Click a frame' in details(shown, '', source)
-    text = details(shown, 'map', source)
+    assert '&lt;b&gt; is not there' in overview(snapshot, source, '<b>')
+    assert '&lt;i&gt; is not there.' in details(snapshot, '<i>', source)
+    assert 'Click a frame' in details(snapshot, '', source)
+    text = details(snapshot, 'map', source)
     assert 'no parent: a root' in text
     assert '<b data-value="fixed">map</b>' in text
 
@@ -299,22 +299,22 @@ def test_texts_of_what_is_far():
     """The panel names it, with its own numbers; not what is not drawn any more."""
     from dummy_arm.view.details import details, overview
     buffer = BufferCore()
-    source = Known(buffer, Facts(None, None, ''))
+    source = Known(buffer, Publication(None, None, ''))
     buffer.insert(T, 'map', 'near', pose(1.0))
-    assert 'away' not in overview(Stage(buffer).look(), source)
+    assert 'away' not in overview(FrameWatcher(buffer).snapshot(), source)
     buffer.insert(T, 'map', '<far>', pose(1e7, -2.5))
     buffer.insert(T, '<far>', 'tip', pose(1.0))
     buffer.insert(T, 'map', 'lost', pose(float('inf')))
-    shown = Stage(buffer).look()
-    text = overview(shown, source)
+    snapshot = FrameWatcher(buffer).snapshot()
+    text = overview(snapshot, source)
     assert 'more than 1,000,000 m away, drawn at that distance: &lt;far&gt;, tip<' in text
     assert 'not shown, since the translation is not finite: lost<' in text
-    assert '-translation">10000000.000  -2.500  0.000<' in details(shown, '<far>', source)
-    text = details(shown, 'tip', source)
+    assert '-translation">10000000.000  -2.500  0.000<' in details(snapshot, '<far>', source)
+    text = details(snapshot, 'tip', source)
     assert '"parent-translation">1.000  0.000  0.000<' in text
     assert '"fixed-translation">10000001.000  -2.500  0.000<' in text
-    shown = shown._replace(ages=np.full(len(shown.names), 20.0))
-    assert 'away' not in overview(shown, source)
+    snapshot = snapshot._replace(ages=np.full(len(snapshot.names), 20.0))
+    assert 'away' not in overview(snapshot, source)
 
 
 @pytest.fixture
@@ -343,7 +343,7 @@ def test_no_free_port(monkeypatch):
 
     monkeypatch.setattr(socket.socket, 'bind', refusing(errno.EADDRINUSE))
     with (pytest.raises(CommandError, match=r'ports 8080 to 8179 of 127\.0\.0\.1 are all taken'),
-          server.served('127.0.0.1')):
+          server.serve('127.0.0.1')):
         pass
 
 
@@ -357,8 +357,8 @@ def refusing(number):
 def test_the_next_free_port(capsys):
     """Two pages without a port have one each."""
     pytest.importorskip('viser')
-    from dummy_arm.view.server import served
-    with served('127.0.0.1') as one, served('127.0.0.1') as other:
+    from dummy_arm.view.server import serve
+    with serve('127.0.0.1') as one, serve('127.0.0.1') as other:
         ports = [one.get_port(), other.get_port()]
     assert ports[0] != ports[1]  # in any order: other tests have such ports, too
     assert min(ports) >= 8080
@@ -418,13 +418,13 @@ def test_a_port_that_needs_root(failed, monkeypatch, bag):
 def test_who_can_look():
     """It is told when it is not this machine only."""
     pytest.importorskip('viser')
-    from dummy_arm.view.server import told
-    assert told('127.0.0.1', 8080) == ['look at http://127.0.0.1:8080']
-    assert told('::1', 8080) == ['look at http://[::1]:8080']
-    assert told('0.0.0.0', 8081) == [
+    from dummy_arm.view.server import address_lines
+    assert address_lines('127.0.0.1', 8080) == ['look at http://127.0.0.1:8080']
+    assert address_lines('::1', 8080) == ['look at http://[::1]:8080']
+    assert address_lines('0.0.0.0', 8081) == [
         'look at http://localhost:8081',
         f'whoever reaches port 8081 of {socket.gethostname()} can look, and use the panel']
-    assert told('192.0.2.1', 8080)[0] == 'look at http://192.0.2.1:8080'
+    assert address_lines('192.0.2.1', 8080)[0] == 'look at http://192.0.2.1:8080'
 
 
 OWN = '127.0.0.1:8080'
@@ -486,8 +486,8 @@ def refused(hosts, origins, is_loopback=True):
 def test_a_refused_request_is_answered_by_403():
     """Of a page or a WebSocket, with headers of any bytes."""
     pytest.importorskip('viser')
-    from dummy_arm.view.server import served
-    with served('127.0.0.1') as server:
+    from dummy_arm.view.server import serve
+    with serve('127.0.0.1') as server:
         own = f'127.0.0.1:{server.get_port()}'.encode()
         socket_headers = (b'Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13'
                           b'\r\nSec-WebSocket-Key: MDEyMzQ1Njc4OWFiY2RlZg==\r\n')
@@ -520,7 +520,7 @@ def test_a_viser_that_cannot_be_guarded(monkeypatch):
     import websockets.asyncio.server
 
     from dummy_arm.cli.parser import CommandError
-    from dummy_arm.view.server import served
+    from dummy_arm.view.server import serve
     servers = []
 
     class Serve(websockets.asyncio.server.serve):
@@ -535,7 +535,7 @@ def test_a_viser_that_cannot_be_guarded(monkeypatch):
     monkeypatch.setattr(viser.infra._infra, 'websockets', module)
     with (pytest.raises(CommandError, match=(
             rf'^viser {re.escape(viser.__version__)} does not start its server by websockets.*: '
-            r"pip install 'viser>=1\.1,<1\.2'$")), served('127.0.0.1')):
+            r"pip install 'viser>=1\.1,<1\.2'$")), serve('127.0.0.1')):
         pass
     assert [server.is_serving() for server in servers] == [False]
 
@@ -561,16 +561,16 @@ class Sent:
 def view(capsys):
     """Make the view of a buffer: `view(buffer)`."""
     pytest.importorskip('viser')
-    from dummy_arm.view.server import served
+    from dummy_arm.view.server import serve
     from dummy_arm.view.view import View
     with ExitStack() as stack:
-        yield lambda source: View(source, stack.enter_context(served('127.0.0.1')))
+        yield lambda source: View(source, stack.enter_context(serve('127.0.0.1')))
 
 
 def test_a_view_of_what_is_static_or_odd(view):
     """It goes on."""
     buffer = BufferCore()
-    page = view(Known(buffer, Facts(None, None, '')))
+    page = view(Known(buffer, Publication(None, None, '')))
     page.update()
     buffer.insert(0, 'map', 'base', pose(1.0), is_static=True)
     for parent, child, x in (('//map', 'bad', 1.0), ('map', 'far', float('inf')), ('a', 'b', 1.0),
@@ -578,7 +578,7 @@ def test_a_view_of_what_is_static_or_odd(view):
         buffer.insert(0 if child == 'zero' else T, parent, child, pose(x))
     for _ in range(3):
         page.update()
-    page._scene.look_at(page._shown, [])
+    page._scene.look_at(page._snapshot, [])
     buffer.clear()
     page.update()
     buffer.insert(1, 'map', 'early', pose(1.0))
@@ -592,7 +592,7 @@ def test_a_view_of_what_is_static_or_odd(view):
 def test_a_view_of_what_is_far(view, place):
     """All that is drawn is near, and no number overflows on the way."""
     buffer = BufferCore()
-    page = view(Known(buffer, Facts(None, None, '')))
+    page = view(Known(buffer, Publication(None, None, '')))
     for i in range(5):
         for sign, child in (1, 'far'), (-1, 'hand'):
             buffer.insert(T + i * S, 'map', child, pose(*(sign * x for x in place)))
@@ -602,7 +602,7 @@ def test_a_view_of_what_is_far(view, place):
         page.update()
     page._panel.fixed.choose('far')
     page.update()
-    page._scene.look_at(page._shown, [])
+    page._scene.look_at(page._snapshot, [])
     camera = page._server.initial_camera
     rods = page._scene._rods
     for drawn in (rods.batched_positions, rods.batched_scales, page._scene._trail.points,
@@ -613,9 +613,9 @@ def test_a_view_of_what_is_far(view, place):
 
 
 def test_a_view_that_stands_still(view, clock):
-    """As long as it is paused, also when the buffer has forgotten what is shown."""
+    """As long as it is paused, also when the buffer has forgotten what is snapshot."""
     buffer = BufferCore()
-    page = view(Known(buffer, Facts(None, None, '')))
+    page = view(Known(buffer, Publication(None, None, '')))
     arm(buffer, T, 'map', 'base', 'hand')
     page.update()
     page._panel._pause.value = True
@@ -624,30 +624,30 @@ def test_a_view_that_stands_still(view, clock):
         page._panel.selected.choose(name)
         page._next_texts = 0.0
         page.update()
-        assert page._shown.stamps[-1] == T
+        assert page._snapshot.stamps[-1] == T
     assert '>base</b>' not in page._panel._details.content
     assert f'{T // S}.000000000 s' in page._panel._details.content
     page._panel._pause.value = False
     page.update()
-    assert page._shown.stamps[-1] == T + 100 * S
+    assert page._snapshot.stamps[-1] == T + 100 * S
 
 
 def test_what_is_chosen_stays(view):
     """Against what is proposed, while it is not there, and when it is chosen in the meantime."""
     buffer = BufferCore()
     arm(buffer, T, 'map', 'base', 'hand')
-    page = view(Known(buffer, Facts(None, None, '')))
+    page = view(Known(buffer, Publication(None, None, '')))
     page.update()
     choice = page._panel.fixed
     assert (choice.name, choice.chosen) == ('map', '')
     choice._dropdown.value = 'base'  # as viser does, before it calls back
     asyncio.run(choice._on_update(Sent(choice._dropdown)))
-    choice.offer(['map', 'base', 'hand', 'more'], 'map')
+    choice.set_options(['map', 'base', 'hand', 'more'], 'map')
     assert (choice.name, choice._dropdown.value) == ('base', 'base')
-    choice.offer([], '')
+    choice.set_options([], '')
     assert (choice.name, choice._dropdown.value) == ('base', 'base')
     page.update()
-    assert page._shown.fixed == 'base'
+    assert page._snapshot.fixed == 'base'
     page._panel.selected.choose('(none)')
     page._next_texts = 0.0
     page.update()

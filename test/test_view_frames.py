@@ -55,7 +55,7 @@ def chain(length):
     return Forest([moving(f'{i + 1}', f'{i}') for i in range(length)])
 
 
-def text_of(frames, tmp_path):
+def format_transform(frames, tmp_path):
     """Draw frames into a PDF, and read its text."""
     pypdf = pytest.importorskip('pypdf')
     path = tmp_path / 'drawn.pdf'
@@ -79,7 +79,7 @@ def ours(monkeypatch, ros, tmp_path):
 
 def test_labels(tmp_path):
     """As in tf2, but for a static frame, and one whose rate cannot be told."""
-    lines = text_of([moving('a', 'map'), static('b', 'a', '/other'),
+    lines = format_transform([moving('a', 'map'), static('b', 'a', '/other'),
                      Frame('c', 'a', '/node', False, 1, 5 * S, 5 * S)], tmp_path)
     for line, number in (
             ('Broadcaster: /node', 2), ('Broadcaster: /other', 1), ('static', 1),
@@ -91,7 +91,7 @@ def test_labels(tmp_path):
 
 def test_odd_names_are_drawn_as_they_are(tmp_path):
     """tf2 breaks at some of them: it reads 54 as a number, on as a truth, a: b not at all."""
-    lines = text_of([static(name, 'odd "root"') for name in ODD], tmp_path)
+    lines = format_transform([static(name, 'odd "root"') for name in ODD], tmp_path)
     for name in ['odd "root"', *ODD]:
         assert set(name.split('\n')) <= set(lines), name
     assert lines.count('static') == len(ODD)
@@ -101,7 +101,7 @@ def test_several_roots_and_a_loop_are_drawn(tmp_path):
     """tf2 draws the last root only, and nothing where there is a loop."""
     frames = [static('a', 'root 1'), static('b', 'root 2'), static('x', 'y'), static('y', 'z'),
               static('z', 'x'), static('twig', 'x')]
-    lines = text_of(frames, tmp_path)
+    lines = format_transform(frames, tmp_path)
     names = {'a', 'root 1', 'b', 'root 2', 'x', 'y', 'z', 'twig'}
     assert names <= set(lines)
     assert as_dot(Forest(frames), 0).count('->') == 6
@@ -115,7 +115,7 @@ def test_the_trees_in_the_terminal():
     """With rates, ages and senders, in columns."""
     frames = [static('base', 'map'), moving('arm', 'base', 50), moving('日本', 'arm', 1),
               moving('wheel', 'base'), static('a', 'b'), static('b', 'a'), static('tab\t', 'b')]
-    assert view_frames.lines_of(Forest(frames), 100 * S + S // 4) == [
+    assert view_frames.format_tree(Forest(frames), 100 * S + S // 4) == [
         'map',
         '└── base             static                 /node',
         '    ├── arm         50.0 Hz    0.250 s old  /node',
@@ -130,15 +130,16 @@ def test_the_trees_in_the_terminal():
 
 def test_a_long_chain_is_drawn():
     """Longer than Python's recursion is deep."""
-    lines = view_frames.lines_of(chain(3000), 0)
-    assert len(lines) == chain(3000).drawn_lines == 3001
+    lines = view_frames.format_tree(chain(3000), 0)
+    assert len(lines) == chain(3000).line_count == 3001
 
 
 def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
     """The columns of the others stand where they would be without it."""
     name = f'begin{"-" * 3000}end'
     short = [static('base', 'map'), moving('arm', 'base')]
-    lines = view_frames.lines_of(Forest([*short, static(name, 'map', sender=f'/{name}')]), 100 * S)
+    lines = view_frames.format_tree(
+        Forest([*short, static(name, 'map', sender=f'/{name}')]), 100 * S)
     assert lines[:3] == [
         'map',
         '├── base        static                 /node',
@@ -146,13 +147,13 @@ def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
     begin, _, sender = lines[3].split()[1:]
     assert begin == f'begin{"-" * 44}...{"-" * 45}end'
     assert sender == f'/begin{"-" * 43}...{"-" * 45}end'
-    hostile = view_frames.lines_of(Forest([*short, static('\x1b' * 3000, 'map')]), 100 * S)
+    hostile = view_frames.format_tree(Forest([*short, static('\x1b' * 3000, 'map')]), 100 * S)
     assert hostile[:3] == lines[:3]
 
 
 def test_the_lines_of_a_deep_tree_are_not_as_long_as_the_longest():
     """Each is as long as its branches, and a bounded rest."""
-    lines = view_frames.lines_of(chain(1000), 100 * S)
+    lines = view_frames.format_tree(chain(1000), 100 * S)
     for level, line in enumerate(lines):
         tree = 4 * min(level, 100) + len('1000 ... ') + len('1000')
         assert len(line) <= max(100, tree) + 2 + 9 + 2 + 13 + 2 + len('/node')
@@ -160,7 +161,7 @@ def test_the_lines_of_a_deep_tree_are_not_as_long_as_the_longest():
 
 def test_the_branches_of_a_chain_are_cut_off():
     """From the hundredth level on, a line begins with its level; the rest is as long as before."""
-    first, *others = (twig.branches for twig in chain(5000).drawn())
+    first, *others = (twig.branches for twig in chain(5000).lines())
     assert first == ''
     assert others[:100] == [f'{" " * 4 * i}└── ' for i in range(100)]
     assert others[100:] == [f'{i + 1} ... {" " * 4 * 99}└── ' for i in range(100, 5000)]
@@ -168,7 +169,7 @@ def test_the_branches_of_a_chain_are_cut_off():
 
 def test_of_a_tree_only_what_a_terminal_shows_is_made():
     """What is not shown does not make columns wide, either."""
-    lines = view_frames.lines_of(chain(3000), 100 * S, 10)
+    lines = view_frames.format_tree(chain(3000), 100 * S, 10)
     assert len(lines) == 10
     assert lines[1] == f'{"└── 1":{4 * 9 + 1}}    10.0 Hz    0.000 s old  /node'
 
@@ -180,7 +181,7 @@ def test_of_a_tree_only_what_a_terminal_shows_is_made():
 def test_the_ending_says_how_to_draw(tmp_path, monkeypatch, output, files, begin):
     """The .gv file is beside it."""
     monkeypatch.chdir(tmp_path)
-    path = view_frames.path_of(output)
+    path = view_frames.output_path(output)
     view_frames.save(Forest([static('base', 'map')]), 0, path)
     assert {path.name for path in Path().iterdir()} == files
     (drawn,) = (name for name in files if not name.endswith('.gv'))
@@ -270,7 +271,7 @@ def test_where_nothing_can_be_written(monkeypatch, tmp_path, output):
     Path('directory.pdf').mkdir()
     name = output.removesuffix('.pdf')
     with pytest.raises(CommandError, match=f'^cannot write {name}.pdf: .+'):
-        view_frames.save(Forest([static('base', 'map')]), 0, view_frames.path_of(output))
+        view_frames.save(Forest([static('base', 'map')]), 0, view_frames.output_path(output))
     assert [path.name for path in Path().iterdir()] == ['directory.pdf']
 
 
@@ -734,6 +735,6 @@ def test_a_live_tree_waits_for_its_root(ours, start):
 
 def test_a_long_chain_below_a_root():
     """Longer than Python's recursion is deep."""
-    tree = chain(3000).below('1000')
+    tree = chain(3000).subtree('1000')
     assert [*tree.names] == [f'{i}' for i in range(1000, 3001)]
     assert tree.roots == ['1000']

@@ -11,7 +11,7 @@ from conftest import TIMEOUT, tool_without_ros
 import pytest
 
 from dummy_arm.tf import BufferCore
-from dummy_arm.view.source import Bag
+from dummy_arm.view.source import BagSource
 
 viser = pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
 msgspec, zstandard = map(pytest.importorskip, ('msgspec', 'zstandard'))
@@ -75,15 +75,15 @@ class Viewer:
 @pytest.fixture
 def page():
     """Serve the page of a short bag with two frames: `page.server`, `page.update()`."""
-    from dummy_arm.view.server import served
+    from dummy_arm.view.server import serve
     from dummy_arm.view.view import View
     buffer = BufferCore(10**18)
     for second in 0, 1, 2:
         buffer.insert(T + second * S, 'map', 'base', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
     with warnings.catch_warnings():
         warnings.simplefilter('error')
-        with served('127.0.0.1') as server:
-            made = View(Bag(buffer, 'bag'), server)
+        with serve('127.0.0.1') as server:
+            made = View(BagSource(buffer, 'bag'), server)
             made.server = server  # type: ignore[attr-defined]
             made.update()
             yield made
@@ -206,13 +206,13 @@ def test_whoever_has_whatever_camera_can_be_turned(page, camera):
     viewer.send({**CAMERA, **camera})
     assert ready.wait(TIMEOUT)
     clients = [*page.server.get_clients().values()]
-    page._scene.look_at(page._shown, clients)
+    page._scene.look_at(page._snapshot, clients)
     turned = viewer.wait(lambda each: (each['type'], each.get('initial')) == (
         'SetCameraLookAtMessage', False))
     assert turned['look_at'][2] == page.server.initial_camera.look_at[2]
     viewer.close()
     assert left.wait(TIMEOUT)
-    page._scene.look_at(page._shown, clients)
+    page._scene.look_at(page._snapshot, clients)
 
 
 def test_no_message_of_a_viewer_ends_the_process(start, tmp_path):

@@ -15,8 +15,8 @@ viser_private = import_module('dummy_arm.view.viser_private')
 @pytest.fixture(scope='module')
 def server():
     """Serve an empty page."""
-    from dummy_arm.view.server import served
-    with served('127.0.0.1') as server:
+    from dummy_arm.view.server import serve
+    with serve('127.0.0.1') as server:
         yield server
 
 

@@ -27,7 +27,7 @@ with Writer(sys.argv[1], version=9, storage_plugin=StoragePlugin.MCAP) as bag:
     def write(received: Received) -> None:
         """Write messages as they came in."""
         for message in received.messages:
-            bag.write(static if message.is_static else moving, message.received, message)
+            bag.write(static if message.is_static else moving, message.reception_time, message)
         if received.dropped:
             node.get_logger().error(
                 f'{received.dropped} messages came too fast: they are not in the bag')

@@ -6,7 +6,7 @@ from typing import Optional
 
 from dummy_arm.cli.parser import CommandError, UsageError
 from dummy_arm.cli.progress import progress
-from dummy_arm.cli.signals import heed
+from dummy_arm.cli.signals import check_signals
 from dummy_arm.tf import BufferCore
 from dummy_arm.tf.bag import BagError, read
 
@@ -39,7 +39,7 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
         raise UsageError('a bag must have a name')
 
     def on_progress(done: float) -> None:
-        heed()
+        check_signals()
         show(done)
 
     try:

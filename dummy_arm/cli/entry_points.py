@@ -3,7 +3,7 @@
 from importlib import import_module
 import sys
 
-from dummy_arm.cli.signals import has_come, ignore_signals, note_signals
+from dummy_arm.cli.signals import ignore_signals, record_signals, signal_received
 
 _ROS = 'rclpy', 'builtin_interfaces', 'geometry_msgs', 'rcl_interfaces', 'std_msgs'
 
@@ -49,10 +49,10 @@ def web_view() -> int:
 
 
 def _run(module: str) -> int:
-    note_signals()  # raised while modules import, KeyboardInterrupt becomes other errors
+    record_signals()  # raised while modules import, KeyboardInterrupt becomes other errors
     try:
         main = import_module(module).main
-        return 0 if has_come() else int(main())
+        return 0 if signal_received() else int(main())
     except KeyboardInterrupt:
         return 0
     except ModuleNotFoundError as error:

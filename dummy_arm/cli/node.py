@@ -13,8 +13,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 
 from dummy_arm.cli.fast_dds import destroy
-from dummy_arm.cli.parser import CommandError, ros_words, UsageError
-from dummy_arm.cli.signals import has_come
+from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
+from dummy_arm.cli.signals import signal_received
 
 _LONGEST_WAIT = 0.2  # s; a signal does not end a wait in the middleware
 
@@ -46,17 +46,17 @@ def ros(ros_args: Sequence[str]) -> Iterator[None]:
         # Not rclpy's handlers: they shut the context down while a node may be at work in it.
         rclpy.init(args=list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # by rcl, as of the environment
-        raise CommandError(ros_words(error)) from None
+        raise CommandError(rcl_error_text(error)) from None
     try:
         yield
     except ParameterException as error:
-        raise UsageError(ros_words(error)) from None
+        raise UsageError(rcl_error_text(error)) from None
     finally:
         try_shutdown()
 
 
 @contextmanager
-def spun_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
+def spinning_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
     """
     Have ROS and a node, which is spun in a thread, from here to the end of the block.
 
@@ -99,7 +99,7 @@ def _spin_until_signal(node: Node) -> None:
     executor = SingleThreadedExecutor()
     try:
         executor.add_node(node)
-        while not has_come():
+        while not signal_received():
             executor.spin_once(timeout_sec=_LONGEST_WAIT)
     finally:
         executor.shutdown()  # before the context: it would complain, when it is collected

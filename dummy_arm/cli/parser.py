@@ -10,7 +10,7 @@ import signal
 import sys
 from typing import Any, NoReturn, Optional
 
-from dummy_arm.cli.signals import note_signals
+from dummy_arm.cli.signals import record_signals
 from dummy_arm.tf.formatting import visible
 
 
@@ -25,14 +25,14 @@ class CommandError(Exception):
 class Parser(argparse.ArgumentParser):
     """A parser that takes negative numbers of any form, and tells an error in one line."""
 
-    def __init__(self, prog: str, description: str, epilog: str = '', **how: Any) -> None:
+    def __init__(self, prog: str, description: str, epilog: str = '', **kwargs: Any) -> None:
         """
         Make a parser.
 
         :param epilog: what the help ends with: an example.
         """
         super().__init__(prog=prog, description=description, epilog=epilog, allow_abbrev=False,
-                         formatter_class=argparse.RawDescriptionHelpFormatter, **how)
+                         formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
         # That of argparse takes an exponent or 'nan' for an option.
         self._negative_number_matcher = re.compile(r'-(\d|\.\d|inf|nan)', re.IGNORECASE)
 
@@ -75,7 +75,7 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         where it was used wrongly.
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
-    handlers = note_signals()
+    handlers = record_signals()
     try:
         options = parser.parse_args(_without_ros_args(arguments)[1:])
         _make_writable()
@@ -120,7 +120,7 @@ def _without_ros_args(arguments: list[str]) -> list[str]:
     except UnicodeEncodeError as error:
         raise UsageError(f'the argument {error.object!r} must be valid Unicode') from None
     except RuntimeError as error:  # a list of what is unknown, or a text of rcl
-        words = ros_words(error)
+        words = rcl_error_text(error)
         raise UsageError(f'unknown ROS arguments: {words}' if words.startswith('[') else words
                          ) from None
 
@@ -138,6 +138,6 @@ def _without_ros_args_by_hand(arguments: list[str]) -> list[str]:
     return rest
 
 
-def ros_words(error: Exception) -> str:
+def rcl_error_text(error: Exception) -> str:
     """Give the first line of an error of rcl, without the places in its source."""
     return re.sub(r', at \S+:\d+.*', '', str(error).splitlines()[0])

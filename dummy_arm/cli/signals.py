@@ -10,7 +10,7 @@ _STEP = 0.05  # s; a signal that is only noted does not end a sleep
 _came: list[int] = []
 
 
-def note_signals() -> dict[int, Any]:
+def record_signals() -> dict[int, Any]:
     """
     Note signals from now on; the second raises KeyboardInterrupt.
 
@@ -28,7 +28,7 @@ def ignore_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def has_come() -> bool:
+def signal_received() -> bool:
     """Tell whether a signal has come."""
     return bool(_came)
 
@@ -38,10 +38,10 @@ def sleep(seconds: float) -> None:
     end = time.monotonic() + seconds
     while not _came and (left := end - time.monotonic()) > 0.0:
         time.sleep(min(_STEP, left))
-    heed()
+    check_signals()
 
 
-def heed() -> None:
+def check_signals() -> None:
     """Raise KeyboardInterrupt when a signal has come."""
     if _came:
         raise KeyboardInterrupt

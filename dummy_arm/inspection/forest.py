@@ -10,7 +10,7 @@ from dummy_arm.tf import Frame
 _DEEPEST = 100
 
 
-class Twig(NamedTuple):
+class TreeLine(NamedTuple):
     """A line of a drawn tree."""
 
     branches: str  #: the lines that lead to the frame
@@ -44,11 +44,11 @@ class Forest:
         return *self.roots, *self.frames
 
     @property
-    def drawn_lines(self) -> int:
-        """The number of lines that `drawn` yields."""
+    def line_count(self) -> int:
+        """The number of lines that `lines` yields."""
         return len(self.roots) + len(self.loops) + len(self.frames)
 
-    def below(self, root: str) -> 'Forest':
+    def subtree(self, root: str) -> 'Forest':
         """
         Return the tree of a frame and all frames below it.
 
@@ -75,19 +75,20 @@ class Forest:
                 loop = list(way)[list(way).index(name):]
                 yield loop[::-1]
 
-    def drawn(self) -> Iterator[Twig]:
+    def lines(self) -> Iterator[TreeLine]:
         """Draw the trees; a loop as one that begins and ends with the same frame."""
         begins = [self._root or loop[0] for loop in self.loops]
         for root, ends in [*((root, None) for root in self.roots), *zip(begins, begins)]:
-            yield Twig('', root, None)
-            waiting = self._twigs(root, '', 1)
+            yield TreeLine('', root, None)
+            waiting = self._child_lines(root, '', 1)
             while waiting:
                 twig, indent, level = waiting.pop()
                 yield twig
                 if twig.name != ends:
-                    waiting += self._twigs(twig.name, indent, level)
+                    waiting += self._child_lines(twig.name, indent, level)
 
-    def _twigs(self, parent: str, indent: str, level: int) -> list[tuple[Twig, str, int]]:
+    def _child_lines(self, parent: str, indent: str, level: int
+                     ) -> list[tuple[TreeLine, str, int]]:
         """
         List the children of a frame, the first last, and the indent and level of theirs.
 
@@ -100,7 +101,7 @@ class Forest:
         begin = f'{level} ... {indent}' if level > _DEEPEST else indent
         for child in children:
             branch, rest = ('└── ', '    ') if child is children[-1] else ('├── ', '│   ')
-            twigs.append((Twig(begin + branch, child, self.frames[child]), indent + rest,
+            twigs.append((TreeLine(begin + branch, child, self.frames[child]), indent + rest,
                           level + 1))
         return twigs[::-1]
 

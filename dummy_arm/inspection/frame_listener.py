@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.time import Time
 
 from dummy_arm.tf import Buffer, Frame
-from dummy_arm.tf.formatting import nearest, quoted, searched, some
+from dummy_arm.tf.formatting import comma_list, match_candidates, quoted, suggest_names
 from dummy_arm.tf.publisher_listener import PublisherListener
 
 _SHOWN = 20
@@ -37,7 +37,7 @@ class FrameListener:
         """List the frames that were heard of, with their senders."""
         return self.listener.frames()
 
-    def why_none(self) -> str:
+    def why_no_frames(self) -> str:
         """Tell what may be the reason that nothing was heard."""
         publishers = sum(map(self.node.count_publishers, ('/tf', '/tf_static')))
         return (f'Publishers on /tf and /tf_static here: {publishers}. Check that something '
@@ -47,7 +47,7 @@ class FrameListener:
                 f'{os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET"}); or listen '
                 'longer: to discover others may take seconds.')
 
-    def why_not(self, target: str, source: str, time: int = 0) -> str:
+    def why_no_transform(self, target: str, source: str, time: int = 0) -> str:
         """
         Tell why there is no transform, and what frames there are instead.
 
@@ -64,13 +64,13 @@ class FrameListener:
             if self._has_told or monotonic() < self._begin + _DISCOVERY:
                 return why
             self._has_told = True
-            return f'{why} {self.why_none()}'
+            return f'{why} {self.why_no_frames()}'
         for name in (target, source):  # since all are listed
-            why = why.replace(f' {nearest(name, tuple(known))}', '')
+            why = why.replace(f' {suggest_names(name, tuple(known))}', '')
         missing = [name for name in (target, source) if name not in known]
         if len(missing) == 2:
             why = f'{why} {source!r} does not exist either.'
-        near = sorted(searched(known), key=lambda name: -max(
+        near = sorted(match_candidates(known), key=lambda name: -max(
             SequenceMatcher(None, name, other).ratio() for other in missing or [target, source]))
         listed = list(dict.fromkeys((*near, *known)))
-        return f'{why} Frames here, the nearest names first: {some(listed, _SHOWN, quoted)}.'
+        return f'{why} Frames here, the nearest names first: {comma_list(listed, _SHOWN, quoted)}.'

@@ -20,10 +20,10 @@ import sys
 if sys.platform == 'linux':
     import ctypes
     ctypes.CDLL(None).prctl(1, 9)  # PR_SET_PDEATHSIG: SIGKILL, should the parent be killed
-form, *sys.path = sys.argv[1:]
+file_format, *sys.path = sys.argv[1:]
 from pygraphviz import AGraph
 dot = sys.stdin.buffer.read().decode()
-sys.stdout.buffer.write(AGraph(string=dot).draw(format=form, prog='dot'))
+sys.stdout.buffer.write(AGraph(string=dot).draw(format=file_format, prog='dot'))
 """
 
 
@@ -79,12 +79,12 @@ def _label(text: str) -> str:
     return text
 
 
-def draw(dot: str, form: str, tick: Callable[[], object] = lambda: None) -> bytes:
+def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) -> bytes:
     """
     Draw a graph.
 
     :param dot: the graph, in the DOT language.
-    :param form: pdf, svg or png.
+    :param file_format: pdf, svg or png.
     :param tick: is called again and again meanwhile; what it raises ends the drawing.
     :returns: the bytes of the file.
     :raises DrawingError: when there is no pygraphviz, or graphviz fails.
@@ -104,7 +104,7 @@ def draw(dot: str, form: str, tick: Callable[[], object] = lambda: None) -> byte
             graph.write(dot.encode())
             graph.seek(0)
             process = subprocess.Popen(
-                [sys.executable, '-c', _DRAWING, form, *sys.path], start_new_session=True,
+                [sys.executable, '-c', _DRAWING, file_format, *sys.path], start_new_session=True,
                 stdin=graph, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
     except OSError as error:
         raise DrawingError(f'a process that draws cannot be started: {error.strerror}') from None

@@ -1,4 +1,4 @@
-"""How often and how late transforms come in: by frame, and by sender."""
+"""How often and how late transforms come in: by frame, and by node."""
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterable
@@ -11,7 +11,7 @@ from dummy_arm.tf import is_too_long
 from dummy_arm.tf.formatting import in_seconds, SECOND
 
 if TYPE_CHECKING:
-    from dummy_arm.tf.publisher_listener import Sent
+    from dummy_arm.tf.publisher_listener import ReceivedMessage
 
 #: What is older is not counted (s).
 WINDOW = 10
@@ -78,7 +78,7 @@ class Delays:
         return [second for second in self._seconds if second.number >= now // SECOND - WINDOW]
 
 
-def summed_up(delays: Collection[Delays], now: int) -> Optional[Summary]:
+def summarize(delays: Collection[Delays], now: int) -> Optional[Summary]:
     """
     Sum up the delays of one stream, or of several together.
 
@@ -99,7 +99,7 @@ class Stream(NamedTuple):
     """What a node sends, of a frame or of all."""
 
     frame: str  #: '' where it is of all
-    sender: str  #: the name of the node
+    node: str  #: the name of the node
     is_static: bool  #: nothing of it moves
     is_present: bool  #: the node is there still
     summary: Optional[Summary]  #: None: nothing that moves came in within the window
@@ -137,7 +137,7 @@ class Traffic:
         #: The time at the last look, and when on the system's clock it was last set back (ns).
         self._latest = self._set_back = 0
 
-    def observe(self, messages: 'Iterable[Sent]') -> None:
+    def observe(self, messages: 'Iterable[ReceivedMessage]') -> None:
         """Count messages that have arrived."""
         with self._lock:
             now, system = self._look()
@@ -157,7 +157,7 @@ class Traffic:
         self._latest = now
         return now, system
 
-    def _count(self, message: 'Sent', offset: Optional[int]) -> None:
+    def _count(self, message: 'ReceivedMessage', offset: Optional[int]) -> None:
         """
         Count a message.
 
@@ -173,13 +173,13 @@ class Traffic:
             return
         for heard in [everything, *(heard for heard, _ in streams)]:
             heard.moves = True
-        # The first had to wait until their sender was discovered.
-        since = self._since.setdefault(message.gid, message.received)
+        # The first had to wait until their node was discovered.
+        since = self._since.setdefault(message.gid, message.reception_time)
         if len(self._since) > _MOST_PUBLISHERS:
             del self._since[next(iter(self._since))]
-        if offset is None or message.received < max(since + _SETTLING, self._set_back):
+        if offset is None or message.reception_time < max(since + _SETTLING, self._set_back):
             return
-        arrival = message.received + offset
+        arrival = message.reception_time + offset
         everything.delays.add(arrival, sum(arrival - row.stamp_ns for row in rows) // len(rows))
         for heard, row in streams:
             heard.delays.add(arrival, arrival - row.stamp_ns)
@@ -212,11 +212,11 @@ class Traffic:
             return [self._stream(*key, together[key], present, now) for key in sorted(
                 together, key=lambda key: (not key[0], key))]
 
-    def _stream(self, frame: str, sender: str, gids: list[str], present: Collection[str], now: int
+    def _stream(self, frame: str, node: str, gids: list[str], present: Collection[str], now: int
                 ) -> Stream:
         all_heard = [self._heard[frame, gid] for gid in gids]
         delays = [heard.delays for heard in all_heard]
         last = max(each.last for each in delays)
-        return Stream(frame, sender, not any(heard.moves for heard in all_heard),
-                      any(gid in present for gid in gids), summed_up(delays, now),
+        return Stream(frame, node, not any(heard.moves for heard in all_heard),
+                      any(gid in present for gid in gids), summarize(delays, now),
                       in_seconds(max(0, now - last)) if last else None)

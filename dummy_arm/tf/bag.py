@@ -9,9 +9,9 @@ import os
 from pathlib import Path
 from typing import Any, Optional, Union
 
-from dummy_arm.tf._bag.content import BagError, Content, kind_of, Stream
+from dummy_arm.tf._bag.context import BagContext, BagError, kind_of, Stream
 from dummy_arm.tf._wire.cdr import MalformedMessage
-from dummy_arm.tf._wire.streams import Form, MessageReader
+from dummy_arm.tf._wire.streams import Encoding, MessageReader
 from dummy_arm.tf.buffer_core import BufferCore
 
 __all__ = ['BagError', 'read']
@@ -55,31 +55,31 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     def on_malformed(error: MalformedMessage) -> None:
         faults[str(error).partition(':')[0]] += 1
 
-    readers: dict[tuple[bool, Form], MessageReader] = {}
+    readers: dict[tuple[bool, Encoding], MessageReader] = {}
     count = 0
-    content = Content(path, namespace, partial, max_bytes, on_progress or (lambda done: None))
-    for gathered in _gathered(_records(path, content), cache_time is not None):
+    context = BagContext(path, namespace, partial, max_bytes, on_progress or (lambda done: None))
+    for gathered in _gathered(_records(path, context), cache_time is not None):
         for stream, messages in gathered.items():
-            key = stream.is_static, stream.form
-            reader = readers.setdefault(key, MessageReader(on_malformed, stream.form))
+            key = stream.is_static, stream.encoding
+            reader = readers.setdefault(key, MessageReader(on_malformed, stream.encoding))
             for is_long, some in groupby(messages, lambda message: len(message) > _LONG):
                 if is_long:
-                    _insert_long(buffer, some, stream, on_malformed, content.tick)
+                    _insert_long(buffer, some, stream, on_malformed, context.tick)
                 else:
-                    buffer.insert_pieces(reader.read(some, stream.sender, stream.is_static))
+                    buffer.insert_batches(reader.read(some, stream.publisher, stream.is_static))
             count += len(messages)
-    content.end()
+    context.finish()
     if not count:
         raise BagError(
-            f'nothing of TF can be read of {" ".join(content.damage)}' if content.damage else
-            f'{path} has no TF: {content.why_none()}')
+            f'nothing of TF can be read of {" ".join(context.damage)}' if context.damage else
+            f'{path} has no TF: {context.why_no_tf()}')
     log = logging.getLogger('dummy_arm.tf')
     for fault, times in faults.items():
         log.warning('%s: left out %d of %d messages of TF, which cannot be decoded: %s',
                     path, times, count, fault)
-    if content.damage:
+    if context.damage:
         log.warning('%s What could be read are %d messages of TF',
-                    ' '.join(content.damage), count)
+                    ' '.join(context.damage), count)
     if not buffer.frames():
         raise BagError(f'{path} has no TF that can be used, in {count} messages')
     return buffer
@@ -91,17 +91,17 @@ def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
     """Insert messages, one transform after the other; of a malformed one, none."""
     for data in messages:
         try:
-            for _ in stream.form.rows(data):
+            for _ in stream.encoding.rows(data):
                 tick()
         except MalformedMessage as error:
             on_malformed(error)
             continue
-        for row in stream.form.rows(data):
+        for row in stream.encoding.rows(data):
             tick()
-            buffer.insert(*row, stream.sender, stream.is_static)
+            buffer.insert(*row, stream.publisher, stream.is_static)
 
 
-def _records(path: Path, content: Content) -> Iterator[tuple[Stream, bytes]]:
+def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
     """
     Read the messages of TF, as they were recorded.
 
@@ -112,18 +112,18 @@ def _records(path: Path, content: Content) -> Iterator[tuple[Stream, bytes]]:
     try:
         if kind == '.bag':
             from dummy_arm.tf._bag import rosbag1
-            yield from rosbag1.records(path, content)
+            yield from rosbag1.records(path, context)
         else:
             from dummy_arm.tf._bag import rosbag2
-            yield from rosbag2.records(path, content)
+            yield from rosbag2.records(path, context)
     except Exception as error:  # a damaged file is met by errors of many types
-        content.tick()  # the error may be what the callback has raised before
+        context.tick()  # the error may be what the callback has raised before
         if isinstance(error, ImportError):
             raise BagError(f'what reads bags cannot be imported ({error}): '
                            'pip install mcap lz4 ruamel.yaml backports.zstd') from None
         if isinstance(error, BagError):
             raise
-        content.meet(path, error)
+        context.handle_error(path, error)
 
 
 def _gathered(records: Iterable[tuple[Stream, bytes]], in_order: bool

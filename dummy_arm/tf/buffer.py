@@ -20,7 +20,7 @@ from rclpy.utilities import get_default_context
 
 from dummy_arm.tf._core.engine import debug_tuple
 from dummy_arm.tf._core.times import nanoseconds, SECOND
-from dummy_arm.tf._ros.futures import Waits
+from dummy_arm.tf._ros.futures import PendingFutures
 from dummy_arm.tf._ros.messages import FrameGraph
 from dummy_arm.tf.buffer_interface import BufferInterface, NO_WAIT
 from dummy_arm.tf.message_buffer import message, MessageBufferCore
@@ -30,7 +30,7 @@ class Buffer(MessageBufferCore, BufferInterface):
     """
     A MessageBufferCore with a node, that can wait for transforms and transform objects.
 
-    Waits are on wall time.
+    PendingFutures are on wall time.
     """
 
     def __init__(self, cache_time: Optional[Duration] = None, node: Optional[Node] = None, *,
@@ -48,8 +48,8 @@ class Buffer(MessageBufferCore, BufferInterface):
         MessageBufferCore.__init__(
             self, cache_time, max_frames=max_frames, max_samples=max_samples)
         BufferInterface.__init__(self)
-        self._futures: Waits = Waits(node)
-        self._insertion.refusals.log = get_logger('tf2_buffer').warning
+        self._futures: PendingFutures = PendingFutures(node)
+        self._insertion.log.write = get_logger('tf2_buffer').warning
         self._context: Optional[Context] = (
             get_default_context() if node is None else node.context)
         self.clock = Clock() if node is None else node.get_clock()
@@ -74,8 +74,8 @@ class Buffer(MessageBufferCore, BufferInterface):
         """Drop what works in the parent process only: this one was forked."""
         super().after_fork_in_child(was_held)
         self._context = None  # and no logger of rclpy: other threads may have held their locks
-        self._insertion.refusals.log = logging.getLogger('dummy_arm.tf').warning
-        self._futures = Waits(None)
+        self._insertion.log.write = logging.getLogger('dummy_arm.tf').warning
+        self._futures = PendingFutures(None)
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: Time,
                          timeout: Duration = NO_WAIT) -> TransformStamped:

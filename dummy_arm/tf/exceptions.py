@@ -13,7 +13,7 @@ class TransformException(Exception):
     _hint: Optional[Callable[[], str]] = None
 
     @classmethod
-    def hinting(cls: type[_Error], words: str, hint: Callable[[], str]) -> _Error:
+    def with_hint(cls: type[_Error], words: str, hint: Callable[[], str]) -> _Error:
         """
         Make an error of tf2's words, and of more that is worked out when somebody reads it.
 

@@ -32,7 +32,7 @@ from dummy_arm.tf.buffer_interface import to_msg_msg as to_msg_msg
 
 #: Below, a squared length is that of no rotation, as in tf2_geometry_msgs.
 _NO_ROTATION = 2.0 ** -52
-_UNTURNED = (0.0, 0.0, 0.0, 1.0)
+_IDENTITY = (0.0, 0.0, 0.0, 1.0)
 #: The types of fields of a cloud: for numpy, and their size (bytes).
 _TYPES = {PointField.FLOAT32: ('f4', 4), PointField.FLOAT64: ('f8', 8)}
 
@@ -105,7 +105,7 @@ def _header(transform: TransformStamped) -> Header:
 
 def _moved(point: Union[Point, Point32, Vector3], pose: FramePose
            ) -> tuple[float, float, float]:
-    return compose(pose, (point.x, point.y, point.z, *_UNTURNED))[:3]
+    return compose(pose, (point.x, point.y, point.z, *_IDENTITY))[:3]
 
 
 def _pose_of(transform: TransformStamped) -> FramePose:
@@ -120,7 +120,7 @@ def _rotation(orientation: Quaternion) -> rotations.Quaternion:
     """Normalise a rotation; zeros are taken for none."""
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     if x * x + y * y + z * z + w * w < _NO_ROTATION:
-        return _UNTURNED
+        return _IDENTITY
     return normalized(x, y, z, w)
 
 

@@ -10,7 +10,7 @@ from dummy_arm.tf._core.engine import debug_tuple, Engine
 from dummy_arm.tf._core.frames import as_dot
 from dummy_arm.tf._core.pose import Pose, Row
 from dummy_arm.tf._core.times import nanoseconds, SECOND
-from dummy_arm.tf._ros.transform_stamped import bad_fields_named, message_of, row_of
+from dummy_arm.tf._ros.transform_stamped import explain_bad_fields, message_of, row_of
 
 _LATEST = Time()
 
@@ -53,7 +53,7 @@ class MessageBufferCore(Engine):
         self._set(transform, authority, True)
 
     def _set(self, transform: TransformStamped, authority: str, is_static: bool) -> None:
-        with bad_fields_named([transform]):
+        with explain_bad_fields([transform]):
             self.insert(*row_of(transform), authority, is_static)
 
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time

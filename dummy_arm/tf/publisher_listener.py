@@ -11,13 +11,13 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
 from dummy_arm.tf._core.frames import Frame
-from dummy_arm.tf._core.pose import Piece, Row
+from dummy_arm.tf._core.pose import BatchOrRows, Row
 from dummy_arm.tf._ros.rclpy_private import GID_SIZE, rcl_take, RCLError, Taker
 from dummy_arm.tf._ros.subscription import SubscriptionSource
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf.transform_listener import TransformListener
 
-UNKNOWN = 'unknown sender'
+UNKNOWN = 'unknown publisher'
 _BETWEEN_LOOKS = 0.5  # s
 #: The names of so many publishers are kept, those that are gone included.
 _MOST_NAMES = 10_000
@@ -26,23 +26,23 @@ _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node is not discov
 _MOST_MESSAGES, _MOST_BYTES = 10_000, 2**24
 
 
-class Sent(bytes):
+class ReceivedMessage(bytes):
     """The bytes of a message, with what the middleware knows of it."""
 
     gid = ''  #: of its publisher, in hex; '' where that is not known
-    received = 0  #: when it arrived, on the system's clock (ns)
+    reception_time = 0  #: when it arrived, on the system's clock (ns)
     is_static = False  #: whether it is from /tf_static
 
     @classmethod
-    def of(cls, data: bytes, gid: str = '', received: int = 0) -> 'Sent':
+    def of(cls, data: bytes, gid: str = '', reception_time: int = 0) -> 'ReceivedMessage':
         """
         Create a message.
 
         :param gid: of its publisher, in hex; '': not known.
-        :param received: when it arrived, on the system's clock (ns); 0: now.
+        :param reception_time: when it arrived, on the system's clock (ns); 0: now.
         """
         message = cls(data)
-        message.gid, message.received = gid, received or time_ns()
+        message.gid, message.reception_time = gid, reception_time or time_ns()
         return message
 
     def rows(self) -> list[Row]:
@@ -59,7 +59,7 @@ class Sent(bytes):
 class Received(NamedTuple):
     """The messages that have arrived since the last call of `PublisherListener.received`."""
 
-    messages: list[Sent]  #: in the order of their arrival on each topic
+    messages: list[ReceivedMessage]  #: in the order of their arrival on each topic
     dropped: int  #: how many before these were dropped, because there were too many
 
 
@@ -108,7 +108,7 @@ class _Names:
                 self._names.pop(gid, None)
 
 
-class _SentSource(SubscriptionSource):
+class _GidSource(SubscriptionSource):
     """A source whose authorities are the gids of the publishers; it keeps the messages, too."""
 
     def __init__(self, *arguments: Any, names: _Names) -> None:
@@ -117,11 +117,11 @@ class _SentSource(SubscriptionSource):
         names.topics = {topic.name for topic, _, _ in self._topics}
         self._names = names
         #: None where rcl cannot be called: then gids are not known.
-        self._takers = (Taker(Sent.of), Taker(Sent.of)) if rcl_take() else (None, None)
-        self._kept: deque[Sent] = deque()
+        self._takers = [Taker(ReceivedMessage.of) if rcl_take() else None for _ in range(2)]
+        self._kept: deque[ReceivedMessage] = deque()
         self._size = self._dropped = 0
 
-    def take(self) -> list[Piece]:
+    def take(self) -> list[BatchOrRows]:
         """Return what has arrived; as SubscriptionSource."""
         try:
             for taker, (topic, _, arrived) in zip(self._takers, reversed(self._topics)):
@@ -130,7 +130,7 @@ class _SentSource(SubscriptionSource):
                     continue
                 plain: list[Any] = []
                 topic.take(plain)
-                arrived += [Sent.of(data) for data, _ in plain]
+                arrived += [ReceivedMessage.of(data) for data, _ in plain]
         except (InvalidHandle, RCLError):  # the listener is ended concurrently
             pass
         for topic, reader, arrived in self._topics:
@@ -138,11 +138,11 @@ class _SentSource(SubscriptionSource):
                 self._count += len(arrived)
                 try:
                     for gid, sent in groupby(arrived, attrgetter('gid')):
-                        self._pieces += reader.read(sent, gid, topic.is_static)
+                        self._batches += reader.read(sent, gid, topic.is_static)
                 except Exception as error:  # a fault of this package
                     self._on_fault(error)
                 self._keep(arrived, topic.is_static)
-        return self._pieces
+        return self._batches
 
     def end_round(self) -> float:
         """Look up the publishers now and then; else as SubscriptionSource."""
@@ -177,9 +177,9 @@ class PublisherListener(TransformListener):
         node: Any = kwargs.get('node', arguments[1] if len(arguments) > 1 else None)
         self._names = names = _Names(node)
 
-        def source(*arguments: Any) -> _SentSource:
-            self._sent = _SentSource(*arguments, names=names)
-            return self._sent
+        def source(*arguments: Any) -> _GidSource:
+            self._source = _GidSource(*arguments, names=names)
+            return self._source
 
         super().__init__(*arguments, source=source, **kwargs)
 
@@ -195,7 +195,7 @@ class PublisherListener(TransformListener):
         At most 10 000 messages and 16 MiB of them are kept, the newest.
         """
         with self.buffer.fetched():
-            return self._sent.received()
+            return self._source.received()
 
     def frames(self) -> list[Frame]:
         """Return the frames of the buffer, with the full names of nodes as their authorities."""

@@ -10,7 +10,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._ros.qos import profile
-from dummy_arm.tf._ros.transform_stamped import as_list, bad_fields_named, fields_to_send
+from dummy_arm.tf._ros.transform_stamped import as_list, explain_bad_fields, fields_to_send
 from dummy_arm.tf._wire import cdr
 
 
@@ -45,7 +45,7 @@ class StaticTransformBroadcaster:
         :raises ValueError: as `TransformBroadcaster.sendTransform`; nothing is changed then.
         """
         transforms = as_list(transform)
-        with bad_fields_named(transforms), self._lock:
+        with explain_bad_fields(transforms), self._lock:
             sent = dict(self._sent)
             for fields in fields_to_send(transforms):
                 sent[fields[3].removeprefix('/')] = fields

@@ -14,9 +14,9 @@ from dummy_arm.tf._core.times import nanoseconds_or_int
 from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._ros.transform_stamped import (
     as_list,
-    bad_fields_named,
     check_edge,
     check_poses,
+    explain_bad_fields,
     fields_to_send,
 )
 from dummy_arm.tf._wire import cdr
@@ -49,7 +49,7 @@ class TransformBroadcaster:
             not finite or a quaternion that cannot be normalised.
         """
         transforms = as_list(transform)
-        with bad_fields_named(transforms):
+        with explain_bad_fields(transforms):
             self.pub_tf.publish(cdr.pack_fields(fields_to_send(transforms)))
 
     def prepare(self, edges: Sequence[tuple[str, str]]) -> 'PreparedTransforms':

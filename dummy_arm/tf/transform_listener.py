@@ -13,13 +13,13 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 from dummy_arm.tf._core.engine import Engine, Source
-from dummy_arm.tf._core.pose import Piece
-from dummy_arm.tf._core.texts import Refusals
+from dummy_arm.tf._core.pose import BatchOrRows
+from dummy_arm.tf._core.texts import ThrottledLog
 from dummy_arm.tf._ros.listener_thread import ListenerThread, Round
 from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._ros.qos import profile
 from dummy_arm.tf._ros.rclpy_private import subscribe
-from dummy_arm.tf._ros.subscription import AUTHORITY, Misfits, SubscriptionSource, Topic
+from dummy_arm.tf._ros.subscription import AUTHORITY, QosMonitor, SubscriptionSource, Topic
 from dummy_arm.tf._ros.transform_stamped import deserialize
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf.buffer_core import BufferCore
@@ -39,7 +39,7 @@ class _CallbackSource:
     def __init__(self, start: Callable[[], None]) -> None:
         self._start, self._thread_id = start, get_ident()
 
-    def take(self) -> list[Piece]:
+    def take(self) -> list[BatchOrRows]:
         """Return nothing."""
         self.wake()
         return []
@@ -112,8 +112,8 @@ class TransformListener:
         self.group = ReentrantCallbackGroup()
         #: How many messages could not be decoded, and were dropped.
         self.malformed = 0
-        self._faults = Refusals()
-        self._faults.log = get_logger('tf2_listener').warning
+        self._log = ThrottledLog()
+        self._log.write = get_logger('tf2_listener').warning
         #: The buffer that is filled; the one that pulls, if it does, and what it pulls from.
         self._buffer: Any = None
         self._attached: Optional[tuple[Engine, Source]] = None
@@ -129,7 +129,7 @@ class TransformListener:
         self.tf_static_sub = subscribe(
             node, TFMessage, '/tf_static', self.static_callback,
             profile(static_qos, 100, durability=DurabilityPolicy.TRANSIENT_LOCAL), self.group)
-        self._misfits = Misfits(self.tf_sub), Misfits(self.tf_static_sub)
+        self._qos_monitors = QosMonitor(self.tf_sub), QosMonitor(self.tf_static_sub)
         self._thread = ListenerThread(node, self.group, self.tf_static_sub, self.tf_sub,
                                       self._work, self._close, self._holds_lock)
         self._messages = source(
@@ -207,7 +207,7 @@ class TransformListener:
 
     def _work(self) -> Round:
         """Fill the buffer with what has arrived; the thread calls this."""
-        for misfits in self._misfits:
+        for misfits in self._qos_monitors:
             misfits.look()
         attached, done = self._attached, Round(False, False, 0.0)
         if self._calls_back:
@@ -222,8 +222,8 @@ class TransformListener:
                 except BaseException as error:  # raised by a done callback
                     self._on_fault(error)
             pause = self._messages.end_round()
-            done = Round(has_news, is_urgent, 0.0 if buffer.is_waited_for else pause)
-        self._faults.log_all()
+            done = Round(has_news, is_urgent, 0.0 if buffer.has_waiters else pause)
+        self._log.flush()
         return done
 
     def _call_back(self) -> bool:
@@ -244,11 +244,11 @@ class TransformListener:
         """Count a malformed message and note its kind once; note other errors once a second."""
         if isinstance(error, cdr.MalformedMessage):
             self.malformed += 1
-            self._faults.tell_once(str(error).partition(':')[0], (
+            self._log.warn_once(str(error).partition(':')[0], (
                 f'Dropped a message that cannot be decoded, {error}. Others of this kind are '
                 'dropped silently.'))
         else:
-            self._faults.tell(''.join(format_exception(error)))
+            self._log.warn(''.join(format_exception(error)))
 
     def _close(self) -> None:
         """Release the subscriptions; the thread calls this at its end."""
@@ -260,8 +260,8 @@ class TransformListener:
                     buffer.remove_source(source)
         except BaseException as error:  # raised by a done callback
             self._on_fault(error)
-        self._faults.log_all()
-        for misfits in self._misfits:
+        self._log.flush()
+        for misfits in self._qos_monitors:
             misfits.close()
         self.tf_sub.destroy()
         self.tf_static_sub.destroy()

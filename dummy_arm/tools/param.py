@@ -13,11 +13,11 @@ from rclpy.parameter_client import AsyncParameterClient
 from rclpy.task import Future
 from yaml import safe_load, YAMLError
 
-from dummy_arm.cli.node import spun_node
+from dummy_arm.cli.node import spinning_node
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import sleep
-from dummy_arm.tf.formatting import nearest
+from dummy_arm.tf.formatting import suggest_names
 
 #: How long a node is waited for, and its answer (s).
 PATIENCE = 5.0
@@ -47,7 +47,7 @@ class Parameters:
         if not wait(PATIENCE, f'looking for {of}', lambda: of in names()):
             others = tuple(name for name in names() if name != own)
             raise CommandError(f'there is no node {of}. ' + (
-                nearest(of, others, 'nodes') if others else 'There is none at all: check '
+                suggest_names(of, others, 'nodes') if others else 'There is none at all: check '
                 'ROS_DOMAIN_ID and ROS_AUTOMATIC_DISCOVERY_RANGE.'))
         self._client = AsyncParameterClient(node, of)
         if not wait(PATIENCE, f'looking for the services of {of}',
@@ -71,7 +71,7 @@ class Parameters:
             for name in names:
                 if name not in known:
                     raise CommandError(f'{self._of} has no parameter {name!r}. '
-                                       + nearest(name, known, 'parameters'))
+                                       + suggest_names(name, known, 'parameters'))
         return values
 
     def set(self, name: str, text: str) -> None:
@@ -155,7 +155,7 @@ def command(node: str, name: Optional[str] = None, value: Optional[str] = None, 
     :returns: the exit code.
     :raises CommandError: when there is no such node or parameter, or the node refuses the value.
     """
-    with spun_node('param', ros_args) as ours:
+    with spinning_node('param', ros_args) as ours:
         parameters = Parameters(ours, f'/{node.removeprefix("/")}')
         if name is None:
             names = parameters.names()

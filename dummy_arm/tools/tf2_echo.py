@@ -23,7 +23,7 @@ _BETWEEN_LOOKS = 0.05  # s
 _EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
 
 
-def text_of(transform: Transform, precision: int = PRECISION) -> str:
+def format_transform(transform: Transform, precision: int = PRECISION) -> str:
     """
     Write a transform as tf2 does, but for its nanoseconds, gimbal lock and negative zeros.
 
@@ -79,9 +79,10 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
         raise UsageError(f'the precision must be from 0 to {_MOST_DIGITS} digits, got {precision}')
     if buffer := read_bag(bag, namespace, partial):
         try:
-            print(text_of(buffer.lookup_transform(source_frame, target_frame, time), precision))
+            transform = buffer.lookup_transform(source_frame, target_frame, time)
         except TransformException as error:
             raise CommandError(str(error)) from None
+        print(format_transform(transform, precision))
         return 0
     return _echo(source_frame, target_frame, hertz, time, precision, once, ros_args)
 
@@ -90,11 +91,11 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
           once: bool, ros_args: Sequence[str]) -> int:
     from rclpy.time import Time
 
-    from dummy_arm.cli.node import spun_node
+    from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
-    with spun_node('tf2_echo', ros_args) as node:
+    with spinning_node('tf2_echo', ros_args) as node:
         listening = FrameListener(node)
-        while why := listening.why_not(source_frame, target_frame, time):
+        while why := listening.why_no_transform(source_frame, target_frame, time):
             node.get_logger().info(
                 f'Waiting for transform {logged(source_frame)} ->  {logged(target_frame)}: '
                 f'{visible_lines(why)}')
@@ -104,7 +105,7 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
                 sleep(_BETWEEN_LOOKS)
         while True:
             try:
-                print(text_of(Transform.from_message(listening.buffer.lookup_transform(
+                print(format_transform(Transform.from_message(listening.buffer.lookup_transform(
                     source_frame, target_frame, Time(nanoseconds=time))), precision))
                 if once:
                     return 0

@@ -6,7 +6,7 @@ from typing import Optional, TYPE_CHECKING
 from dummy_arm.cli.parser import Parser, run, UsageError
 from dummy_arm.cli.signals import sleep
 from dummy_arm.inspection.terminal import column, padded, show, width, wrapped
-from dummy_arm.inspection.traffic import Delays, Stream, summed_up, Traffic, WINDOW
+from dummy_arm.inspection.traffic import Delays, Stream, summarize, Traffic, WINDOW
 from dummy_arm.tf import TransformException
 from dummy_arm.tf.formatting import SECOND, shortened, visible
 
@@ -59,15 +59,15 @@ class Chain:
     def lines(self) -> list[str]:
         """Tell it."""
         first, last = self.ends
-        if why := self._listening.why_not(first, last):
+        if why := self._listening.why_no_transform(first, last):
             return wrapped(visible(f'Waiting for transform {first} ->  {last}: {why}'))
-        age = summed_up([self._ages], self._listening.now())
+        age = summarize([self._ages], self._listening.now())
         return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',
                 'Net delay     none: nothing moves' if age is None else
                 f'Net delay     avg = {age.average_delay:.6f} s: max = {age.maximum_delay:.6f} s']
 
 
-def lines_of(streams: Sequence[Stream]) -> list[str]:
+def format_streams(streams: Sequence[Stream]) -> list[str]:
     """
     Tell what came in.
 
@@ -75,14 +75,14 @@ def lines_of(streams: Sequence[Stream]) -> list[str]:
     """
     frames = [stream for stream in streams if stream.frame]
     nodes = [stream for stream in streams if not stream.frame]
-    senders: dict[str, list[str]] = {}
+    publishers: dict[str, list[str]] = {}
     for stream in frames:
         if stream.is_present and (stream.is_static or stream.summary is not None):
-            senders.setdefault(stream.frame, []).append(stream.sender)
+            publishers.setdefault(stream.frame, []).append(stream.node)
     return [
         *(f'Warning: {shortened(frame)} is published by {" and ".join(map(shortened, several))}; '
           'a frame should have one publisher'
-          for frame, several in senders.items() if len(several) > 1),
+          for frame, several in publishers.items() if len(several) > 1),
         '', *_table('Frames:', 'published by', frames), '',
         *_table('All Broadcasters:', 'node', nodes)]
 
@@ -93,7 +93,7 @@ def _table(title: str, of_senders: str, streams: Sequence[Stream]) -> Iterator[s
     yield f'{title:<{columns}}{"rate":>11}{"average delay":>16}{"max delay":>14}  {of_senders}'
     for name, stream in zip(names, streams):
         yield (f'{padded(name, columns)}{_told(stream)}  '
-               f'{shortened(stream.sender)}{"" if stream.is_present else " (gone)"}')
+               f'{shortened(stream.node)}{"" if stream.is_present else " (gone)"}')
 
 
 def _told(stream: Stream) -> str:
@@ -121,9 +121,9 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
                  if name is not None)
     if len(ends) == 1 or not all(ends):
         raise UsageError('give two frames, or none for all')
-    from dummy_arm.cli.node import spun_node
+    from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
-    with spun_node('tf2_monitor', ros_args) as node:
+    with spinning_node('tf2_monitor', ros_args) as node:
         traffic = Traffic(lambda: int(node.get_clock().now().nanoseconds))
         listening = FrameListener(node)
         chain = Chain(listening, (ends[0], ends[1])) if len(ends) == 2 else None
@@ -143,7 +143,7 @@ def _results(listening: 'FrameListener', traffic: Traffic, chain: Optional[Chain
              dropped: int) -> list[str]:
     streams = traffic.streams(listening.listener.names_of, listening.listener.present)
     if not streams:
-        return wrapped(f'nothing yet. {listening.why_none()}')
+        return wrapped(f'nothing yet. {listening.why_no_frames()}')
     ends = 'all frames' if chain is None else ' to '.join(map(shortened, chain.ends))
     lines = [f'RESULTS: for {ends}, over the last {WINDOW} s']
     if not listening.now():
@@ -154,10 +154,10 @@ def _results(listening: 'FrameListener', traffic: Traffic, chain: Optional[Chain
     if chain is not None:
         lines += chain.lines()
         if names := chain.frames():
-            senders = {stream.sender for stream in streams if stream.frame in names}
+            nodes = {stream.node for stream in streams if stream.frame in names}
             streams = [stream for stream in streams
-                       if stream.frame in names or (not stream.frame and stream.sender in senders)]
-    return [*lines, *lines_of(streams)]
+                       if stream.frame in names or (not stream.frame and stream.node in nodes)]
+    return [*lines, *format_streams(streams)]
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

@@ -11,25 +11,25 @@ from typing import Optional, TYPE_CHECKING
 from dummy_arm.cli.bag_options import add_bag_options, read_bag
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import wait
-from dummy_arm.cli.signals import heed, sleep
+from dummy_arm.cli.signals import check_signals, sleep
 from dummy_arm.inspection.forest import Forest, frequency
 from dummy_arm.inspection.graph import as_dot, draw, DrawingError
 from dummy_arm.inspection.terminal import column, height, padded, show, width, wrapped
 from dummy_arm.tf import Frame
-from dummy_arm.tf.formatting import display, in_seconds, nearest, shortened, visible
+from dummy_arm.tf.formatting import display, in_seconds, shortened, suggest_names, visible
 
 if TYPE_CHECKING:
     from dummy_arm.inspection.frame_listener import FrameListener
 
-FORMS = ('.pdf', '.svg', '.png')
-NO_FORMS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
+FORMATS = ('.pdf', '.svg', '.png')
+OTHER_FORMATS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
 MOST = 2000  #: frames in a drawing; of more, nothing could be read, and some take minutes
 WAIT = 5.0  # s
 _LONGEST = 1e9  # s
 _REFRESH = 1.0  # s
 
 
-def lines_of(forest: Forest, now: int, most: Optional[int] = None) -> list[str]:
+def format_tree(forest: Forest, now: int, most: Optional[int] = None) -> list[str]:
     """
     Draw the trees of frames, with rates, ages and senders.
 
@@ -37,7 +37,7 @@ def lines_of(forest: Forest, now: int, most: Optional[int] = None) -> list[str]:
     :param most: how many lines to draw; None: all.
     """
     rows = []
-    for branches, name, frame in islice(forest.drawn(), most):
+    for branches, name, frame in islice(forest.lines(), most):
         rate = age = ''
         if frame is not None and not frame.is_static:
             hertz = frequency(frame)
@@ -80,7 +80,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     root = root if root is None else root.removeprefix('/')
     if root == '':
         raise UsageError('--root needs the name of a frame')
-    path = Path() if text or watch else path_of(output)
+    path = Path() if text or watch else output_path(output)
     if buffer := read_bag(bag, namespace, partial):
         frames = buffer.frames()
         now = max(frame.latest for frame in frames)
@@ -91,7 +91,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
         print(f'view_frames: warning: these frames form a loop: '
               f'{" -> ".join(map(shortened, [*loop, loop[0]]))}', file=sys.stderr)
     if text:
-        print('\n'.join(lines_of(forest, now)))
+        print('\n'.join(format_tree(forest, now)))
     else:
         save(forest, now, path)
         print(f'wrote {visible(str(path))} and {visible(str(path.with_suffix(".gv")))}: '
@@ -104,9 +104,9 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
 def _heard(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str]
            ) -> tuple[list[Frame], int]:
     """Listen for a while; tell the frames, and the time (ns)."""
-    from dummy_arm.cli.node import spun_node
+    from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
-    with spun_node('view_frames', ros_args) as node:
+    with spinning_node('view_frames', ros_args) as node:
         listening = FrameListener(node, max(10.0, seconds))
         while watch:
             _show(listening, root)
@@ -114,7 +114,8 @@ def _heard(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[
         wait(seconds, 'listening to /tf and /tf_static')
         frames = listening.frames()
         if not frames:
-            raise CommandError(f'nothing was heard within {seconds:g} s. {listening.why_none()}')
+            raise CommandError(
+                f'nothing was heard within {seconds:g} s. {listening.why_no_frames()}')
         return frames, listening.now()
 
 
@@ -122,14 +123,14 @@ def _show(listening: 'FrameListener', root: Optional[str]) -> None:
     """Show the trees that there are now."""
     frames = listening.frames()
     if not frames:
-        show(wrapped(f'nothing yet. {listening.why_none()}'))
+        show(wrapped(f'nothing yet. {listening.why_no_frames()}'))
         return
     try:
         forest = _forest(frames, root)
     except CommandError as error:  # the root may come yet
         show(wrapped(f'nothing yet: {error}'))
     else:
-        show(lines_of(forest, listening.now(), height()), forest.drawn_lines)
+        show(format_tree(forest, listening.now(), height()), forest.line_count)
 
 
 def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
@@ -142,11 +143,11 @@ def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
     if root is None:
         return forest
     if root not in forest.names:
-        raise CommandError(f'frame {root!r} does not exist. {nearest(root, forest.names)}')
-    return forest.below(root)
+        raise CommandError(f'frame {root!r} does not exist. {suggest_names(root, forest.names)}')
+    return forest.subtree(root)
 
 
-def path_of(output: str) -> Path:
+def output_path(output: str) -> Path:
     """
     Give the path of the file that is drawn, with .pdf added unless it tells another form.
 
@@ -156,10 +157,10 @@ def path_of(output: str) -> Path:
     path = Path(output)
     if path.name in ('', '..') or output.endswith('/'):
         raise UsageError(f'{output!r} is no name of a file')
-    if path.suffix.lower() in NO_FORMS:
-        raise UsageError(f'{output!r} must end in {", ".join(FORMS)}, or in none of the endings '
+    if path.suffix.lower() in OTHER_FORMATS:
+        raise UsageError(f'{output!r} must end in {", ".join(FORMATS)}, or in none of the endings '
                          'of files: then .pdf is added')
-    if path.suffix.lower() not in FORMS:
+    if path.suffix.lower() not in FORMATS:
         path = path.with_name(f'{path.name}.pdf')
     if not os.access(path.parent, os.W_OK):
         raise CommandError(f'cannot write {path}: {path.parent} is no directory, or read-only')
@@ -178,7 +179,7 @@ def save(forest: Forest, now: int, path: Path) -> None:
         if (count := len(forest.names)) > MOST:
             raise CommandError(f'{count} frames are too many to draw; the limit is {MOST}: draw '
                                'a part, by --root FRAME, or print the tree, by --text')
-        drawn = draw(dot, path.suffix[1:].lower(), heed)
+        drawn = draw(dot, path.suffix[1:].lower(), check_signals)
     except (CommandError, DrawingError) as error:
         write(beside, dot.encode())
         raise CommandError(f'{error}; wrote {beside}') from None

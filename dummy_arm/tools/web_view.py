@@ -34,20 +34,20 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[str] = N
     :raises CommandError: when the port is taken or needs root, or a bag cannot be read.
     """
     if buffer := read_bag(bag, namespace, partial):
-        from dummy_arm.view.source import Bag
-        _show(Bag(buffer, Path(bag or '').name), host, port)
+        from dummy_arm.view.source import BagSource
+        _show(BagSource(buffer, Path(bag or '').name), host, port)
     else:
-        from dummy_arm.cli.node import spun_node
-        from dummy_arm.view.source import Live
-        with spun_node('web_view', ros_args) as node:
-            _show(Live(node), host, port)
+        from dummy_arm.cli.node import spinning_node
+        from dummy_arm.view.source import LiveSource
+        with spinning_node('web_view', ros_args) as node:
+            _show(LiveSource(node), host, port)
     return 0
 
 
 def _show(source: 'Source', host: str, port: Optional[int]) -> None:
-    from dummy_arm.view.server import served
+    from dummy_arm.view.server import serve
     from dummy_arm.view.view import View
-    with served(host, port) as server:
+    with serve(host, port) as server:
         view = View(source, server)
         while True:
             begin = monotonic()

@@ -8,14 +8,14 @@ from typing import Any, Optional
 import viser
 
 from dummy_arm.view.scene import NAMES_AT_ONCE
-from dummy_arm.view.shown import Shown
+from dummy_arm.view.snapshot import Snapshot
 
 _NONE = '(none)'
 _SIZES = 0.02, 2.0  # m
 _TIME_STEP = 0.01  # s
 
 
-class Choice:
+class FrameChoice:
     """
     A choice of a frame; until somebody has chosen, it follows what is proposed.
 
@@ -47,7 +47,7 @@ class Choice:
         """Choose a frame, as by hand."""
         self._chosen = '' if name == _NONE else name
 
-    def offer(self, names: Iterable[str], proposal: str) -> None:
+    def set_options(self, names: Iterable[str], proposal: str) -> None:
         """
         Have more frames to choose from; those before stay, for they may come back.
 
@@ -75,18 +75,18 @@ class Panel:
         """
         self._overview = gui.add_html('')
         self._pause = gui.add_checkbox('Pause', False)
-        self._sought: deque[float] = deque(maxlen=1)
+        self._requested_time: deque[float] = deque(maxlen=1)
         self._length = max(_TIME_STEP, ceil(length / _TIME_STEP) * _TIME_STEP)
         self._time = gui.add_slider('Time (s)', 0.0, self._length, _TIME_STEP, 0.0,
                                     visible=length > 0.0)
         self._time.on_update(self._on_time)
-        self.fixed = Choice(gui, 'Fixed frame', 'the frame in which all are shown')
+        self.fixed = FrameChoice(gui, 'Fixed frame', 'the frame in which all are shown')
         self._size = gui.add_slider('Axis size (m)', *_SIZES, 0.02, 0.16)
         self._names = gui.add_checkbox('Names', True)
         self._names.on_update(self._on_names)
         self._names_chosen: Optional[bool] = None
-        self.trail = Choice(gui, 'Trail of', 'the frame whose path is drawn')
-        self.selected = Choice(gui, 'Frame', 'the frame that is told of; or click it')
+        self.trail = FrameChoice(gui, 'Trail of', 'the frame whose path is drawn')
+        self.selected = FrameChoice(gui, 'Frame', 'the frame that is told of; or click it')
         self._details = gui.add_html('')
         button = gui.add_button('Look at all')
         button.on_click(self._on_look_at_all)
@@ -94,7 +94,7 @@ class Panel:
 
     async def _on_time(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
-            self._sought.append(_within(event.target.value, 0.0, self._length))
+            self._requested_time.append(_within(event.target.value, 0.0, self._length))
 
     async def _on_names(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
@@ -119,23 +119,23 @@ class Panel:
         """Whether names are shown."""
         return bool(self._names.value)
 
-    def take_sought(self) -> Optional[float]:
+    def take_requested_time(self) -> Optional[float]:
         """Tell which time somebody has chosen since the last call (s)."""
-        return self._sought.popleft() if self._sought else None
+        return self._requested_time.popleft() if self._requested_time else None
 
     def show_time(self, position: float) -> None:
         """Show where the time is (s)."""
         self._time.value = round(position, 2)
 
-    def offer(self, shown: Shown) -> None:
+    def set_frames(self, snapshot: Snapshot) -> None:
         """Have the frames to choose from that are shown."""
-        self.fixed.offer(shown.names, shown.fixed)
-        self.trail.offer(shown.names, shown.deepest)
-        self.selected.offer(shown.names, shown.deepest)
-        few = len(shown.names) <= NAMES_AT_ONCE
+        self.fixed.set_options(snapshot.names, snapshot.fixed)
+        self.trail.set_options(snapshot.names, snapshot.deepest)
+        self.selected.set_options(snapshot.names, snapshot.deepest)
+        few = len(snapshot.names) <= NAMES_AT_ONCE
         self._names.value = few if self._names_chosen is None else self._names_chosen
 
-    def tell(self, overview: str, details: str) -> None:
+    def show_texts(self, overview: str, details: str) -> None:
         """Show texts, in HTML."""
         self._overview.content, self._details.content = overview, details
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dummy_arm.tf.rotations import quaternion_multiply
-from dummy_arm.view.shown import Shown
+from dummy_arm.view.snapshot import Snapshot
 
 #: After so long without news a frame is gone (s); rviz's Frame Timeout.
 TIMEOUT = 15.0
@@ -36,23 +36,23 @@ class Rods(NamedTuple):
     colors: NDArray[np.uint8]  #: (4 n, 3): red, green, blue
 
 
-def rods(shown: Shown, size: float, selected: str = '') -> Rods:
+def rods(snapshot: Snapshot, size: float, selected: str = '') -> Rods:
     """
     Draw frames.
 
     :param size: the length of an axis (m).
     :param selected: the name of a frame that is drawn thicker.
     """
-    count = len(shown.names)
-    translations, rotations = shown.points, shown.poses[:, 3:]
+    count = len(snapshot.names)
+    translations, rotations = snapshot.points, snapshot.poses[:, 3:]
     turns = [rotations @ turn for turn in _TURNS]
-    colourfulness, thickness = fading(shown.ages)
+    colourfulness, thickness = fading(snapshot.ages)
     line_radii = thickness * size * _LINE_RADIUS
     axis_radii = thickness * size * _AXIS_RADIUS
-    if selected in shown.names:
-        axis_radii[shown.names.index(selected)] *= 1.7
+    if selected in snapshot.names:
+        axis_radii[snapshot.names.index(selected)] *= 1.7
     axes = np.column_stack([axis_radii, axis_radii, np.full(count, size)])
-    parents = np.array(shown.parents, np.intp)
+    parents = np.array(snapshot.parents, np.intp)
     to_parents = np.where(parents[:, None] < 0, 0.0, translations[parents] - translations)
     lengths = np.linalg.norm(to_parents, axis=1)
     lines = np.column_stack([line_radii, line_radii, lengths])

@@ -12,7 +12,7 @@ import viser
 from dummy_arm.tf.formatting import visible
 from dummy_arm.view.rods import Rods, rods, TIMEOUT
 from dummy_arm.view.server import Server
-from dummy_arm.view.shown import Shown
+from dummy_arm.view.snapshot import Snapshot
 
 #: So many names are moved at once at most; with more, each in its turn.
 NAMES_AT_ONCE = 50
@@ -44,11 +44,11 @@ class Scene:
         self._names: list[viser.LabelHandle] = []
         self._texts: list[str] = []
         self._next_name = 0
-        self._shown: list[str] = []
+        self._snapshot: list[str] = []
         self._clicked = ''
         self._lock = Lock()
 
-    def show(self, shown: Shown, size: float, selected: str, with_names: bool,
+    def show(self, snapshot: Snapshot, size: float, selected: str, with_names: bool,
              trail: NDArray[np.float64]) -> None:
         """
         Show frames in place of those before.
@@ -59,9 +59,9 @@ class Scene:
         """
         with self._server.atomic():
             with self._lock:
-                self._shown = shown.names
-            self._show_rods(rods(shown, size, selected))
-            self._show_names(shown, size, with_names)
+                self._snapshot = snapshot.names
+            self._show_rods(rods(snapshot, size, selected))
+            self._show_names(snapshot, size, with_names)
             self._show_trail(trail)
 
     def take_click(self) -> str:
@@ -70,9 +70,9 @@ class Scene:
             clicked, self._clicked = self._clicked, ''
         return clicked
 
-    def look_at(self, shown: Shown, clients: Iterable[viser.ClientHandle]) -> None:
+    def look_at(self, snapshot: Snapshot, clients: Iterable[viser.ClientHandle]) -> None:
         """Turn somebody's camera to all frames, and that to which everybody's can be reset."""
-        points = shown.points[shown.ages < TIMEOUT]
+        points = snapshot.points[snapshot.ages < TIMEOUT]
         if not len(points):
             return
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -103,12 +103,12 @@ class Scene:
 
     async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedMeshHandle]') -> None:
         with self._lock:
-            if event.instance_index is not None and self._shown:
-                self._clicked = self._shown[event.instance_index % len(self._shown)]
+            if event.instance_index is not None and self._snapshot:
+                self._clicked = self._snapshot[event.instance_index % len(self._snapshot)]
 
-    def _show_names(self, shown: Shown, size: float, with_names: bool) -> None:
-        texts = _texts(shown, size) if with_names else []
-        positions = shown.points
+    def _show_names(self, snapshot: Snapshot, size: float, with_names: bool) -> None:
+        texts = _texts(snapshot, size) if with_names else []
+        positions = snapshot.points
         while len(self._names) < len(texts):
             self._names.append(self._scene.add_label(
                 f'/names/{len(self._names)}', '', visible=False, anchor='bottom-left'))
@@ -153,14 +153,14 @@ def _grid() -> NDArray[np.float64]:
     return np.concatenate([along_y, along_y[..., [1, 0, 2]]])
 
 
-def _texts(shown: Shown, size: float) -> list[str]:
+def _texts(snapshot: Snapshot, size: float) -> list[str]:
     """Write the names of frames; of several that are at one place, beside the first of them."""
     texts = ['' if age >= TIMEOUT else _cut(visible(name))
-             for name, age in zip(shown.names, shown.ages.tolist())]
+             for name, age in zip(snapshot.names, snapshot.ages.tolist())]
     beside = list(range(len(texts)))
-    for i, (name, parent) in enumerate(zip(shown.names, shown.parents)):
-        if (parent >= 0 and shown.frames[name].is_static and texts[i] and texts[parent]
-                and np.linalg.norm(shown.points[i] - shown.points[parent]) < _NEAR * size):
+    for i, (name, parent) in enumerate(zip(snapshot.names, snapshot.parents)):
+        if (parent >= 0 and snapshot.frames[name].is_static and texts[i] and texts[parent]
+                and np.linalg.norm(snapshot.points[i] - snapshot.points[parent]) < _NEAR * size):
             beside[i] = parent
     for i, text in enumerate(texts):
         if beside[i] != i:

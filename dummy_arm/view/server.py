@@ -1,4 +1,4 @@
-"""The server of the page: viser's, on an address of this machine, and nowhere else."""
+"""The server of the page: viser's, on an address of this machine, and not_finite else."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -75,7 +75,7 @@ class Server(GuardedServer):
 
 
 @contextmanager
-def served(host: str, port: Optional[int] = None) -> Iterator[Server]:
+def serve(host: str, port: Optional[int] = None) -> Iterator[Server]:
     """
     Serve a page from here to the end of the block; print where on stdout.
 
@@ -88,7 +88,7 @@ def served(host: str, port: Optional[int] = None) -> Iterator[Server]:
     server = Server(listening)
     try:
         server.gui.configure_theme(show_share_button=False)
-        print('\n'.join(told(*listening.getsockname()[:2])))
+        print('\n'.join(address_lines(*listening.getsockname()[:2])))
         yield server
     finally:
         server.stop()
@@ -140,7 +140,7 @@ def _is_of_this_machine(name: str) -> bool:
         return name == 'localhost'
 
 
-def told(address: str, port: int) -> list[str]:
+def address_lines(address: str, port: int) -> list[str]:
     """Tell where to look, and who can."""
     ip = ip_address(address)
     place = 'localhost' if ip.is_unspecified else f'[{ip}]' if ip.version == 6 else str(ip)
@@ -152,7 +152,7 @@ def told(address: str, port: int) -> list[str]:
 
 
 def _listening(host: str, port: Optional[int]) -> socket.socket:
-    """Open the socket for `served`, with the port given or the first one free."""
+    """Open the socket for `serve`, with the port given or the first one free."""
     family, address = _address(host)
     ports = range(PORT, PORT + _MOST_PORTS) if port is None else (port,)
     for each in ports:

@@ -56,7 +56,7 @@ class Player:
         """Whether there is nothing more."""
         return self.time >= self._end
 
-    def go(self, plays: bool) -> None:
+    def advance(self, plays: bool) -> None:
         """
         Go on, by the time since the last call.
 
@@ -81,7 +81,7 @@ def _without_strays(stamps: list[int]) -> list[int]:
     return [stamp for stamp in stamps if abs(stamp - middle) < _FAR]
 
 
-class Facts(NamedTuple):
+class Publication(NamedTuple):
     """How a frame is published."""
 
     rate: Optional[float]  #: Hz; None: not known
@@ -96,14 +96,14 @@ class Source(Protocol):
     buffer: AnyBuffer
     player: Optional[Player]  #: the time of a bag; None: it is now
 
-    def facts(self, frame: Frame) -> Facts:
+    def publication(self, frame: Frame) -> Publication:
         """Tell how a frame is published."""
 
-    def why_none(self) -> str:
+    def why_no_frames(self) -> str:
         """Tell what may be the reason that there is no frame."""
 
 
-class Bag:
+class BagSource:
     """A bag that is played."""
 
     def __init__(self, buffer: BufferCore, name: str) -> None:
@@ -112,16 +112,16 @@ class Bag:
         self.name = name
         self.player: Optional[Player] = Player(buffer.frames())
 
-    def facts(self, frame: Frame) -> Facts:
+    def publication(self, frame: Frame) -> Publication:
         """Tell what was recorded."""
-        return Facts(frequency(frame), None, frame.authority)
+        return Publication(frequency(frame), None, frame.authority)
 
-    def why_none(self) -> str:
+    def why_no_frames(self) -> str:
         """Tell that they come."""
         return 'There is none yet at this time of the bag.'
 
 
-class Live:
+class LiveSource:
     """What is on /tf and /tf_static."""
 
     def __init__(self, node: 'Node') -> None:
@@ -134,7 +134,7 @@ class Live:
         self._listening = FrameListener(node, LENGTH)
         self.buffer: AnyBuffer = self._listening.buffer
 
-    def facts(self, frame: Frame) -> Facts:
+    def publication(self, frame: Frame) -> Publication:
         """Tell how a frame is published; rate and delay since it was first asked for."""
         listener = self._listening.listener
         messages, _ = listener.received()
@@ -146,13 +146,13 @@ class Live:
         publisher = listener.names_of([frame.authority])[frame.authority]
         streams = [stream for stream in self._traffic.streams(listener.names_of, listener.present)
                    if stream.frame == frame.name and stream.is_present]
-        summary = next((stream.summary for stream in streams if stream.sender == publisher), None)
+        summary = next((stream.summary for stream in streams if stream.node == publisher), None)
         if len(streams) > 1:
-            publisher = f'{" and ".join(stream.sender for stream in streams)}: more than one'
+            publisher = f'{" and ".join(stream.node for stream in streams)}: more than one'
         if summary is None:
-            return Facts(None, None, publisher)
-        return Facts(summary.rate, summary.average_delay, publisher)
+            return Publication(None, None, publisher)
+        return Publication(summary.rate, summary.average_delay, publisher)
 
-    def why_none(self) -> str:
+    def why_no_frames(self) -> str:
         """Tell what may be the reason that nothing was heard."""
-        return self._listening.why_none()
+        return self._listening.why_no_frames()

@@ -13,7 +13,7 @@ from dummy_arm.view.panel import Panel
 from dummy_arm.view.rods import TIMEOUT
 from dummy_arm.view.scene import Scene
 from dummy_arm.view.server import Server
-from dummy_arm.view.shown import Shown, Stage, within_reach
+from dummy_arm.view.snapshot import FrameWatcher, Snapshot, within_reach
 from dummy_arm.view.source import AnyBuffer, LENGTH, Source
 
 _BETWEEN_TEXTS = 0.2  # s
@@ -72,18 +72,18 @@ class View:
     def __init__(self, source: Source, server: Server) -> None:
         """Make the page; `update` fills it."""
         self._source, self._player = source, source.player
-        self._stage = Stage(source.buffer)
-        self._shown, self._fixed = self._stage.look(), ''
+        self._watcher = FrameWatcher(source.buffer)
+        self._snapshot, self._fixed = self._watcher.snapshot(), ''
         self._scene = Scene(server)
         self._panel = Panel(server.gui, self._player.length if self._player else 0.0,
                             self._look_at_all)
         server.on_client_connect(self._look_at_all)
         self._trail = Trail(source.buffer)
         #: What it was drawn of, and its lines.
-        self._drawn: tuple[Optional[Shown], str] = None, ''
+        self._trail_of: tuple[Optional[Snapshot], str] = None, ''
         self._lines = np.empty((0, 2, 3))
         self._next_texts = 0.0
-        self._told: tuple[Optional[Shown], tuple[str, str]] = None, ('', '')
+        self._texts_of: tuple[Optional[Snapshot], tuple[str, str]] = None, ('', '')
         #: When those who came before the frames are turned to them.
         self._turn_at: Optional[float] = None
         self._server = server
@@ -91,25 +91,25 @@ class View:
     def update(self) -> None:
         """Show what there is now."""
         panel, now = self._panel, monotonic()
-        until = self._go() if self._player else 0
+        until = self._advance() if self._player else 0
         fixed = panel.fixed.chosen
-        latest = self._stage.look(fixed, until)
+        latest = self._watcher.snapshot(fixed, until)
         if self._player or not panel.is_paused or fixed != self._fixed:
-            self._shown, self._fixed = latest, fixed
-        shown = self._shown
-        panel.offer(shown)
+            self._snapshot, self._fixed = latest, fixed
+        snapshot = self._snapshot
+        panel.set_frames(snapshot)
         if clicked := self._scene.take_click():
             panel.selected.choose(clicked)
         self._draw_trail(panel.trail.name)
-        self._scene.show(shown, panel.size, panel.selected.name, panel.with_names, self._lines)
-        self._tell(now, fixed, panel.selected.name)
+        self._scene.show(snapshot, panel.size, panel.selected.name, panel.with_names, self._lines)
+        self._update_texts(now, fixed, panel.selected.name)
         self._turn_cameras(now)
 
-    def _go(self) -> int:
+    def _advance(self) -> int:
         """Go on in a bag; tell the time (ns)."""
-        player, sought = self._player, self._panel.take_sought()
+        player, sought = self._player, self._panel.take_requested_time()
         assert player is not None
-        player.go(not self._panel.is_paused)
+        player.advance(not self._panel.is_paused)
         if sought is not None:
             player.seek(sought)
         self._panel.show_time(player.position)
@@ -117,33 +117,35 @@ class View:
 
     def _draw_trail(self, name: str) -> None:
         """Draw the path of a frame, unless that is drawn already."""
-        shown = self._shown
-        if shown is self._drawn[0] and name == self._drawn[1]:
+        snapshot = self._snapshot
+        if snapshot is self._trail_of[0] and name == self._trail_of[1]:
             return
-        self._drawn, self._lines = (shown, name), np.empty((0, 2, 3))
-        if name in shown.names:
-            i = shown.names.index(name)
-            target, y = shown.tree_of(name)
-            if shown.ages[i] < TIMEOUT:
+        self._trail_of, self._lines = (snapshot, name), np.empty((0, 2, 3))
+        if name in snapshot.names:
+            i = snapshot.names.index(name)
+            target, y = snapshot.anchor_of(name)
+            if snapshot.ages[i] < TIMEOUT:
                 self._lines = within_reach(np.array([0.0, y, 0.0]) + self._trail.draw(
-                    target, name, shown.stamps[i], shown.poses[i, :3]))
+                    target, name, snapshot.stamps[i], snapshot.poses[i, :3]))
 
-    def _tell(self, now: float, fixed: str, selected: str) -> None:
+    def _update_texts(self, now: float, fixed: str, selected: str) -> None:
         """Tell of the frames, now and then, unless that is told already."""
-        shown, of = self._shown, (fixed, selected)
-        if now >= self._next_texts and not (shown is self._told[0] and of == self._told[1]):
-            self._next_texts, self._told = now + _BETWEEN_TEXTS, (shown, of)
-            self._panel.tell(overview(shown, self._source, fixed),
-                             details(shown, selected, self._source))
+        snapshot, before = self._snapshot, self._texts_of
+        is_new = snapshot is not before[0] or (fixed, selected) != before[1]
+        if is_new and now >= self._next_texts:
+            self._next_texts = now + _BETWEEN_TEXTS
+            self._texts_of = snapshot, (fixed, selected)
+            self._panel.show_texts(overview(snapshot, self._source, fixed),
+                             details(snapshot, selected, self._source))
 
     async def _look_at_all(self, client: viser.ClientHandle) -> None:
         """Turn somebody's camera to all frames."""
-        self._scene.look_at(self._shown, [client])
+        self._scene.look_at(self._snapshot, [client])
 
     def _turn_cameras(self, now: float) -> None:
         """Turn the cameras of those who came before the frames, when all have been heard of."""
-        if self._turn_at is None and self._shown.names:
+        if self._turn_at is None and self._snapshot.names:
             self._turn_at = now + _SETTLING
         if self._turn_at is not None and now >= self._turn_at:
             self._turn_at = np.inf
-            self._scene.look_at(self._shown, self._server.get_clients().values())
+            self._scene.look_at(self._snapshot, self._server.get_clients().values())

@@ -15,7 +15,7 @@ import re
 import struct
 from typing import BinaryIO, Optional
 
-from dummy_arm.tf._bag.content import Content, NOT_RECORDED, Stream
+from dummy_arm.tf._bag.context import BagContext, NOT_RECORDED, Stream
 from dummy_arm.tf._bag.decompression import Buffer, decompressed, Oversized, read
 from dummy_arm.tf._wire import ros1
 
@@ -35,32 +35,32 @@ class _CutOff(EOFError):
         super().__init__('it ends in the midst of a record')
 
 
-def records(path: Path, content: Content) -> _Records:
+def records(path: Path, context: BagContext) -> _Records:
     """
     Read the messages, in the order in which they lie in the file.
 
-    :param content: learns what there is and, of a partial bag, what is wrong.
+    :param context: learns what there is and, of a partial bag, what is wrong.
     :raises Exception: of many types, where the file is damaged.
     """
     size = path.stat().st_size
     with path.open('rb') as file:
         if file.read(len(_MAGIC)) != _MAGIC:
             raise ValueError('its version is not 2.0')
-        reader = _Reader(path, content, file, size)
+        reader = _Reader(path, context, file, size)
         fields, length = reader.head()
         if fields[b'op'] != _BAG:
             raise ValueError('it does not begin with the header of a bag')
         if fields.get(b'encryptor'):
             raise ValueError('it is encrypted')
         has_index = 0 < int.from_bytes(fields[b'index_pos'], 'little') <= size
-        if not has_index and not content.partial:
+        if not has_index and not context.partial:
             raise EOFError('it has no index')
         file.seek(length, SEEK_CUR)
         number = 0
         while file.tell() < size:
-            content.tick()
+            context.tick()
             if number % _ADVANCE == 0:
-                content.advance(file.tell() / size)
+                context.advance(file.tell() / size)
             yield from reader.record()
             number += 1
         if not has_index:
@@ -70,13 +70,13 @@ def records(path: Path, content: Content) -> _Records:
 class _Reader:
     """Reads the records of a file."""
 
-    def __init__(self, path: Path, content: Content, file: BinaryIO, size: int) -> None:
+    def __init__(self, path: Path, context: BagContext, file: BinaryIO, size: int) -> None:
         """
         Keep what is given.
 
         :param size: of the file (bytes).
         """
-        self._path, self._content, self._file, self._size = path, content, file, size
+        self._path, self._context, self._file, self._size = path, context, file, size
         self._streams: dict[bytes, Optional[Stream]] = {}
 
     def head(self) -> tuple[_Fields, int]:
@@ -85,9 +85,9 @@ class _Reader:
         length = int.from_bytes(file.read(4), 'little')
         if length > self._size - file.tell():
             raise _CutOff
-        if length > self._content.max_bytes:
-            raise Oversized('the header of a record', str(length), self._content.max_bytes)
-        fields = _fields(read(file, length, self._content.tick))
+        if length > self._context.max_bytes:
+            raise Oversized('the header of a record', str(length), self._context.max_bytes)
+        fields = _fields(read(file, length, self._context.tick))
         data = file.read(4)
         if len(data) < 4:
             raise _CutOff
@@ -101,12 +101,12 @@ class _Reader:
                 kind == _MESSAGE and self._streams.get(fields[b'conn'])):
             self._file.seek(size, SEEK_CUR)
             return
-        if size > self._content.max_bytes:
-            self._content.meet(self._path, Oversized(
-                'a record', str(size), self._content.max_bytes))
+        if size > self._context.max_bytes:
+            self._context.handle_error(self._path, Oversized(
+                'a record', str(size), self._context.max_bytes))
             self._file.seek(size, SEEK_CUR)
             return
-        data = read(self._file, min(size, self._size - self._file.tell()), self._content.tick)
+        data = read(self._file, min(size, self._size - self._file.tell()), self._context.tick)
         is_whole = len(data) == size
         if kind == _CHUNK:
             try:
@@ -114,7 +114,7 @@ class _Reader:
             except Exception as error:
                 if not is_whole:
                     raise
-                self._content.meet(self._path, error)
+                self._context.handle_error(self._path, error)
         if not is_whole:
             raise _CutOff
         if kind == _CONNECTION:
@@ -128,10 +128,10 @@ class _Reader:
         if is_whole or method != 'none':
             data = decompressed(
                 data, '' if method == 'none' else method, _unpack_length(fields[b'size'])[0],
-                self._content.max_bytes, 'chunk', self._content.tick)
+                self._context.max_bytes, 'chunk', self._context.tick)
         position, end = 0, len(data)
         while position < end:
-            self._content.tick()
+            self._context.tick()
             if position + 4 > end:
                 raise _CutOff
             start = position + 4 + _unpack_length(data, position)[0]
@@ -154,7 +154,7 @@ class _Reader:
         """Keep what there is to know of a connection."""
         about = _fields(data)
         msgtype = re.sub('^([^/]+)/([^/]+)$', r'\1/msg/\2', _text(about[b'type']))
-        self._streams[fields[b'conn']] = self._content.stream(
+        self._streams[fields[b'conn']] = self._context.stream(
             _text(fields[b'topic']), msgtype,
             _text(about.get(b'callerid', b'')) or NOT_RECORDED, ros1)
 

@@ -37,9 +37,9 @@ from typing import Any, BinaryIO, Optional
 
 import numpy as np
 
-from dummy_arm.tf._bag.content import (
+from dummy_arm.tf._bag.context import (
+    BagContext,
     BagError,
-    Content,
     kind_of,
     NOT_RECORDED,
     refuse_special,
@@ -77,28 +77,28 @@ class _CutOff(EOFError):
         super().__init__('it ends too early')
 
 
-def records(path: Path, content: Content) -> _Records:
+def records(path: Path, context: BagContext) -> _Records:
     """
     Read the messages of TF.
 
     :param path: the directory of a bag, or a storage file.
-    :param content: learns what there is, and what is wrong.
+    :param context: learns what there is, and what is wrong.
     :raises BagError: if it is no bag; or is damaged, and not to be read as partial.
     :raises OSError: if a file may not be read.
     """
     if path.is_dir():
-        files, is_compressed = _files(path, content)
+        files, is_compressed = _files(path, context)
     else:
         files, is_compressed = [path], None
     for number, file in enumerate(files):
-        content.begin_file(number, len(files))
+        context.start_file(number, len(files))
         try:
-            yield from _records_of_file(file, content, is_compressed)
+            yield from _records_of_file(file, context, is_compressed)
         except Exception as error:  # of several libraries, and of many types
-            content.meet(file, error)
+            context.handle_error(file, error)
 
 
-def _records_of_file(path: Path, content: Content, is_compressed: Optional[bool]) -> _Records:
+def _records_of_file(path: Path, context: BagContext, is_compressed: Optional[bool]) -> _Records:
     """
     Read a storage file.
 
@@ -109,17 +109,17 @@ def _records_of_file(path: Path, content: Content, is_compressed: Optional[bool]
         is_packed = file.read(len(ZSTD)) == ZSTD
         file.seek(0)
         if path.name.endswith('.mcap.zstd') if is_packed else kind_of(path) == '.mcap':
-            yield from _records_of_mcap(path, file, is_packed, content)
+            yield from _records_of_mcap(path, file, is_packed, context)
         elif is_packed:
             with TemporaryDirectory() as directory:
                 whole = Path(directory, path.stem)
                 try:
-                    _write(pieces(file, 'zstd', content.tick), whole)
+                    _write(pieces(file, 'zstd', context.tick), whole)
                 except (EOFError, zstd().ZstdError) as error:
-                    content.meet(path, error)
-                yield from _records_of_sqlite(path, whole, content, is_compressed)
+                    context.handle_error(path, error)
+                yield from _records_of_sqlite(path, whole, context, is_compressed)
         else:
-            yield from _records_of_sqlite(path, path, content, is_compressed)
+            yield from _records_of_sqlite(path, path, context, is_compressed)
 
 
 def _write(parts: Iterator[Buffer], path: Path) -> None:
@@ -144,7 +144,7 @@ def _write(parts: Iterator[Buffer], path: Path) -> None:
 # metadata.yaml
 
 
-def _files(directory: Path, content: Content) -> tuple[list[Path], Optional[bool]]:
+def _files(directory: Path, context: BagContext) -> tuple[list[Path], Optional[bool]]:
     """
     List the storage files of a bag; and whether each message is compressed, None: not known.
 
@@ -155,7 +155,7 @@ def _files(directory: Path, content: Content) -> tuple[list[Path], Optional[bool
     refuse_special(metadata)
     if not metadata.exists():
         names = [visible(file.name) for file in files]
-        if content.partial:
+        if context.partial:
             logging.getLogger('dummy_arm.tf').warning(
                 '%s has no metadata.yaml; what is read of it: %s', directory, ', '.join(names))
             return files, None
@@ -167,20 +167,20 @@ def _files(directory: Path, content: Content) -> tuple[list[Path], Optional[bool
         from ruamel.yaml import YAML
         information = YAML(typ='safe').load(_text(metadata))[
             'rosbag2_bagfile_information']
-        version, form = int(information['version']), information.get('compression_format')
+        version, compression = int(information['version']), information.get('compression_format')
         mode = str(information.get('compression_mode') or 'none').lower()
         listed = [directory / PurePath(name).name for name in information['relative_file_paths']]
     except Exception as error:
-        content.meet(metadata, error)
+        context.handle_error(metadata, error)
         return files, None
-    if content.partial:
+    if context.partial:
         return files, mode == 'message'
     if version > _NEWEST_VERSION:
         raise BagError(f'{directory} cannot be read: its version is {version}, the newest that is '
                        f'known {_NEWEST_VERSION}')
-    if mode != 'none' and form != 'zstd':
+    if mode != 'none' and compression != 'zstd':
         raise BagError(f'{directory} cannot be read: its compression format is '
-                       f'{visible(repr(form))}, not zstd')
+                       f'{visible(repr(compression))}, not zstd')
     if missing := [visible(file.name) for file in listed if not file.exists()]:
         raise BagError(
             f'{directory} cannot be read: files are missing that its metadata.yaml names: '
@@ -304,12 +304,12 @@ class _Source:
         self.position = position
 
 
-def _records_of_mcap(path: Path, file: BinaryIO, is_packed: bool, content: Content) -> _Records:
-    source = _Source(file, is_packed, content.tick)
+def _records_of_mcap(path: Path, file: BinaryIO, is_packed: bool, context: BagContext) -> _Records:
+    source = _Source(file, is_packed, context.tick)
     if source.read(len(_MAGIC)) != _MAGIC:
         raise ValueError('it does not begin as an mcap file')
-    reader = _McapReader(path, content, source)
-    if content.partial or is_packed or (chunks := reader.index()) is None:
+    reader = _McapReader(path, context, source)
+    if context.partial or is_packed or (chunks := reader.index()) is None:
         return reader.sequential()
     return reader.indexed(chunks)
 
@@ -317,14 +317,14 @@ def _records_of_mcap(path: Path, file: BinaryIO, is_packed: bool, content: Conte
 class _McapReader:
     """Reads the records of an mcap file."""
 
-    def __init__(self, path: Path, content: Content, source: _Source) -> None:
+    def __init__(self, path: Path, context: BagContext, source: _Source) -> None:
         """
         Keep what is given.
 
         :param source: of the file, behind its first bytes.
         """
-        self._path, self._content, self._source = path, content, source
-        self._most = content.max_bytes
+        self._path, self._context, self._source = path, context, source
+        self._most = context.max_bytes
         self._types: dict[int, str] = {}
         self._streams: dict[int, Optional[Stream]] = {}
         #: Channels whose messages are no TF, for sure.
@@ -356,7 +356,7 @@ class _McapReader:
             raise Oversized('its index', str(end - start), self._most)
         source.seek(start)
         summary = source.exactly(end - start)
-        if crc and checksum(summary + footer[:25], self._content.tick) != crc:
+        if crc and checksum(summary + footer[:25], self._context.tick) != crc:
             raise ValueError('the checksum of its index is wrong')
         chunks = {*self._chunks(summary)}
         source.seek(begin)
@@ -369,7 +369,7 @@ class _McapReader:
         """Yield the first log time, the position and the channels of every chunk."""
         from mcap.data_stream import ReadDataStream
         from mcap.records import ChunkIndex
-        for kind, start, end in _split(summary, self._content.tick):
+        for kind, start, end in _split(summary, self._context.tick):
             if kind == _CHUNK_INDEX:
                 index = ChunkIndex.read(ReadDataStream(BytesIO(summary[start:end])))
                 yield (index.message_start_time, index.chunk_start_offset,
@@ -386,7 +386,7 @@ class _McapReader:
         waiting: list[tuple[int, int, Stream, bytes]] = []
         size = count = 0
         for number, (_, position) in enumerate(chunks):
-            self._content.advance(number / len(chunks))
+            self._context.advance(number / len(chunks))
             following = chunks[number + 1][0] if number + 1 < len(chunks) else 2**64
             for time, stream, data in self._chunk_at(position):
                 if not waiting and time <= following:
@@ -415,9 +415,9 @@ class _McapReader:
         """Read all records, as they lie in the file."""
         source, number = self._source, 0
         while True:
-            self._content.tick()
+            self._context.tick()
             if number % _ADVANCE == 0:
-                self._content.advance(source.part())
+                self._context.advance(source.part())
             number += 1
             kind, length = _unpack_head(source.exactly(9))
             end = source.position + length
@@ -428,7 +428,7 @@ class _McapReader:
             except _CutOff:
                 raise
             except Exception as error:
-                self._content.meet(self._path, error)
+                self._context.handle_error(self._path, error)
             source.skip(end - source.position)
             if kind == _FOOTER:
                 if source.read(len(_MAGIC)) != _MAGIC:
@@ -472,7 +472,7 @@ class _McapReader:
             return
         channel = Channel.read(ReadDataStream(BytesIO(record)))
         msgtype = _encoded(self._types.get(channel.schema_id, ''), channel.message_encoding)
-        stream = self._content.stream(channel.topic, msgtype, NOT_RECORDED, cdr)
+        stream = self._context.stream(channel.topic, msgtype, NOT_RECORDED, cdr)
         self._streams[channel.id] = stream
         if not stream and channel.schema_id in self._types:
             self._others.add(channel.id)
@@ -497,10 +497,10 @@ class _McapReader:
         data = source.read(packed_size)
         is_whole = len(data) == packed_size
         if is_whole:
-            data = decompressed(data, method, size, self._most, 'chunk', self._content.tick)
-            if crc and checksum(data, self._content.tick) != crc:
+            data = decompressed(data, method, size, self._most, 'chunk', self._context.tick)
+            if crc and checksum(data, self._context.tick) != crc:
                 raise ValueError('the checksum of a chunk is wrong')
-        elif method or not self._content.partial:
+        elif method or not self._context.partial:
             raise _CutOff
         yield from self._messages(data, is_whole)
         if not is_whole:
@@ -511,7 +511,7 @@ class _McapReader:
         times, starts = array('Q'), array('Q')
         latest, is_ordered = 0, True
         try:
-            for kind, start, end in _split(data, self._content.tick):
+            for kind, start, end in _split(data, self._context.tick):
                 if kind == _MESSAGE:
                     channel, _, time, _ = _unpack_message(data, start)
                     if self._streams.get(channel):
@@ -525,7 +525,7 @@ class _McapReader:
                     raise ValueError('a chunk lies in a chunk')
         except Exception as error:  # of mcap, too
             if is_whole:
-                self._content.meet(self._path, error)
+                self._context.handle_error(self._path, error)
         order: Any = range(len(times))
         if not is_ordered:
             order = np.argsort(np.frombuffer(times, np.uint64), kind='stable')
@@ -545,7 +545,7 @@ class _McapReader:
         """
         if data[:4] != ZSTD:
             return bytes(data)
-        return _decompressed(data, self._path, self._content)
+        return _decompressed(data, self._path, self._context)
 
 
 def _split(data: Buffer, tick: Tick) -> Iterator[tuple[int, int, int]]:
@@ -573,13 +573,13 @@ def _encoded(msgtype: str, encoding: str) -> str:
     return msgtype if encoding in ('cdr', '') else f'{msgtype} in {encoding}'
 
 
-def _decompressed(data: Buffer, path: Path, content: Content) -> Optional[bytes]:
+def _decompressed(data: Buffer, path: Path, context: BagContext) -> Optional[bytes]:
     """Decompress a message; return None if that cannot be done."""
     try:
-        return bytes(decompressed(data, 'zstd', None, content.max_bytes, 'message',
-                                  content.tick))
+        return bytes(decompressed(data, 'zstd', None, context.max_bytes, 'message',
+                                  context.tick))
     except Exception as error:
-        content.meet(path, error)
+        context.handle_error(path, error)
         return None
 
 
@@ -593,7 +593,7 @@ _ROWS = ('SELECT id, topic_id, length(data), CASE WHEN topic_id IN ({topics}) AN
 _SMALLEST_LIMIT = 2**20
 
 
-def _records_of_sqlite(path: Path, whole: Path, content: Content, is_compressed: Optional[bool]
+def _records_of_sqlite(path: Path, whole: Path, context: BagContext, is_compressed: Optional[bool]
                        ) -> _Records:
     """
     Read a database.
@@ -605,16 +605,16 @@ def _records_of_sqlite(path: Path, whole: Path, content: Content, is_compressed:
     for other in log, path.with_name(f'{path.name}-shm'), path.with_name(f'{path.name}-journal'):
         refuse_special(other)
     has_log = log.exists() and log.stat().st_size > 0
-    if has_log and not content.partial:
+    if has_log and not context.partial:
         raise BagError(f'{path} was not closed when it was recorded, and {log.name} has what is '
                        'not in it yet: read it as partial (--partial)')
     with ExitStack() as stack:
-        if content.partial:
+        if context.partial:
             whole = _whole_pages(whole, log, Path(stack.enter_context(TemporaryDirectory())),
-                                 content.tick)
+                                 context.tick)
         uri = f'{whole.absolute().as_uri()}?mode=ro{"" if has_log else "&immutable=1"}'
         with closing(sqlite3.connect(uri, uri=True)) as database:
-            yield from _SqliteReader(path, content, database, is_compressed).records()
+            yield from _SqliteReader(path, context, database, is_compressed).records()
 
 
 def _whole_pages(path: Path, log: Path, directory: Path, tick: Tick) -> Path:
@@ -644,7 +644,7 @@ def _parts(file: BinaryIO, tick: Tick) -> Iterator[Buffer]:
 class _SqliteReader:
     """Reads the rows of a database."""
 
-    def __init__(self, path: Path, content: Content, database: sqlite3.Connection,
+    def __init__(self, path: Path, context: BagContext, database: sqlite3.Connection,
                  is_compressed: Optional[bool]) -> None:
         """
         Keep what is given.
@@ -653,14 +653,14 @@ class _SqliteReader:
         :param is_compressed: whether each message is; None: as the file itself or the metadata
             beside it declare.
         """
-        self._path, self._content, self._database = path, content, database
-        self._most = content.max_bytes
+        self._path, self._context, self._database = path, context, database
+        self._most = context.max_bytes
         database.set_progress_handler(self._is_stopped, 50_000)
         database.text_factory = lambda data: data.decode(errors='replace')
         if sys.version_info >= (3, 11):  # nor may it compute larger values
             database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(
                 2**31 - 1, max(self._most, _SMALLEST_LIMIT)))
-        if content.partial:
+        if context.partial:
             database.execute('PRAGMA writable_schema = on')  # which lets it read a truncated file
         self._is_compressed = self._declared() if is_compressed is None else is_compressed
 
@@ -675,7 +675,7 @@ class _SqliteReader:
         if missing := {'messages', 'topics'} - tables:
             raise ValueError(f'it is the database of something else, missing tables: '
                              f'{", ".join(sorted(missing))}')
-        streams = {int(key): self._content.stream(
+        streams = {int(key): self._context.stream(
             str(topic), _encoded(str(msgtype), str(encoding)), NOT_RECORDED, cdr)
             for key, topic, msgtype, encoding in self._database.execute(
                 'SELECT id, name, type, serialization_format FROM topics')}
@@ -683,16 +683,16 @@ class _SqliteReader:
         if not topics:
             return
         query = _ROWS.format(topics=topics, most=self._most)
-        rows = self._recovered(query) if self._content.partial else self._database.execute(
+        rows = self._recovered(query) if self._context.partial else self._database.execute(
             f'{query} WHERE topic_id IN ({topics}) ORDER BY timestamp, id')
         first, count = self._ids()
-        most, is_plain = self._most, not self._is_compressed
+        most, has_no_loop_above = self._most, not self._is_compressed
         for number, (key, topic, length, data) in enumerate(rows):
-            self._content.tick()
+            self._context.tick()
             if number % _ADVANCE == 0:
-                self._content.advance(min(1.0, max(0, key - first) / count))
+                self._context.advance(min(1.0, max(0, key - first) / count))
             if stream := streams.get(topic):
-                if is_plain and data is not None and len(data) <= most:
+                if has_no_loop_above and data is not None and len(data) <= most:
                     yield stream, data
                 elif (message := self._message(length, data)) is not None:
                     yield stream, message
@@ -700,7 +700,7 @@ class _SqliteReader:
     def _is_stopped(self) -> bool:
         """Return whether the query that is under way shall end; the caller then calls `tick`."""
         try:
-            self._content.tick()
+            self._context.tick()
         except BaseException:
             return True
         return False
@@ -708,11 +708,11 @@ class _SqliteReader:
     def _message(self, length: Optional[int], data: Optional[bytes]) -> Optional[bytes]:
         """Return the bytes of a message; None if it is too large, or cannot be decompressed."""
         if max(length or 0, len(data or b'')) > self._most:
-            self._content.meet(self._path, Oversized('a message', str(length), self._most))
+            self._context.handle_error(self._path, Oversized('a message', str(length), self._most))
             return None
         if data is None:  # NULL is no message, as others that cannot be decoded
             return b''
-        return _decompressed(data, self._path, self._content) if self._is_compressed else data
+        return _decompressed(data, self._path, self._context) if self._is_compressed else data
 
     def _declared(self) -> bool:
         """Return whether metadata, beside the file or in it, declare compressed messages."""
@@ -734,7 +734,7 @@ class _SqliteReader:
         try:
             ((first, last),) = self._database.execute('SELECT min(id), max(id) FROM messages')
         except sqlite3.DatabaseError:
-            self._content.tick()
+            self._context.tick()
             return 1, 1
         return (1, 1) if first is None else (first, last - first + 1)
 
@@ -755,12 +755,12 @@ class _SqliteReader:
                     first = row[0] + 1
                 break
             except sqlite3.DatabaseError as error:
-                self._content.tick()
+                self._context.tick()
                 why = why or str(error)
             try:  # Python 3.10 reads one row ahead: this one may be whole
                 row = self._row(query, first)
             except sqlite3.DatabaseError:
-                self._content.tick()
+                self._context.tick()
                 resumed = self._readable(query, first)
                 skipped += max(1, (resumed or first) - first)
                 first = resumed
@@ -772,7 +772,7 @@ class _SqliteReader:
         if why:
             least = 'at least ' if first is None else ''
             records = 'record' if skipped == 1 else 'records'
-            self._content.meet(self._path, ValueError(
+            self._context.handle_error(self._path, ValueError(
                 f'{why}; skipped {least}{skipped} damaged {records}'))
 
     def _row(self, query: str, first: int) -> Optional[_Row]:
@@ -791,7 +791,7 @@ class _SqliteReader:
         """
         Find the next id from which rows can be read again.
 
-        It is searched for by steps that double, then by bisection, so that few queries do.
+        It is match_candidates for by steps that double, then by bisection, so that few queries do.
 
         :param first: an id from which they cannot be read.
         :returns: None if there is none.
@@ -815,6 +815,6 @@ class _SqliteReader:
         try:
             self._row(query, first)
         except sqlite3.DatabaseError:
-            self._content.tick()
+            self._context.tick()
             return False
         return True

@@ -9,7 +9,7 @@ out of them whenever somebody looks up, and whenever a listener's thread calls `
 lookup sees every message that has arrived, although the thread pauses while messages come in fast.
 `insert` and `set_transform` first pull, too, so that nothing overtakes what was sent before.
 
-    source.take() -> pieces -> Insertion -> History     under the lock, in any thread
+    source.take() -> batches -> Insertion -> History     under the lock, in any thread
     lookup -> Lookups -> FrameTree -> Path -> pose      under the lock, in any thread
 
 The trip of a message that has arrived on /tf, whose frames have come together before; a lookup
@@ -22,7 +22,7 @@ that comes before the thread makes the same trip, from `Engine.update` on:
     MessageReader.read          _wire/streams.py        messages to a `Batch`, or to `Rows`
     key                         _wire/cdr.py            what the layout of a message is found by
     _Layout.read                _wire/streams.py        the stamp and the poses
-    Insertion.insert_pieces     _core/insertion.py      the batch, frame by frame
+    Insertion.insert_batches     _core/insertion.py      the batch, frame by frame
     normalize_poses             _core/insertion.py      all rotations at once
     History.append              _core/history.py        stamps and poses of one frame
 
@@ -92,7 +92,7 @@ from dummy_arm.tf._core import forking, frames
 from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf._core.insertion import Insertion
 from dummy_arm.tf._core.lookup import Lookups
-from dummy_arm.tf._core.pose import Piece, Pose
+from dummy_arm.tf._core.pose import BatchOrRows, Pose
 from dummy_arm.tf._core.times import nanoseconds_or_int
 from dummy_arm.tf._core.tree import FrameTree
 from dummy_arm.tf.exceptions import TransformException
@@ -111,7 +111,7 @@ _CHUNK = 2048
 class Source(Protocol):
     """What a buffer pulls transforms from."""
 
-    def take(self) -> list[Piece]:
+    def take(self) -> list[BatchOrRows]:
         """
         Return what has arrived, in a list that the source keeps; whoever inserts it clears it.
 
@@ -163,7 +163,7 @@ class Engine:
                 if source in self._sources:
                     i = self._sources.index(source)
                     self._sources = self._sources[:i] + self._sources[i + 1:]
-                    self._announce()  # blocked lookups end, if it was the last one
+                    self._notify_waiters()  # blocked lookups end, if it was the last one
 
     def update(self) -> int:
         """
@@ -175,14 +175,14 @@ class Engine:
         with self._lock:
             if not is_nested:
                 for source in self._sources:
-                    pieces = source.take()
-                    if pieces:
-                        self._insertion.insert_pieces(pieces)
-                        self._announce()
-                        pieces.clear()
+                    batches = source.take()
+                    if batches:
+                        self._insertion.insert_batches(batches)
+                        self._notify_waiters()
+                        batches.clear()
             return self._generation
 
-    def _announce(self) -> None:
+    def _notify_waiters(self) -> None:
         """Wake the blocked lookups: there is something new."""
         self._generation += 1
         for queue in tuple(self._queues):
@@ -217,20 +217,20 @@ class Engine:
             is_accepted = self._insertion.insert(stamp, frame_id, child_frame_id, pose, authority,
                                               is_static)
             if is_accepted:
-                self._announce()
+                self._notify_waiters()
         self.after_insertion()
         return is_accepted
 
-    def insert_pieces(self, pieces: Iterable[Piece]) -> None:
+    def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
         """
         Insert the transforms of many messages; much faster than `insert`.
 
-        :param pieces: batches and rows, as a `MessageReader` reads them from bytes.
+        :param batches: batches and rows, as a `MessageReader` reads them from bytes.
         """
         self.update()
         with self._lock:
-            self._insertion.insert_pieces(pieces)
-            self._announce()
+            self._insertion.insert_batches(batches)
+            self._notify_waiters()
         self.after_insertion()
 
     def after_insertion(self) -> bool:
@@ -239,7 +239,7 @@ class Engine:
 
         :returns: whether a future was completed.
         """
-        self._insertion.refusals.log_all()
+        self._insertion.log.flush()
         return False
 
     def clear(self) -> None:
@@ -281,7 +281,7 @@ class Engine:
         return bool(self._lock._is_owned())
 
     @property
-    def is_waited_for(self) -> bool:
+    def has_waiters(self) -> bool:
         """Whether a blocked lookup or a future waits for a transform."""
         return bool(self._queues) or len(self._futures) > 0
 

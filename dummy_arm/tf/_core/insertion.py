@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 from dummy_arm.tf._core.history import History, MOST_OF_ONE_STAMP
 from dummy_arm.tf._core.lookup import Lookups
 from dummy_arm.tf._core.pose import (
+    BatchOrRows,
     is_too_long,
     LONGEST_NAME,
     normalized,
-    Piece,
     Pose,
     POSE_BYTES,
     Rows,
 )
-from dummy_arm.tf._core.texts import logged, Refusals
+from dummy_arm.tf._core.texts import logged, ThrottledLog
 from dummy_arm.tf._core.times import display, SECOND
 
 #: So many samples of a frame are kept for a second of cache time.
@@ -44,7 +44,7 @@ class Insertion:
         :param max_samples: how many samples there may be, of all frames; None: any number, of one
             frame, too.
         """
-        self.refusals = Refusals()
+        self.log = ThrottledLog()
         self._tree, self._lookups = lookups.tree, lookups
         self._max_frames = max_frames
         self._max_samples = sys.maxsize if max_samples is None else max_samples
@@ -69,7 +69,7 @@ class Insertion:
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
         if found := problems(parent, child, pose, authority):
-            self.refusals.tell(*found)
+            self.log.warn(*found)
             return False
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
             # tf2 accepts infinite translations, and then answers NaN.
@@ -84,7 +84,7 @@ class Insertion:
         else:
             return False
         if not is_accepted:
-            self.refusals.tell(too_old(child, stamp, authority))
+            self.log.warn(too_old(child, stamp, authority))
         elif not is_static:
             history = self._tree.histories[child]
             assert isinstance(history, History)
@@ -96,48 +96,48 @@ class Insertion:
     def _accepts_names(self, parent: str, child: str, authority: str) -> bool:
         """Return whether two names may be those of frames."""
         if is_too_long(parent) or is_too_long(child):
-            self.refusals.tell(too_long_name(parent, child, authority))
+            self.log.warn(too_long_name(parent, child, authority))
             return False
         frames = self._tree.histories
         if len(frames) + (child not in frames) + (parent not in frames) > self._max_frames:
-            self.refusals.tell_once('too many frames', too_many_frames(
+            self.log.warn_once('too many frames', too_many_frames(
                 child, self._max_frames, authority))
             return False
         return True
 
-    def insert_pieces(self, pieces: Iterable[Piece]) -> None:
+    def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
         """
         Insert the transforms of messages, each as `insert` does.
 
         Most transforms of a batch are newer than everything that is known of their frame, and have
         its only parent: those need no further check, once they are known to be finite.
         """
-        for piece in pieces:
+        for batch in batches:
             try:
-                if isinstance(piece, Rows):
-                    for stamp, parent, child, pose in piece.rows:
-                        self.insert(stamp, parent, child, pose, piece.authority, piece.is_static)
+                if isinstance(batch, Rows):
+                    for stamp, parent, child, pose in batch.rows:
+                        self.insert(stamp, parent, child, pose, batch.authority, batch.is_static)
                     continue
-                number, count = len(piece.children), len(piece.stamps)
-                poses = np.frombuffer(bytearray().join(piece.poses)).reshape(-1, 7)
+                number, count = len(batch.children), len(batch.stamps)
+                poses = np.frombuffer(bytearray().join(batch.poses)).reshape(-1, 7)
                 is_finite = normalize_poses(poses)
                 by_frame = poses.reshape(count, number, 7).transpose(1, 0, 2).tobytes()
                 size = count * POSE_BYTES
-                for i, (parent, child) in enumerate(zip(piece.parents, piece.children)):
+                for i, (parent, child) in enumerate(zip(batch.parents, batch.children)):
                     history = self._tree.histories.get(child)
                     if (is_finite and isinstance(history, History)
                             and history.only_parent == parent
-                            and history.append(piece.stamps, by_frame[i * size:(i + 1) * size],
-                                               piece.authority)):
+                            and history.append(batch.stamps, by_frame[i * size:(i + 1) * size],
+                                               batch.authority)):
                         self._room -= count
                         if self._room < 0 or len(history.stamps) - history.start > self._most:
-                            self._drop_oldest(history, count, child, piece.authority)
+                            self._drop_oldest(history, count, child, batch.authority)
                         continue
-                    for stamp, packed in zip(piece.stamps, piece.poses[i::number]):
+                    for stamp, packed in zip(batch.stamps, batch.poses[i::number]):
                         self._insert(stamp, parent, child, _unpack_pose(packed),
-                                     piece.authority, False)
-            except Exception:  # a fault of this package; the next pieces may be good
-                self.refusals.tell(format_exc())
+                                     batch.authority, False)
+            except Exception:  # a fault of this package; the next batches may be good
+                self.log.warn(format_exc())
 
     def _drop_oldest(self, history: History, added: int, child: str, authority: str) -> None:
         """
@@ -149,7 +149,7 @@ class Insertion:
         if surplus > 0:
             history.drop_before(history.start + surplus)
             self._room += surplus
-            self.refusals.tell_once('frame', too_many_samples_of_a_frame(
+            self.log.warn_once('frame', too_many_samples_of_a_frame(
                 child, self._most, authority))
         if self._room >= 0:
             return
@@ -168,7 +168,7 @@ class Insertion:
         if surplus > 0:
             history.drop_before(history.start + surplus)
             self._room += surplus
-            self.refusals.tell_once('buffer', too_many_samples(
+            self.log.warn_once('buffer', too_many_samples(
                 child, self._max_samples, authority))
 
 

@@ -28,7 +28,7 @@ class Lookups:
 
     A path on which no frame changes its parent, with no loop above it at any time, is the only one
     between its frames until some frame gets a new parent: it is kept. Where there is none, or
-    where it gives no answer, the tree is searched as tf2 does, for tf2's answer or error.
+    where it gives no answer, the tree is match_candidates as tf2 does, for tf2's answer or error.
 
     Times are ns; 0: the latest common time. The lock of the buffer is held during each call.
     """
@@ -106,13 +106,14 @@ class Lookups:
         if path is None or not path.covers(time or path.latest_common_time()):
             if target == source:
                 return
-            self.tree.check_for_can(target_frame=target, source_frame=source)
+            self.tree.check_for_can_transform(target_frame=target, source_frame=source)
             self._search(target, source, time)
 
     def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                    ) -> None:
         """Check that there is what `pose_full` returns."""
-        self.tree.check_for_can(target_frame=target, source_frame=source, fixed_frame=fixed)
+        self.tree.check_for_can_transform(
+            target_frame=target, source_frame=source, fixed_frame=fixed)
         self.check(target, fixed, target_time)
         self.check(fixed, source, source_time)
 
@@ -142,7 +143,7 @@ class Lookups:
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
         time = time or self.tree.latest_common_time(target, source)
         path = self.tree.path(target, source, time)
-        if path.is_fixed() and self.tree.is_plain(source) and self.tree.is_plain(target):
+        if path.is_fixed() and all(map(self.tree.has_no_loop_above, (source, target))):
             if len(self.paths) >= _MOST_PATHS:
                 self.paths.clear()
             self.paths[target, source] = path

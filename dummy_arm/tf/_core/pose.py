@@ -191,7 +191,7 @@ class Batch:
 
 
 #: What a source brings into a buffer.
-Piece = Union[Batch, Rows]
+BatchOrRows = Union[Batch, Rows]
 
 
 def is_too_long(name: str) -> bool:

@@ -16,7 +16,7 @@ from dummy_arm.tf._core.times import display, SECOND
 
 #: The longest name (characters) that a log line shows in full.
 LONGEST = 100
-#: So many names are shown at most, and searched for near ones.
+#: So many names are shown at most, and match_candidates for near ones.
 _SHOWN, _SEARCHED = 5, 1000
 
 
@@ -72,17 +72,19 @@ def logged(name: str) -> str:
 
 
 @lru_cache(maxsize=8)  # a program that waits asks again and again
-def nearest(name: str, known: tuple[str, ...], what: str = 'frames') -> str:
+def suggest_names(name: str, known: tuple[str, ...], what: str = 'frames') -> str:
     """Name those whose names are nearest to one that does not exist, or some others."""
     if not known:
         return 'No transform has been received yet.'
-    close = get_close_matches(name, searched(known), _SHOWN) if len(name) <= LONGEST else []
+    close = []
+    if len(name) <= LONGEST:
+        close = get_close_matches(name, match_candidates(known), _SHOWN)
     if close:
         return f'Nearest known: {_listed(close)}.'
-    return f'Known {what}: {some(known, _SHOWN, quoted)}.'
+    return f'Known {what}: {comma_list(known, _SHOWN, quoted)}.'
 
 
-def searched(known: Sequence[str]) -> list[str]:
+def match_candidates(known: Sequence[str]) -> list[str]:
     """Return those of many names that are compared with one: more of them would take seconds."""
     return [name for name in known[:_SEARCHED] if len(name) <= LONGEST]
 
@@ -92,7 +94,7 @@ def quoted(name: str) -> str:
     return repr(abbreviated(name))
 
 
-def some(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) -> str:
+def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) -> str:
     """List the first of some texts, and tell how many more there are."""
     more = f' and {len(texts) - shown} more' if len(texts) > shown else ''
     return f'{", ".join(map(write, texts[:shown]))}{more}'
@@ -163,35 +165,35 @@ def seconds(duration: int) -> str:
     return f'{duration // SECOND}.{duration % SECOND:09d} s'
 
 
-class Refusals:
+class ThrottledLog:
     """
     A log that says the same cause at most once a second.
 
-    What is told is logged by `log_all`, for which no lock must be held: a log may look up.
+    What is told is logged by `flush`, for which no lock must be held: a log may look up.
     """
 
     def __init__(self) -> None:
         """Begin with nothing said."""
-        self.log: Callable[[str], None] = logging.getLogger('dummy_arm.tf').warning
+        self.write: Callable[[str], None] = logging.getLogger('dummy_arm.tf').warning
         self._again: dict[str, float] = {}
-        self._told: deque[str] = deque()
+        self._waiting: deque[str] = deque()
 
-    def tell(self, *problems: str) -> None:
+    def warn(self, *problems: str) -> None:
         """Tell problems, but not one whose cause, its first word, was told within a second."""
         for problem in problems:
-            self._tell(problem.partition(' ')[0], problem, 1.0)
+            self._warn(problem.partition(' ')[0], problem, 1.0)
 
-    def tell_once(self, cause: str, problem: str) -> None:
+    def warn_once(self, cause: str, problem: str) -> None:
         """Tell a problem, but not if its cause was told before."""
-        self._tell(cause, problem, inf)
+        self._warn(cause, problem, inf)
 
-    def _tell(self, cause: str, problem: str, silence: float) -> None:
+    def _warn(self, cause: str, problem: str, silence: float) -> None:
         now = monotonic()
         if now >= self._again.get(cause, now):
             self._again[cause] = now + silence
-            self._told.append(problem)
+            self._waiting.append(problem)
 
-    def log_all(self) -> None:
+    def flush(self) -> None:
         """Log what was told."""
-        while self._told:
-            self.log(self._told.popleft())
+        while self._waiting:
+            self.write(self._waiting.popleft())

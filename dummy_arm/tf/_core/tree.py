@@ -94,7 +94,7 @@ class FrameTree:
         """
         problem = self._problem(name)
         if problem == _UNKNOWN:
-            raise LookupException.hinting(
+            raise LookupException.with_hint(
                 f'"{name}" passed to {where} does not exist. ', self._nearest(name))
         if problem:
             raise InvalidArgumentException(
@@ -105,7 +105,7 @@ class FrameTree:
         for argument, name in frames.items():
             self.check(name, f'lookupTransform argument {argument}')
 
-    def check_for_can(self, **frames: str) -> None:
+    def check_for_can_transform(self, **frames: str) -> None:
         """
         Check frames as `check_for_lookup` does, with what tf2's can_transform says.
 
@@ -117,12 +117,12 @@ class FrameTree:
                          f'{problem}')
                 if problem != _UNKNOWN:
                     raise TransformException(words)
-                raise TransformException.hinting(f'{words}. ', self._nearest(name))
+                raise TransformException.with_hint(f'{words}. ', self._nearest(name))
 
     def _nearest(self, name: str) -> Callable[[], str]:
         """Return a function that finds the nearest of the names that are known now."""
         names = self.names
-        return lambda: texts.nearest(name, names)
+        return lambda: texts.suggest_names(name, names)
 
     def _problem(self, name: str) -> Optional[str]:
         if not isinstance(name, str):
@@ -240,7 +240,7 @@ class FrameTree:
             seen.add(frame)
         return frame
 
-    def is_plain(self, frame: str) -> bool:
+    def has_no_loop_above(self, frame: str) -> bool:
         """Tell whether all ancestors that a frame has at any time are without loop, and few."""
         ancestors = {frame}
         for _ in range(MAX_GRAPH_DEPTH + 1):
@@ -255,7 +255,7 @@ class FrameTree:
         chain.append(frame)
         if len(chain) > MAX_GRAPH_DEPTH:
             edges = self.newest_edges()  # the text is written without the lock
-            raise LookupException.hinting(
+            raise LookupException.with_hint(
                 'The tf tree is invalid because it contains a loop.\n',
                 lambda: f'{as_string(edges)}\n{texts.loop(chain)}')
 

@@ -29,7 +29,8 @@ class TransformFuture(Future):
     To stop waiting, cancel it, or drop the last reference to it if it has no done callback.
     """
 
-    def __init__(self, waits: 'Waits', lookup: Callable[[], TransformStamped], what: str) -> None:
+    def __init__(self, owner: 'PendingFutures', lookup: Callable[[], TransformStamped],
+                 what: str) -> None:
         """
         Create a future that is not done.
 
@@ -38,17 +39,17 @@ class TransformFuture(Future):
         """
         super().__init__()  # type: ignore[no-untyped-call]
         self.lookup, self.what = lookup, what
-        self._waits = waits
+        self._owner = owner
 
     def add_done_callback(self, callback: Callable[[Future], None]) -> None:
         """Add a function to be called when this is done; until then the future is kept."""
         super().add_done_callback(callback)  # type: ignore[no-untyped-call]
         if not is_of_executor(callback):  # which holds this, and would do so for ever
-            self._waits.keep(self)
+            self._owner.keep(self)
 
     def cancel(self) -> None:
         """Stop waiting."""
-        if self._waits.forget(self):
+        if self._owner.forget(self):
             super().cancel()  # type: ignore[no-untyped-call]
 
 
@@ -56,7 +57,7 @@ class TransformFuture(Future):
 _Deadline = tuple[float, int, float, 'ref[TransformFuture]']
 
 
-class Waits:
+class PendingFutures:
     """
     The futures that wait for the data of a buffer.
 

@@ -13,7 +13,7 @@ from rclpy.logging import get_logger
 from rclpy.qos import HistoryPolicy, qos_policy_name_from_kind
 from rclpy.subscription import Subscription
 
-from dummy_arm.tf._core.pose import Piece
+from dummy_arm.tf._core.pose import BatchOrRows
 from dummy_arm.tf._ros import rclpy_private
 from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._wire.streams import MessageReader
@@ -78,13 +78,13 @@ class SubscriptionSource:
             (Topic(tf_static, True), MessageReader(on_fault), []),
             (Topic(tf, False), MessageReader(on_fault), [])]
         #: What was decoded and is not inserted.
-        self._pieces: list[Piece] = []
+        self._batches: list[BatchOrRows] = []
         qos = tf.qos_profile
         self._depth = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
         #: The end of the last round (s), and the number of messages since then.
         self._last, self._count = clock(), 0
 
-    def take(self) -> list[Piece]:
+    def take(self) -> list[BatchOrRows]:
         """
         Return what has arrived, in a list that is kept; the buffer clears it.
 
@@ -100,12 +100,12 @@ class SubscriptionSource:
             if arrived:
                 self._count += len(arrived)
                 try:
-                    self._pieces += reader.read(
+                    self._batches += reader.read(
                         map(itemgetter(0), arrived), AUTHORITY, topic.is_static)
                 except Exception as error:  # a fault of this package
                     self._on_fault(error)
                 arrived.clear()
-        return self._pieces
+        return self._batches
 
     def end_round(self) -> float:
         """
@@ -123,7 +123,7 @@ class SubscriptionSource:
         return min(_LONGEST_PAUSE, 0.5 * self._depth * since / count)
 
 
-class Misfits:
+class QosMonitor:
     """Warns of publishers whose QoS is incompatible with a subscription."""
 
     def __init__(self, subscription: Subscription, clock: Callable[[], float] = monotonic

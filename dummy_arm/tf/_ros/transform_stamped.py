@@ -37,7 +37,7 @@ def serialize(transforms: Iterable[TransformStamped]) -> bytes:
     :raises ValueError: on a field whose value cannot be sent.
     """
     messages = list(transforms)
-    with bad_fields_named(messages):
+    with explain_bad_fields(messages):
         return cdr.pack_fields(map(fields_of, messages))
 
 
@@ -112,7 +112,7 @@ def _new(message_type: type) -> Any:
     return message
 
 
-class bad_fields_named:  # noqa: N801
+class explain_bad_fields:  # noqa: N801
     """Context that turns what goes wrong over a field of messages into a ValueError naming it."""
 
     def __init__(self, messages: Sequence[TransformStamped]) -> None:

@@ -228,16 +228,16 @@ def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     :returns: the format, for `struct`, of these fields: the head, the number of transforms, and of
         each transform the bytes of its stamp, its two names and its pose; and these 2 n names.
     """
-    form = '<2s2xI'
+    struct_format = '<2s2xI'
     position = 4
     names = []
     for edge in edges:
-        form += '8s'
+        struct_format += '8s'
         position += 8
         for name, alignment in zip(edge, (4, 8)):
             names.append(_pack_name(name))
             padding = -(position + len(names[-1])) % alignment
-            form += f'{len(names[-1])}s{padding}x'
+            struct_format += f'{len(names[-1])}s{padding}x'
             position += len(names[-1]) + padding
-        form += f'{POSE_BYTES}s'
-    return form, names
+        struct_format += f'{POSE_BYTES}s'
+    return struct_format, names

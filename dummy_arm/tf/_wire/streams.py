@@ -5,7 +5,7 @@ from itertools import chain
 import struct
 from typing import Optional, Protocol
 
-from dummy_arm.tf._core.pose import Batch, is_too_long, Piece, Row, Rows
+from dummy_arm.tf._core.pose import Batch, BatchOrRows, is_too_long, Row, Rows
 from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.cdr import MalformedMessage
@@ -16,7 +16,7 @@ _MOST_BYTES = 10_000_000
 _LONG = 1000
 
 
-class Form(Protocol):
+class Encoding(Protocol):
     """What the bytes mean: the module `cdr` (ROS 2) or `ros1`."""
 
     HEAD: bytes
@@ -40,7 +40,7 @@ class Form(Protocol):
 class _Layout:
     """Where the fields lie of the messages of one stream, whose frames are always the same."""
 
-    def __init__(self, form: Form, edges: Sequence[tuple[str, str]]) -> None:
+    def __init__(self, encoding: Encoding, edges: Sequence[tuple[str, str]]) -> None:
         """
         Create the layout.
 
@@ -49,10 +49,10 @@ class _Layout:
         self.parents = [parent.removeprefix('/') for parent, _ in edges]
         self.children = [child.removeprefix('/') for _, child in edges]
         self.names = frozenset(self.children)
-        fields, names = form.layout(edges)
+        fields, names = encoding.layout(edges)
         self._struct = struct.Struct(fields)
-        self._head = form.HEAD, len(edges)
-        self._unpack_stamp = form.unpack_stamp
+        self._head = encoding.HEAD, len(edges)
+        self._unpack_stamp = encoding.unpack_stamp
         self._frame_ids, self._child_frame_ids = tuple(names[::2]), tuple(names[1::2])
 
     def read(self, data: bytes) -> Optional[tuple[int, tuple[bytes, ...]]]:
@@ -77,19 +77,20 @@ class _Layout:
 class MessageReader:
     """Reads the messages of a topic, and remembers the layouts of those whose frames repeat."""
 
-    def __init__(self, on_malformed: Callable[[MalformedMessage], object], form: Form = cdr
+    def __init__(self, on_malformed: Callable[[MalformedMessage], object], encoding: Encoding = cdr
                  ) -> None:
         """
         Create a reader that knows no layout.
 
         :param on_malformed: is called with the error of each message that cannot be decoded.
-        :param form: how messages are written.
+        :param encoding: how messages are written.
         """
-        self._on_malformed, self._form = on_malformed, form
+        self._on_malformed, self._encoding = on_malformed, encoding
         self._layouts: dict[tuple[int, bytes], _Layout] = {}
         self._size = 0  # of the messages (bytes)
 
-    def read(self, messages: Iterable[bytes], authority: str, is_static: bool) -> list[Piece]:
+    def read(self, messages: Iterable[bytes], authority: str, is_static: bool
+             ) -> list[BatchOrRows]:
         """
         Read messages.
 
@@ -99,43 +100,43 @@ class MessageReader:
         :returns: batches; and rows, of a message that is static, whose layout was not known or
             that has several stamps. The transforms of one child are in the order of arrival.
         """
-        form, pieces = self._form, list[Piece]()
-        batches: dict[_Layout, Batch] = {}  # those that may get more messages
+        encoding, result = self._encoding, list[BatchOrRows]()
+        open_batches: dict[_Layout, Batch] = {}  # those that may get more messages
         for data in messages:
             try:
                 if is_static:
-                    pieces.append(Rows(form.unpack(data), authority, True))
+                    result.append(Rows(encoding.unpack(data), authority, True))
                     continue
-                key = len(data), form.key(data)
+                key = len(data), encoding.key(data)
                 layout = self._layouts.get(key)
                 fields = None if layout is None else layout.read(data)
                 if layout is None or fields is None:
-                    rows = form.unpack(data)
+                    rows = encoding.unpack(data)
                     self._learn(key, data, rows)
-                    pieces += [*batches.values(), Rows(rows, authority, False)]
-                    batches.clear()
+                    result += [*open_batches.values(), Rows(rows, authority, False)]
+                    open_batches.clear()
                     continue
                 stamp, poses = fields
-                batch = batches.get(layout)
+                batch = open_batches.get(layout)
                 if batch is None or stamp <= batch.stamps[-1] or len(batch.poses) >= _LONG:
                     # Those with a frame of this one come before it.
-                    for other in tuple(batches):
+                    for other in tuple(open_batches):
                         if not layout.names.isdisjoint(other.names):
-                            pieces.append(batches.pop(other))
+                            result.append(open_batches.pop(other))
                     batch = Batch(layout.parents, layout.children, authority)
-                    batches[layout] = batch
+                    open_batches[layout] = batch
                 batch.stamps.append(stamp)
                 batch.poses += poses
             except MalformedMessage as error:
                 self._on_malformed(error)
-        return [*pieces, *batches.values()]
+        return [*result, *open_batches.values()]
 
     def _learn(self, key: tuple[int, bytes], data: bytes, rows: list[Row]) -> None:
         """Keep the layout of a message, if it has one stamp."""
         edges = [(row.frame_id, row.child_frame_id) for row in rows]
         if len({row.stamp_ns for row in rows}) != 1 or any(map(is_too_long, chain(*edges))):
             return  # long names are refused
-        layout = _Layout(self._form, edges)
+        layout = _Layout(self._encoding, edges)
         # A frame twice in a message would not keep its order in a batch.
         if layout.read(data) is not None and len(layout.names) == len(edges):
             if self._size > _MOST_BYTES:

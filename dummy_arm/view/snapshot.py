@@ -23,7 +23,7 @@ REACH = 1e6
 _Value = TypeVar('_Value')
 
 
-class Shown(NamedTuple):
+class Snapshot(NamedTuple):
     """The frames at a time, those of the tree with the fixed frame first."""
 
     fixed: str  #: the frame in which the poses are; '' where there is none
@@ -41,9 +41,9 @@ class Shown(NamedTuple):
     deepest: str  #: in the tree of the fixed frame, that which is farthest from the root; or ''
     loops: list[list[str]]  #: frames that cannot be shown, since each is below the other
     far: list[str]  #: those that are drawn nearer than they are
-    nowhere: list[str]  #: those that cannot be shown, since their translation is not finite
+    not_finite: list[str]  #: those that cannot be shown, since their translation is not finite
 
-    def tree_of(self, name: str) -> tuple[str, float]:
+    def anchor_of(self, name: str) -> tuple[str, float]:
         """Tell by which frame the tree of a frame is placed, and its y (m)."""
         for above in _upwards(name, self.frames):
             if above in self.trees:
@@ -51,7 +51,7 @@ class Shown(NamedTuple):
         return self.fixed, 0.0
 
 
-class Stage:
+class FrameWatcher:
     """Looks at the frames of a buffer again and again."""
 
     def __init__(self, buffer: AnyBuffer) -> None:
@@ -60,7 +60,7 @@ class Stage:
         #: The newest stamp of each frame (ns), and when it came (s).
         self._heard: dict[str, tuple[int, float]] = {}
 
-    def look(self, fixed: str = '', until: int = 0) -> Shown:
+    def snapshot(self, fixed: str = '', until: int = 0) -> Snapshot:
         """
         Look at the frames.
 
@@ -68,9 +68,9 @@ class Stage:
         :param until: the time at which (ns), as in a bag; 0: now.
         """
         with self._buffer.fetched():
-            return self._look(fixed, until)
+            return self._snapshot(fixed, until)
 
-    def _look(self, fixed: str, until: int) -> Shown:
+    def _snapshot(self, fixed: str, until: int) -> Snapshot:
         forest = Forest(self._buffer.frames(until))
         frames = forest.frames
         tops = _from_above(frames, {root: root for root in forest.roots}, lambda _, top: top)
@@ -83,11 +83,11 @@ class Stage:
                 trees[root] = -SPACING * len(trees)
         placed: dict[str, Transform] = {}
         heights: list[float] = []
-        nowhere: list[str] = []
+        not_finite: list[str] = []
         for y, tree in zip(trees.values(), self._buffer.lookup_all(trees, until)):
             placed |= {name: transform for name, transform in tree.items()
                        if all(map(isfinite, transform.translation))}
-            nowhere += [name for name in tree if name not in placed]
+            not_finite += [name for name in tree if name not in placed]
             heights += [y] * (len(placed) - len(heights))
         index = {name: i for i, name in enumerate(placed)}
         poses = np.array([(*transform.translation, *transform.rotation)
@@ -98,7 +98,7 @@ class Stage:
         silences = {name: self._silence(frame, until) for name, frame in frames.items()}
         ages = _ages(frames, trees, silences)
         depths = _from_above(frames, {tops.get(fixed, ''): 0}, lambda _, depth: depth + 1)
-        return Shown(
+        return Snapshot(
             fixed, [*placed],
             [index.get(frames[name].parent, -1) if name in frames else -1 for name in placed],
             poses, points, [transform.stamp for transform in placed.values()],
@@ -106,7 +106,7 @@ class Stage:
             max(depths.keys() & placed.keys(), key=lambda name: (depths[name], -index[name]),
                 default=''), forest.loops,
             [name for name, is_far in zip(placed, (points != places).any(axis=1)) if is_far],
-            nowhere)
+            not_finite)
 
     def _silence(self, frame: Frame, until: int) -> float:
         """Compute how long nothing was heard of a frame (s)."""

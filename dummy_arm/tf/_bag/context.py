@@ -6,10 +6,10 @@ import re
 from typing import NamedTuple, Optional
 
 from dummy_arm.tf._bag.decompression import ZSTD
-from dummy_arm.tf._core.texts import abbreviated, logged, some, visible
-from dummy_arm.tf._wire.streams import Form
+from dummy_arm.tf._core.texts import abbreviated, comma_list, logged, visible
+from dummy_arm.tf._wire.streams import Encoding
 
-#: In place of the sender, which only bags of ROS 1 have.
+#: In place of the publisher, which only bags of ROS 1 have.
 NOT_RECORDED = 'not recorded'
 _TYPES = 'tf2_msgs/msg/TFMessage', 'tf/msg/tfMessage'
 _SHOWN = 10
@@ -62,11 +62,11 @@ class Stream(NamedTuple):
     """Where messages come from, and how they are written."""
 
     is_static: bool
-    sender: str
-    form: Form
+    publisher: str
+    encoding: Encoding
 
 
-class Content:
+class BagContext:
     """The topics of a bag, what is wrong with it, and how far it has been read."""
 
     def __init__(self, path: Path, namespace: str, partial: bool, max_bytes: int,
@@ -93,16 +93,17 @@ class Content:
         #: What is wrong with its files; of many things, the first.
         self.damage: list[str] = []
 
-    def stream(self, topic: str, msgtype: str, sender: str, form: Form) -> Optional[Stream]:
+    def stream(self, topic: str, msgtype: str, publisher: str, encoding: Encoding
+               ) -> Optional[Stream]:
         """Tell what the messages of a topic are; None: not TF of this namespace."""
         topic = f'/{topic.strip("/")}'
         is_static = self._is_static.get(topic)
         if len(self._types) < _MOST_TOPICS or is_static is not None:
             self._types[topic] = msgtype
         return None if is_static is None or msgtype not in _TYPES else Stream(
-            is_static, sender, form)
+            is_static, publisher, encoding)
 
-    def begin_file(self, number: int, count: int) -> None:
+    def start_file(self, number: int, count: int) -> None:
         """
         Go on to one of the files.
 
@@ -121,7 +122,7 @@ class Content:
         self._done = self._before + part * self._share
         self.tick()
 
-    def end(self) -> None:
+    def finish(self) -> None:
         """Report that the bag has been read."""
         self._done = 1.0
         self.tick()
@@ -136,7 +137,7 @@ class Content:
                 self._stopped = error
         raise self._stopped
 
-    def meet(self, path: Path, error: Exception) -> None:
+    def handle_error(self, path: Path, error: Exception) -> None:
         """
         Note what is wrong with a file.
 
@@ -156,7 +157,7 @@ class Content:
         if len(self.damage) < _SHOWN:
             self.damage.append(f'{visible(str(path))}: {described(error)}')
 
-    def why_none(self) -> str:
+    def why_no_tf(self) -> str:
         """Tell what there is instead of TF."""
         asked = ' or '.join(self._is_static)
         namespaces = {topic.rpartition('/')[0] for topic, msgtype in self._types.items()
@@ -166,12 +167,12 @@ class Content:
             return f'no TFMessage on {asked}, but without a namespace: leave it out'
         if others:
             return (f'no TFMessage on {asked}, but in the namespace '
-                    f'{some([logged(name) or "/" for name in others], _SHOWN)}: give it '
+                    f'{comma_list([logged(name) or "/" for name in others], _SHOWN)}: give it '
                     '(--namespace)')
         topics = sorted(f'{logged(topic)} ({logged(msgtype)})'
                         for topic, msgtype in self._types.items())
         return (f'no tf2_msgs/msg/TFMessage on {asked}; its topics: '
-                f'{some(topics, _SHOWN) or "none"}')
+                f'{comma_list(topics, _SHOWN) or "none"}')
 
 
 def described(error: Exception) -> str:
