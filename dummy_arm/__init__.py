@@ -1,1 +1,1 @@
-"""A small arm that waves, published as TF, and TF itself in pure Python."""
+"""TF of ROS 2 in pure Python, and a small robot arm that waves, published as TF."""

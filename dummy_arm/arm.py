@@ -1,9 +1,9 @@
 """
-The arm: its geometry, and its motion as a pure function of time.
+The geometry of the arm, and its motion as a pure function of time.
 
-Frames, each in the one before it: base_link, a link for every joint, end_effector. A joint turns
-its link about its axis, at its origin; at phase zero all are aligned with base_link. Units are m,
-rad and s; quaternions are x, y, z, w.
+The frames are base_link, one link for each joint, and end_effector; each is the parent of the
+next. A joint rotates its link about an axis through the origin of the link. At phase zero all
+frames are aligned with base_link. Units are m, rad and s; quaternions are x, y, z, w.
 """
 
 from collections.abc import Sequence
@@ -15,17 +15,19 @@ from numpy.typing import ArrayLike, NDArray
 
 Vector = tuple[float, float, float]
 
-_BLEND = 1.0  # s
+#: Duration of the transition to a new limit (s).
+_BLEND = 1.0
 
 
 @dataclass(frozen=True)
 class Joint:
     """
-    A joint and the link that it turns.
+    A joint and the link that it rotates.
 
-    The link's frame has the joint's name. Its origin lies `offset` m along `direction` from that
-    of the link before, it turns about `axis` (both unit vectors, in the frame of the link before),
-    within +-`limit` rad, its phase at `speed` rad/s.
+    The frame of the link has the name of the joint. Its origin is `offset` (m) along `direction`
+    from the origin of its parent frame, and it rotates about `axis`; both are unit vectors in the
+    parent frame. The joint angle is between -`limit` and `limit` (rad); the phase advances at
+    `speed` (rad/s).
     """
 
     name: str
@@ -38,7 +40,7 @@ class Joint:
     def __post_init__(self) -> None:
         for vector in (self.direction, self.axis):
             if not math.isclose(math.hypot(*vector), 1.0):
-                raise ValueError(f'{self.name}: {vector} is no unit vector')
+                raise ValueError(f'{self.name}: {vector} is not a unit vector')
 
 
 _X, _Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -46,7 +48,7 @@ _X, _Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Arm:
-    """An arm of joints in a row, and an end effector `tool` m along x of the last link."""
+    """A chain of joints, with an end effector `tool` (m) along the x axis of the last link."""
 
     joints: tuple[Joint, ...] = (
         Joint('joint_1', 0.3, _Z, _Z, 0.3, math.radians(45)),
@@ -56,33 +58,38 @@ class Arm:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The frames from base_link to end_effector, each the parent of the next."""
+        """The names of the frames from base_link to end_effector, each the parent of the next."""
         return ('base_link', *(joint.name for joint in self.joints), 'end_effector')
 
     def angles(self, phases: ArrayLike) -> NDArray[np.float64]:
         """
         Compute the joint angles: limit * sin(phase).
 
-        :param phases: (n,) rad, one for each joint.
-        :returns: (n,) rad.
+        :param phases: (n,): the phase of each joint (rad).
+        :returns: (n,) float64: the angle of each joint (rad).
         """
         return np.array([joint.limit for joint in self.joints]) * np.sin(phases)
 
     def poses(self, phases: ArrayLike) -> NDArray[np.float64]:
         """
-        Compute the pose of every frame but the first in the one before it.
+        Compute the pose of each frame except base_link in its parent, from the phases.
 
-        :param phases: (n,) rad, one for each joint.
-        :returns: (n + 1, 7): x, y, z (m) and the rotation's x, y, z, w.
+        :param phases: (n,): the phase of each joint (rad).
+        :returns: (n + 1, 7) float64: x, y, z (m), quaternion x, y, z, w.
         """
         return self.poses_at(self.angles(phases).tolist())
 
     def poses_at(self, angles: Sequence[float]) -> NDArray[np.float64]:
-        """Compute the poses, as `poses` does, for n joint angles (rad)."""
+        """
+        Compute the pose of each frame except base_link in its parent, from the joint angles.
+
+        :param angles: n angles, one for each joint (rad).
+        :returns: (n + 1, 7) float64: x, y, z (m), quaternion x, y, z, w.
+        """
         poses = np.zeros((len(self.joints) + 1, 7))
         for pose, joint, angle in zip(poses, self.joints, angles):
             pose[:3] = [joint.offset * component for component in joint.direction]
-            # With 0.0 added, so that no component is a negative zero.
+            # q = (axis * sin(angle / 2), cos(angle / 2)); adding 0.0 turns -0.0 into 0.0.
             pose[3:6] = [math.sin(angle / 2) * component + 0.0 for component in joint.axis]
             pose[6] = math.cos(angle / 2)
         poses[-1] = self.tool, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
@@ -92,9 +99,11 @@ class Arm:
 @dataclass(frozen=True)
 class Wave:
     """
-    How one joint waves: its angle, limit * sin(phase), as a function of the time t (s).
+    The motion of one joint: its angle, limit * sin(phase), as a function of the time t (s).
 
-    A change makes a new wave, whose angle is that of the old one at the time of the change.
+    The phase is `phase_at_change` (rad) at the time `speed_changed` (s) and advances at `speed`
+    (rad/s). The limit goes from `limit_before` to `limit` (rad) in the second that begins at
+    `limit_changed` (s). At the time of a change, the new wave has the angle of the old one.
     """
 
     speed: float
@@ -105,27 +114,54 @@ class Wave:
     limit_changed: float = -math.inf
 
     def phase(self, t: float) -> float:
-        """Compute the phase (rad) at the time t."""
+        """
+        Compute the phase.
+
+        :param t: time (s).
+        :returns: the phase (rad).
+        """
         return self.phase_at_change + self.speed * (t - self.speed_changed)
 
     def limit_at(self, t: float) -> float:
-        """Compute the limit (rad) at t, blended in over a second after a change."""
-        done = min(max((t - self.limit_changed) / _BLEND, 0.0), 1.0)
-        smooth = done * done * (3.0 - 2.0 * done)
+        """
+        Compute the limit, which after a change goes smoothly to its new value within a second.
+
+        :param t: time (s).
+        :returns: the limit (rad).
+        """
+        progress = min(max((t - self.limit_changed) / _BLEND, 0.0), 1.0)
+        smooth = progress * progress * (3.0 - 2.0 * progress)  # smoothstep
         return self.limit_before + smooth * (self.limit - self.limit_before)
 
     def angle(self, t: float) -> float:
-        """Compute the joint's angle (rad) at t."""
+        """
+        Compute the angle of the joint.
+
+        :param t: time (s).
+        :returns: the angle (rad).
+        """
         return self.limit_at(t) * math.sin(self.phase(t))
 
     def with_speed(self, speed: float, t: float) -> 'Wave':
-        """Change the speed (rad/s) at t; the phase goes on from where it is."""
+        """
+        Return a wave with another speed from a time on; the phase is continuous.
+
+        :param speed: the new speed (rad/s).
+        :param t: time of the change (s).
+        :returns: the new wave.
+        """
         return replace(self, speed=speed, phase_at_change=self.phase(t), speed_changed=t)
 
     def with_limit(self, limit: float, t: float) -> 'Wave':
-        """Change the limit (rad) from t on, smoothly."""
+        """
+        Return a wave whose limit goes smoothly to another value from a time on.
+
+        :param limit: the new limit (rad).
+        :param t: time of the change (s).
+        :returns: the new wave.
+        """
         return replace(self, limit=limit, limit_before=self.limit_at(t), limit_changed=t)
 
     def settled(self) -> 'Wave':
-        """Take a change of the limit for done."""
+        """Return a wave in which the last change of the limit is complete at any time."""
         return replace(self, limit_changed=-math.inf)

@@ -1,4 +1,4 @@
-"""The node of the course's final task: an arm that waves, published as TF."""
+"""The node `dummy_arm`, the final task of the course: an arm that waves, published as TF."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,14 +20,15 @@ from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
 from dummy_arm.tf.formatting import logged
 
 MAP = 'map'
-CLOCK_PATIENCE = 5.0  # s
+#: How long to wait for /clock before a warning (s).
+CLOCK_PATIENCE = 5.0
 PREFIX = 'frame_prefix'
-PREFIX_DESCRIPTION = f'put before the name of every frame but {MAP}; read-only'
+PREFIX_DESCRIPTION = f'prefix for the name of every frame except {MAP}; read-only'
 
 
 @dataclass(frozen=True)
 class NumberParameter:
-    """A parameter that is a number: its default, range, unit and meaning."""
+    """A numeric parameter: its default, range, unit and meaning."""
 
     default: float
     smallest: float
@@ -36,7 +37,13 @@ class NumberParameter:
     meaning: str
 
     def problem(self, name: str, value: object) -> Optional[str]:
-        """Tell what is wrong with a value, or None where nothing is."""
+        """
+        Check a value.
+
+        :param name: name of the parameter.
+        :param value: the value.
+        :returns: why the value is invalid; None if it is valid.
+        """
         if (isinstance(value, (int, float)) and not isinstance(value, bool)
                 and self.smallest <= value <= self.largest):
             return None
@@ -45,26 +52,31 @@ class NumberParameter:
 
 
 def number_parameters(arm: Arm) -> dict[str, NumberParameter]:
-    """List the parameters of an arm that are numbers, by name."""
-    table = {'rate': NumberParameter(50.0, 0.1, 10000.0, 'Hz', 'how often /tf is published')}
+    """
+    Return the numeric parameters of the node.
+
+    :param arm: the arm, whose joints have three parameters each.
+    :returns: the parameters by name.
+    """
+    table = {'rate': NumberParameter(50.0, 0.1, 10000.0, 'Hz', 'rate of the messages on /tf')}
     for joint in arm.joints:
         table[f'{joint.name}.speed'] = NumberParameter(
             joint.speed, -100.0, 100.0, 'rad/s', f'speed of the phase of {joint.name}')
         table[f'{joint.name}.limit'] = NumberParameter(
-            joint.limit, 0.0, math.pi, 'rad', f'{joint.name} waves between -limit and limit')
+            joint.limit, 0.0, math.pi, 'rad', f'{joint.name} rotates between -limit and limit')
         table[f'{joint.name}.offset'] = NumberParameter(
-            joint.offset, -100.0, 100.0, 'm', f'distance of {joint.name} from the frame before')
+            joint.offset, -100.0, 100.0, 'm', f'distance of {joint.name} from its parent frame')
     return table
 
 
 class DummyArm(Node):
-    """Publishes map -> base_link once on /tf_static, and the arm's joints on /tf at a rate."""
+    """A node that publishes map -> base_link once on /tf_static, and the joints on /tf."""
 
     def __init__(self) -> None:
         """
-        Create the node and start to publish.
+        Create the node and start publishing.
 
-        :raises UsageError: on a parameter that was given a senseless value.
+        :raises UsageError: if the value of a parameter is invalid.
         """
         super().__init__('dummy_arm')
         self._arm = Arm()
@@ -91,7 +103,7 @@ class DummyArm(Node):
 
     def _declare_parameters(self) -> None:
         for name, quantity in self._quantities.items():
-            # With dynamic typing, so that an integer is taken as well; checked by ourselves.
+            # Dynamic typing accepts integers, too; NumberParameter checks the value.
             value = self.declare_parameter(
                 name, quantity.default, ParameterDescriptor(dynamic_typing=True)).value
             problem = quantity.problem(name, value)
@@ -146,7 +158,7 @@ class DummyArm(Node):
                 self._waves[i] = self._waves[i].with_limit(limit, t)
 
     def _seconds(self, time_ns: int) -> float:
-        """Get the time since the first tick (s)."""
+        """Return the time since the first tick (s)."""
         return (time_ns - (self._start_ns or 0)) * 1e-9
 
     def _warn_of_clock(self) -> None:
@@ -154,7 +166,7 @@ class DummyArm(Node):
         clock = self.get_clock()
         if self._start_ns is None and isinstance(clock, ROSClock) and clock.ros_time_is_active:
             self.get_logger().warning(
-                'waiting for the time: use_sim_time is true, and nothing comes on /clock')
+                'waiting for /clock: use_sim_time is true, but no message has arrived on /clock')
 
     def _tick(self) -> None:
         now_ns = self.get_clock().now().nanoseconds
@@ -166,29 +178,38 @@ class DummyArm(Node):
                 f'publishing {MAP} -> {logged(base)} on /tf_static and {chain} on /tf at '
                 f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
         t = self._seconds(now_ns)
-        if t < self._t:  # the clock went back: the limits stay as they were set
+        if t < self._t:  # time was set back; the limits that were set last shall stay
             self._waves = [wave.settled() for wave in self._waves]
         self._t = t
         self._joints.send(now_ns, self._arm.poses_at([wave.angle(t) for wave in self._waves]))
 
 
 def make_parser() -> Parser:
-    """Make the parser, whose help lists the parameters."""
+    """
+    Create the parser, whose help lists the parameters.
+
+    :returns: the parser.
+    """
     lines = [f'  {name:15} {quantity.meaning} ({quantity.unit}; {quantity.smallest:g} to '
              f'{quantity.largest:g}; default {quantity.default:g})'
              for name, quantity in number_parameters(Arm()).items()]
     return Parser(
         'dummy_arm',
-        description='Publish a small arm that waves as TF: map -> base_link on /tf_static, '
-                    'base_link -> joint_1 -> joint_2\n-> joint_3 -> end_effector on /tf. '
-                    'Ctrl-C ends it.',
+        description='Publish the transforms of a small arm that waves, until Ctrl-C: map -> '
+                    'base_link\non /tf_static, base_link -> joint_1 -> joint_2 -> joint_3 -> '
+                    'end_effector on /tf.',
         epilog='\n'.join((
-            'parameters, to be given as --ros-args -p NAME:=VALUE:', *lines,
+            'parameters, set by --ros-args -p NAME:=VALUE:', *lines,
             f'  {PREFIX:15} {PREFIX_DESCRIPTION}',
             '  use_sim_time    take the time from /clock (default false)',
             '', 'example: dummy_arm --ros-args -p rate:=100 -p joint_1.speed:=1.0')))
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the node; see `--help`."""
+    """
+    Run the node; see `--help`.
+
+    :param args: the command line without the name of the command; None: that of the process.
+    :returns: the exit code.
+    """
     return run(make_parser(), lambda ros_args: run_node(DummyArm, ros_args), args)

@@ -1,4 +1,4 @@
-"""The arm, and rviz2 to watch it: `ros2 launch dummy_arm dummy_arm.launch.py`."""
+"""Launch the arm and rviz2: `ros2 launch dummy_arm dummy_arm.launch.py`."""
 
 from launch.actions import DeclareLaunchArgument
 from launch.conditions import IfCondition
@@ -11,22 +11,22 @@ from launch import LaunchDescription
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Describe what is started, and its arguments."""
+    """Return the launch arguments and the nodes to start."""
     use_sim_time = {'use_sim_time': LaunchConfiguration('use_sim_time')}
     return LaunchDescription([
         DeclareLaunchArgument('rate', default_value='50.0',
-                              description='how often /tf is published (Hz)'),
+                              description='rate of the messages on /tf (Hz)'),
         DeclareLaunchArgument('rviz', default_value='true',
-                              description='whether rviz2 is started (true or false)'),
+                              description='whether to start rviz2 (true or false)'),
         DeclareLaunchArgument('frame_prefix', default_value='',
-                              description='put before the name of every frame but map'),
+                              description='prefix for the name of every frame except map'),
         DeclareLaunchArgument('use_sim_time', default_value='false',
-                              description='whether the time is taken from /clock (true or false)'),
+                              description='whether to take the time from /clock (true or false)'),
         Node(
             package='dummy_arm', executable='dummy_arm', output='screen',
             parameters=[use_sim_time, {
                 'rate': LaunchConfiguration('rate'),
-                # As text, also where it is empty or a number.
+                # Without the type, launch_ros would not read every prefix as a string.
                 'frame_prefix': ParameterValue(LaunchConfiguration('frame_prefix'),
                                                value_type=str)}]),
         Node(

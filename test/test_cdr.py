@@ -159,7 +159,7 @@ def test_a_packet_packs_as_pack_does(edges, data):
     stamp_ns = data.draw(st.integers(-2**31 * S, 2**31 * S - 1))
     poses = np.array(data.draw(st.lists(
         st.tuples(*[numbers] * 7), min_size=len(edges), max_size=len(edges))))
-    assert cdr.Packet(edges).pack(stamp_ns, poses) == cdr.pack(
+    assert cdr.MessageTemplate(edges).pack(stamp_ns, poses) == cdr.pack(
         [Row(stamp_ns, parent, child, pose)
          for (parent, child), pose in zip(edges, poses.tolist())])
 
@@ -168,7 +168,7 @@ def test_a_packet_packs_as_pack_does(edges, data):
 def test_a_packet_refuses_another_shape(shape):
     """Nothing is broadcast by numpy's rules: each frame has a pose."""
     with pytest.raises(ValueError, match=r'shape \(1, 7\)'):
-        cdr.Packet([('a', 'b')]).pack(0, np.zeros(shape))
+        cdr.MessageTemplate([('a', 'b')]).pack(0, np.zeros(shape))
 
 
 @pytest.mark.parametrize('stamp_ns', [2**31 * S, -2**31 * S - 1, 2**63, -10**30])
@@ -178,7 +178,7 @@ def test_a_stamp_that_does_not_fit_is_refused(stamp_ns):
     with pytest.raises(ValueError, match=error):
         cdr.pack([Row(stamp_ns, 'a', 'b', IDENTITY)])
     with pytest.raises(ValueError, match=error):
-        cdr.Packet([('a', 'b')]).pack(stamp_ns, np.zeros((1, 7)))
+        cdr.MessageTemplate([('a', 'b')]).pack(stamp_ns, np.zeros((1, 7)))
 
 
 @pytest.mark.parametrize('stamp_ns', [2**31 * S - 1, -2**31 * S, -1, 0])
@@ -186,4 +186,4 @@ def test_the_ends_of_what_fits(stamp_ns):
     """To the ns."""
     row = Row(stamp_ns, 'a', 'b', IDENTITY)
     assert cdr.unpack(cdr.pack([row])) == [row]
-    assert cdr.Packet([('a', 'b')]).pack(stamp_ns, [IDENTITY]) == cdr.pack([row])
+    assert cdr.MessageTemplate([('a', 'b')]).pack(stamp_ns, [IDENTITY]) == cdr.pack([row])

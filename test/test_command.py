@@ -31,7 +31,7 @@ def test_numbers_parse_anywhere(parser, text):
 @pytest.mark.parametrize('text', ['1_0', '1.0abc', '', 'x', '1,5', 'nan', '-inf', '0x1'])
 def test_other_text_is_no_number(text):
     """Also what Python takes for one."""
-    with pytest.raises(argparse.ArgumentTypeError, match=r'is no number|is not finite'):
+    with pytest.raises(argparse.ArgumentTypeError, match=r'is not a number|is not finite'):
         number(text)
 
 

@@ -308,7 +308,7 @@ def test_a_kill_and_a_restart_are_picked_up(ros, joints, statics, start, kill):
 def test_sim_time_without_a_clock_is_said(start):
     """Else it would look as if the arm did nothing."""
     process = start(*ARM, '--ros-args', '-p', 'use_sim_time:=true')
-    assert 'nothing comes on /clock' in process.line()
+    assert 'no message has arrived on /clock' in process.line()
 
 
 def play(ros, publisher, joints, start_ns):

@@ -29,7 +29,7 @@ def test_bad_values_are_refused_while_it_runs(start, name, value):
     start(*tool(NAME, '--ros-args', '-p', 'rotation:=euler', '-p', 'roll:=1')).line_with('euler')
     setting = start(*tool('param', NAME, name, value))
     assert setting.exit_code() == 1
-    assert re.fullmatch(f'param: /{NAME} refuses it: {name} must be .*\n', setting.output)
+    assert re.fullmatch(f'param: /{NAME} refuses the value: {name} must be .*\n', setting.output)
     reading = start(*tool('param', NAME, 'rotation'))
     assert reading.exit_code() == 0
     assert reading.output == 'euler\n'

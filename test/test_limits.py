@@ -129,7 +129,7 @@ def test_a_frame_keeps_10000_samples_per_second_of_cache_time(insert, logs):
     (text,) = logged_texts(logs)
     assert text.startswith('TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
                            '"a" from authority "default_authority"')
-    assert 'of a frame, 500 are kept' in text
+    assert 'at most 500 are kept of one frame' in text
 
 
 @pytest.mark.parametrize('insert', WAYS)
@@ -185,7 +185,7 @@ def test_the_frame_that_gets_a_sample_drops_its_oldest(insert, logs):
     (text,) = logged_texts(logs)
     assert text.startswith(
         'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "a" from authority ')
-    assert 'the buffer has 10, and no more are kept (max_samples of the buffer)' in text
+    assert 'max_samples of the buffer allows 10 dynamic transforms' in text
 
 
 @pytest.mark.parametrize('insert', WAYS)
@@ -272,7 +272,7 @@ def test_a_name_may_have_1024_bytes(name, is_taken, is_static, logs):
             assert re.fullmatch(
                 r'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id ".*" from authority '
                 rf'"somebody" because its {"frame_id" if number else "child_frame_id"} has {size} '
-                'bytes: no more than 1024 are allowed', text)
+                'bytes; at most 1024 are allowed', text)
             assert len(text) < 900
 
 
@@ -351,7 +351,7 @@ def test_texts():
 
 @pytest.fixture
 def compared(monkeypatch):
-    """Return the lists of names among which near ones are match_candidates."""
+    """Return the lists of names among which near ones are searched."""
     lists = []
 
     def get_close_matches(name, names, number):

@@ -110,5 +110,5 @@ def test_no_such_frame():
 
 def test_a_single_name_is_an_error():
     """It would be taken for its letters."""
-    with pytest.raises(TypeError, match="must be several names, got 'map'"):
+    with pytest.raises(TypeError, match="must be a list of names, got 'map'"):
         BufferCore().lookup_all('map')

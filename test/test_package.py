@@ -65,7 +65,7 @@ def test_a_command_that_needs_ros_says_so(start, command):
     process = start(*tool_without_ros(command, *arguments))
     assert process.exit_code() == 1
     assert re.fullmatch(
-        rf'{command}: ROS is needed for this, and \w+ cannot be imported: pip install .*\n',
+        rf'{command}: this command needs ROS, but \w+ cannot be imported: pip install .*\n',
         process.output)
 
 

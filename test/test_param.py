@@ -47,9 +47,9 @@ def test_list_read_and_set(arm, param):
 
 
 @pytest.mark.parametrize(('arguments', 'said'), [
-    (['rate', '0'], '/dummy_arm refuses it: .*[Rr]ate.*0.1.*10000'),
-    (['rate', 'fast'], '/dummy_arm refuses it: rate must be a number .*fast'),
-    (['frame_prefix', 'left/'], '/dummy_arm refuses it: .*read-only'),
+    (['rate', '0'], '/dummy_arm refuses the value: .*[Rr]ate.*0.1.*10000'),
+    (['rate', 'fast'], '/dummy_arm refuses the value: rate must be a number .*fast'),
+    (['frame_prefix', 'left/'], '/dummy_arm refuses the value: .*read-only'),
     (['joint_1.sped'], "/dummy_arm has no parameter 'joint_1.sped'. Nearest known: "
                        "'joint_1.speed'"),
     (['colour', 'red'], "/dummy_arm has no parameter 'colour'. Known parameters: .*and 8 more"),
@@ -91,15 +91,15 @@ def test_values_are_read_as_yaml_and_for_the_type_that_was_there(text, before, v
 
 
 @pytest.mark.parametrize(('text', 'said'), [
-    ('0x10', "'0x10' is no number"), ('1:30', "'1:30' is no number"),
-    ('1_0', "'1_0' is no number"), ("'abc", 'while scanning'), ('@x', 'while scanning'),
+    ('0x10', "'0x10' is not a number"), ('1:30', "'1:30' is not a number"),
+    ('1_0', "'1_0' is not a number"), ("'abc", 'while scanning'), ('@x', 'while scanning'),
     ('*a', 'found undefined alias'), ('{a: 1}', 'not one of the allowed types'),
     ('2024-01-01', 'not one of the allowed types'),
     ('!!python/object:os.system x', 'could not determine a constructor'),
-    ('[99999999999999999999]', 'must be an int64')])
+    ('[99999999999999999999]', 'must fit into int64')])
 def test_what_is_no_value_is_a_wrong_use(text, said):
     """With the reason, in one line."""
-    with pytest.raises(UsageError, match=f'is no value of a parameter: .*{said}') as error:
+    with pytest.raises(UsageError, match=f'is not a value of a parameter: .*{said}') as error:
         parameter('rate', text, ParameterType.PARAMETER_DOUBLE)
     assert '\n' not in str(error.value)
 

@@ -398,7 +398,8 @@ def test_slerp_from_a_rotation_to_itself(shortestpath, spin):
 
 
 NO_NUMBERS = 'a quaternion must be four finite numbers x, y, z, w, got '
-NO_LENGTH = r'a quaternion of a rotation must have a length, such as \(0, 0, 0, 1\), got '
+NO_LENGTH = (r'the length of a quaternion must be finite and not zero, such as of '
+             r'\(0, 0, 0, 1\), got ')
 WITH_ROTATIONS = [
     euler_from_quaternion, quaternion_matrix, quaternion_inverse,
     lambda q: quaternion_slerp(q, UNIT, 0.5), lambda q: quaternion_slerp(UNIT, q, 0.0)]
@@ -483,12 +484,12 @@ def homogenous(last):
     (-np.eye(4), r'the last row of a \(4, 4\) matrix must be 0, 0, 0, 1, got \[-0.0, '),
     (homogenous([1, 2, 3, 1]), r'must be 0, 0, 0, 1, got \[1.0, 2.0, 3.0, 1.0\]$'),
     (homogenous([0, 0, 0, math.nan]), r'must be 0, 0, 0, 1, got \[0.0, 0.0, 0.0, nan\]$'),
-    (1.01 * np.eye(3), 'unit vectors at right angles.* off by 0.02, determinant 1.03$'),
-    ([[1, 0.01, 0], [0, 1, 0], [0, 0, 1]], 'unit vectors.* off by 0.01, determinant 1$'),
-    (np.zeros((3, 3)), 'unit vectors.* off by 1, determinant 0$'),
-    (np.diag([1, math.nan, 1]), 'unit vectors.* off by nan, determinant nan$'),
-    (np.diag([1, math.inf, 1]), 'unit vectors.* off by (nan|inf), determinant'),
-    (np.full((3, 3), 1e200), 'unit vectors.* off by inf, determinant'),
+    (1.01 * np.eye(3), 'unit vectors at right angles.* error 0.02, determinant 1.03$'),
+    ([[1, 0.01, 0], [0, 1, 0], [0, 0, 1]], 'unit vectors.* error 0.01, determinant 1$'),
+    (np.zeros((3, 3)), 'unit vectors.* error 1, determinant 0$'),
+    (np.diag([1, math.nan, 1]), 'unit vectors.* error nan, determinant nan$'),
+    (np.diag([1, math.inf, 1]), 'unit vectors.* error (nan|inf), determinant'),
+    (np.full((3, 3), 1e200), 'unit vectors.* error inf, determinant'),
 ])
 def test_no_rotation_matrix(matrix, message):
     """Of another shape, mirroring, scaled, sheared or not finite."""

@@ -98,8 +98,8 @@ def test_what_it_says_and_its_parameters(ros, start):
     (['--frame-id', '/map', '--child-frame-id', 'map'], "from '/map' to 'map': a frame cannot be"),
     (['0', '0', '0', '0', '0', '0', 'map', 'map'], "from 'map' to 'map': a frame cannot be"),
     # tf2 publishes them without a word
-    (['--qw', '0', *FRAMES], '0 0 0 0 is no rotation; that of none is 0 0 0 1'),
-    (['0', '0', '0', '0', '0', '0', '0', 'map', 'base'], '0 0 0 0 is no rotation'),
+    (['--qw', '0', *FRAMES], '0 0 0 0 is not a rotation; the identity is 0 0 0 1'),
+    (['0', '0', '0', '0', '0', '0', '0', 'map', 'base'], '0 0 0 0 is not a rotation'),
     (['--qz', '1', *FRAMES], 'of the quaternion 0 0 1 1 must be 1, not 1.41421; '
                              'did you mean 0 0 0.707107 0.707107[?]'),
     (['--qw', 'nan', *FRAMES], "argument --qw: 'nan' is not finite"),
@@ -107,9 +107,9 @@ def test_what_it_says_and_its_parameters(ros, start):
     (['--x', '-nan', *FRAMES], "argument --x: '-nan' is not finite"),
     (['0', '0', 'nan', '0', '0', '0', 'map', 'base'], "argument z: 'nan' is not finite"),
     # tf2 reads 1.0
-    (['--x', '1.0abc', *FRAMES], "argument --x: '1.0abc' is no number"),
-    (['--x', '1_0', *FRAMES], "argument --x: '1_0' is no number"),
-    (['0', '0', '0', '1,5', '0', '0', 'map', 'base'], "argument yaw: '1,5' is no number"),
+    (['--x', '1.0abc', *FRAMES], "argument --x: '1.0abc' is not a number"),
+    (['--x', '1_0', *FRAMES], "argument --x: '1_0' is not a number"),
+    (['0', '0', '0', '1,5', '0', '0', 'map', 'base'], "argument yaw: '1,5' is not a number"),
     (['--x', *FRAMES], 'argument --x: expected one argument'),
     # tf2 does not see the second
     (['--qw', '1', '--yaw', '0', *FRAMES], 'both quaternion and Euler rotations: --qw and --yaw'),
@@ -153,7 +153,7 @@ def test_the_function_refuses_what_the_command_does():
     """Before there is a node."""
     with pytest.raises(UsageError, match='its own parent'):
         static_transform_publisher.command((0, 0, 0), (0, 0, 0, 1), 'map', '/map')
-    with pytest.raises(UsageError, match='no rotation'):
+    with pytest.raises(UsageError, match='is not a rotation'):
         static_transform_publisher.command((0, 0, 0), (0, 0, 0, 0), 'map', 'base')
     with pytest.raises(UsageError, match='did you mean 0 0 0 1'):
         static_transform_publisher.command((0, 0, 0), (0, 0, 0, 2 * pi), 'map', 'base')

@@ -38,6 +38,6 @@ def test_each_character_of_a_line_is_looked_at_once(monkeypatch, line):
 def test_a_cell_that_is_too_wide_does_not_make_its_column_wide():
     """It is not padded, nor cut off; the others are, to the widest of them."""
     cells = ['map', 'odom', '日' * 1000]
-    columns = terminal.column(map(terminal.width, cells))
+    columns = terminal.column_width(map(terminal.width, cells))
     assert columns == 4
     assert [terminal.padded(cell, columns) for cell in cells] == ['map ', 'odom', '日' * 1000]

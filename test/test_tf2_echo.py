@@ -180,15 +180,15 @@ def test_a_failure_is_told_and_it_goes_on(start, ros):
     (('map',), 'the following arguments are required: target_frame'),
     (('map', ''), 'a frame must have a name'),
     (('/', 'odom'), 'a frame must have a name'),
-    (('map', 'odom', 'fast'), "'fast' is no number"),
-    (('map', 'odom', '1.0abc'), "'1.0abc' is no number"),
+    (('map', 'odom', 'fast'), "'fast' is not a number"),
+    (('map', 'odom', '1.0abc'), "'1.0abc' is not a number"),
     (('map', 'odom', '0'), 'the rate must be more than 0 Hz, got 0'),
     (('map', 'odom', '-r', '-1e-3'), 'the rate must be more than 0 Hz, got -0.001'),
     (('map', 'odom', '1', '-r', '1'), 'the rate is given twice'),
     (('map', 'odom', '-p', '18'), 'the precision must be from 0 to 17 digits, got 18'),
     (('map', 'odom', '-p', '-1'), 'the precision must be from 0 to 17 digits, got -1'),
-    (('map', 'odom', '-p', 'x'), "'x' is no number"),
-    (('map', 'odom', '-p', '0.5'), "'0.5' is no whole number"),
+    (('map', 'odom', '-p', 'x'), "'x' is not a number"),
+    (('map', 'odom', '-p', '0.5'), "'0.5' is not a whole number"),
     (('map', 'odom', '-t', '-1'), "'-1' must be a time in s"),
     (('map', 'odom', '-t', 'now'), "'now' must be a time in s"),
     (('map', 'odom', '-t', 'nan'), "'nan' must be a time in s"),
@@ -197,7 +197,7 @@ def test_a_failure_is_told_and_it_goes_on(start, ros):
     (('map', 'odom', '-t', '1.' + 30 * '0' + '1'), 'with at most 9 digits after the point'),
     (('map', 'odom', '-t', '1.0000000001'), 'with at most 9 digits after the point'),
     (('map', 'odom', '--bag', 'x', '-r', '1'), 'leave out the rate'),
-    (('map', 'odom', '--partial'), '--namespace and --partial are about a bag'),
+    (('map', 'odom', '--partial'), '--namespace and --partial need --bag'),
     (('map', 'odom', '--namespace', 'a'), r'--ros-args -r /tf:=/NAME/tf')])
 def test_wrong_use(failed, arguments, why):
     """Is exit code 2, and one line."""
@@ -230,7 +230,7 @@ def test_out_of_a_bag_without_ros(start, bag):
 @pytest.mark.parametrize(('arguments', 'why'), [
     (('map', 'base_lnik'), "does not exist. Nearest known: 'base_link'.\n"),
     (('map', 'base_link', '-t', '99'), 'Lookup would require extrapolation into the past'),
-    (('map', 'base_link', '-t', '111'), "'odom' -> 'base_link' ends 1.000000000 s before that")])
+    (('map', 'base_link', '-t', '111'), "'odom' -> 'base_link' end 1.000000000 s before that")])
 def test_what_a_bag_does_not_have(failed, bag, arguments, why):
     """Is exit code 1, with what it has."""
     code, error = failed(main, '--bag', bag, *arguments)

@@ -205,7 +205,7 @@ def test_lines():
         '  joint\\n1     50.0 Hz      0.001234 s    0.250000 s  /before (gone)',
         '  tool         50.0 Hz      0.001234 s    0.250000 s  /arm',
         '  tool         50.0 Hz      0.001234 s    0.250000 s  /b',
-        '  tool                         last heard 71.3 s ago  /silent',
+        '  tool                      last received 71.3 s ago  /silent',
         '  tool                                                /uncounted',
         '',
         'All Broadcasters:       rate   average delay     max delay  node',
@@ -231,7 +231,8 @@ def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
 @pytest.mark.parametrize('arguments', [('map',), ('map', ''), ('/', 'odom')])
 def test_wrong_use(failed, arguments):
     """Is exit code 2, and one line."""
-    assert failed(main, *arguments) == (2, 'tf2_monitor: give two frames, or none for all\n')
+    assert failed(main, *arguments) == (
+        2, 'tf2_monitor: give two frames, or none to monitor all frames\n')
 
 
 def test_the_arm(start):
@@ -282,15 +283,16 @@ def test_late_transforms(start, ros):
 def test_it_does_not_die_of_what_is_missing(start, ros):
     """It says what, and goes on; a static chain has no delay."""
     process = start(*tool('tf2_monitor', 'map', 'robot'))
-    ros.until(lambda: 'nothing yet. Publishers on /tf and /tf_static here: ' in process.output)
+    ros.until(lambda: 'No transform has been received yet. Publishers on ' in process.output)
     broadcaster = StaticTransformBroadcaster(ros.node)
     broadcaster.sendTransform(message_of(Row(0, 'map', 'robo', STILL)))
     ros.until(lambda: (
         'Waiting for transform map ->  robot: Invalid frame ID "robot" passed to canTransform '
         'argument source_frame - frame does not exist. Frames here, the nearest names first: '
         "'robo', 'map'.\n" in process.output))
-    for parent, told in (('map', 'Chain is: map -> robot\nNet delay     none: nothing moves\n'),
-                         ('moon', 'not part of the same tree'), ('map', 'Chain is: ')):
+    for parent, told in (
+            ('map', 'Chain is: map -> robot\nNet delay     none: all transforms are static\n'),
+            ('moon', 'not part of the same tree'), ('map', 'Chain is: ')):
         before = len(process.output)
         broadcaster.sendTransform(message_of(Row(0, parent, 'robot', STILL)))
         ros.until(lambda told=told, before=before: told in process.output[before:])
@@ -326,7 +328,7 @@ def test_in_place_on_a_terminal(ros):
         assert len(lines) <= 23
         assert max(map(len, lines)) <= 80
     assert first[0] == 'RESULTS: for all frames, over the last 10 s'
-    assert first[-1] == '... 14 more lines, which a pipe shows'  # of 36
+    assert first[-1] == '... 14 more lines (pipe the output to see all)'  # of 36
 
 
 def test_sim_time_that_is_set_back(start, ros):
@@ -363,7 +365,7 @@ def test_without_a_clock(start):
     """It says so."""
     start(*ARM)
     process = start(*tool('tf2_monitor', '--ros-args', '-p', 'use_sim_time:=true'))
-    process.line_with('Warning: use_sim_time is set, but nothing comes in on /clock')
+    process.line_with('Warning: use_sim_time is set, but no message has arrived on /clock')
     process.line_with('joint_1 ')
     assert re.search(r'  joint_1 +/dummy_arm\n', process.output)
 
@@ -374,8 +376,8 @@ def test_what_comes_too_fast_is_told(start):
     _, code = tool('tf2_monitor')
     process = start('-c', f'from dummy_arm.tf import publisher_listener; '
                     f'publisher_listener._MOST_MESSAGES = 1; {code}')
-    line = process.line_with('messages came too fast')
-    assert re.fullmatch(r'Warning: [1-9]\d* messages came too fast to be counted\n', line)
+    line = process.line_with('messages arrived too fast')
+    assert re.fullmatch(r'Warning: [1-9]\d* messages arrived too fast to be counted\n', line)
 
 
 def test_nowhere_to_print(start):

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dummy_arm.tf._core.times import display, nanoseconds, nanoseconds_or_int
+from dummy_arm.tf._core.times import display_time, nanoseconds, nanoseconds_or_int
 
 
 @pytest.mark.parametrize('time', [
@@ -21,7 +21,7 @@ def test_integers_are_times_where_that_cannot_be_mistaken():
     with pytest.raises(TypeError, match=r'^time must have sec and nanosec, or nanoseconds\.'):
         nanoseconds(5)
     for bad in 0.5, '1', None:
-        with pytest.raises(TypeError, match=r'or nanoseconds.*an integer of ns is good, too'):
+        with pytest.raises(TypeError, match=r'or nanoseconds.*an integer \(ns\) is accepted, too'):
             nanoseconds_or_int(bad)
 
 
@@ -30,4 +30,4 @@ def test_integers_are_times_where_that_cannot_be_mistaken():
     (-1_500_000_000, '-1.500000')])
 def test_displays_times_as_tf2(time, text):
     """Seconds with six digits."""
-    assert display(time) == text
+    assert display_time(time) == text

@@ -46,7 +46,7 @@ def test_composes_where_the_frames_between_are_the_same():
     assert a_from_c[:3] == (3, 'a', 'c')
     assert a_from_c.translation == pytest.approx((1, 2, 0))
     assert a_from_c.rotation == pytest.approx(A_FROM_B.rotation)
-    with pytest.raises(ValueError, match="'b' from 'c' with 'a' from 'b': the frames between"):
+    with pytest.raises(ValueError, match="'b' from 'c' with 'a' from 'b': 'c' and 'a' must"):
         _ = B_FROM_C @ A_FROM_B
     with pytest.raises(TypeError):
         _ = A_FROM_B @ (1, 2)  # type: ignore[operator]

@@ -413,13 +413,13 @@ def test_a_misfit_is_told_with_the_remedy(ros, said):
     """Static transforms that are not latched never arrive; it is told once a second at most."""
     tf_static, now = subscribe(ros.node, TFMessage, '/tf_static', print, LATCHED,
                                ros.node.default_callback_group), 0.0
-    misfits = QosMonitor(tf_static, lambda: now)
+    monitor = QosMonitor(tf_static, lambda: now)
     ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
 
     def told():
         nonlocal now
         now += 1.0
-        misfits.look()
+        monitor.check()
         return said
 
     ros.until(told)
@@ -428,13 +428,13 @@ def test_a_misfit_is_told_with_the_remedy(ros, said):
         'No messages will be received from it. Last incompatible policy: DURABILITY')
     ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
     ros.until(lambda: ros.node.count_publishers('/tf_static') == 2)
-    misfits.look()
+    monitor.check()
     assert len(said) == 1
     ros.until(lambda: len(told()) == 2)
     for _ in range(3):
         told()
     assert len(said) == 2
-    misfits.close()
+    monitor.close()
     tf_static.destroy()
 
 
@@ -685,7 +685,7 @@ def test_the_trip_of_a_message_is_as_written_down(ros):
     assert len(trip) == 10
     assert len({file for _, file in trip}) <= 7
     taken = [call for call in calls[first:last + 1] if call[0] not in (
-        'look',  # for incompatible publishers
+        'check',  # for incompatible publishers
         '__init__',  # of a batch
         'normalized')]  # each of few rotations
     topic = ('take', '_ros/subscription.py')

@@ -240,13 +240,14 @@ def test_the_edge_that_an_error_names_is_short_where_frames_change_their_parents
         (frame,) = [frame for frame in buffer.frames() if frame.name == child]
         assert frame.parent == parent
         assert round(float(seconds) * S) == (
-            at - frame.latest if verb == 'ends' else frame.oldest - at) > 0
+            at - frame.latest if verb == 'end' else frame.oldest - at) > 0
     else:
-        assert error is None or ' is in the tree of root ' in error
+        assert error is None or ' is in the tree with root ' in error
 
 
 HINT = re.compile(
-    r"\. The edge '(\w+)' -> '(\w+)' (ends|begins) (\d+\.\d{9}) s (before|after) that time\.$")
+    r"\. The data of edge '(\w+)' -> '(\w+)' (end|begin) (\d+\.\d{9}) s (before|after) "
+    r'that time\.$')
 
 
 @settings(max_examples=300, deadline=None)
@@ -268,6 +269,6 @@ def test_the_edge_that_an_error_names_is_on_the_path_and_short_by_what_it_tells(
         parent, child, verb, seconds, _ = hint.groups()
         assert parent == parents[child]
         assert short[child] == round(float(seconds) * S) == max(short.values())
-        assert verb == ('ends' if at > spans[child][1] else 'begins')
+        assert verb == ('end' if at > spans[child][1] else 'begin')
     else:
         assert not short

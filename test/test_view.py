@@ -267,7 +267,7 @@ def test_texts():
     from dummy_arm.view.details import details, overview
     buffer = BufferCore()
     source = Known(buffer, Publication(50.04, 0.00123, '/<i>'))
-    assert 'nothing yet. because' in overview(FrameWatcher(buffer).snapshot(), source)
+    assert 'no frames yet. because' in overview(FrameWatcher(buffer).snapshot(), source)
     arm(buffer, T, 'map', '<script>', 'b')
     arm(buffer, T, 'x\n', 'y', 'x\n')
     arm(buffer, T, 'w"orld', 'tree')
@@ -287,11 +287,11 @@ def test_texts():
     text = details(snapshot, 'b', source)  # as after a jump of time, or a long pause
     assert 'parent' in text
     assert 'nan' not in text
-    assert '&lt;b&gt; is not there' in overview(snapshot, source, '<b>')
-    assert '&lt;i&gt; is not there.' in details(snapshot, '<i>', source)
+    assert 'the fixed frame &lt;b&gt; is not available' in overview(snapshot, source, '<b>')
+    assert '&lt;i&gt; is not available.' in details(snapshot, '<i>', source)
     assert 'Click a frame' in details(snapshot, '', source)
     text = details(snapshot, 'map', source)
-    assert 'no parent: a root' in text
+    assert 'no parent: this is a root' in text
     assert '<b data-value="fixed">map</b>' in text
 
 
@@ -342,7 +342,7 @@ def test_no_free_port(monkeypatch):
     from dummy_arm.view import server
 
     monkeypatch.setattr(socket.socket, 'bind', refusing(errno.EADDRINUSE))
-    with (pytest.raises(CommandError, match=r'ports 8080 to 8179 of 127\.0\.0\.1 are all taken'),
+    with (pytest.raises(CommandError, match=r'ports 8080 to 8179 of 127\.0\.0\.1 are all in use'),
           server.serve('127.0.0.1')):
         pass
 
@@ -389,8 +389,8 @@ def test_a_port_that_is_taken(failed, bag):
     with socket.create_server(('127.0.0.1', 0)) as taken:
         port = taken.getsockname()[1]
         assert failed(main, '--bag', bag, '--port', str(port)) == (
-            1, f'web_view: port {port} of 127.0.0.1 is taken: end what has it, choose another, or '
-            'leave out --port, for the next that is free\n')
+            1, f'web_view: port {port} of 127.0.0.1 is in use: end the program that uses it, '
+            'choose another port, or leave out --port to take the next free one\n')
 
 
 @pytest.mark.parametrize('text', ['0', '-1', '65536', '8080.0', '80_80', ' 80', '', 'http', '٣',
@@ -411,8 +411,8 @@ def test_a_port_that_needs_root(failed, monkeypatch, bag):
     monkeypatch.setattr(socket.socket, 'bind', refusing(errno.EACCES))
     code, error = failed(main, '--bag', bag, '--port', '80')
     assert code == 1
-    assert error == ('web_view: cannot serve at port 80 of 127.0.0.1: Permission denied; --port '
-                     'takes a port from 1024 on without root\n')
+    assert error == ('web_view: cannot serve at port 80 of 127.0.0.1: Permission denied; '
+                     'without root, --port must be at least 1024\n')
 
 
 def test_who_can_look():
@@ -423,7 +423,8 @@ def test_who_can_look():
     assert address_lines('::1', 8080) == ['look at http://[::1]:8080']
     assert address_lines('0.0.0.0', 8081) == [
         'look at http://localhost:8081',
-        f'whoever reaches port 8081 of {socket.gethostname()} can look, and use the panel']
+        f'everybody who can reach port 8081 of {socket.gethostname()} can look at the page and '
+        'use the panel']
     assert address_lines('192.0.2.1', 8080)[0] == 'look at http://192.0.2.1:8080'
 
 
@@ -613,7 +614,7 @@ def test_a_view_of_what_is_far(view, place):
 
 
 def test_a_view_that_stands_still(view, clock):
-    """As long as it is paused, also when the buffer has forgotten what is snapshot."""
+    """As long as it is paused, also when the buffer has dropped the data that are shown."""
     buffer = BufferCore()
     page = view(Known(buffer, Publication(None, None, '')))
     arm(buffer, T, 'map', 'base', 'hand')
@@ -678,4 +679,4 @@ def test_without_ros(start):
     """It is told that a bag can be looked at."""
     process = start(*tool_without_ros('web_view'))
     assert process.exit_code() == 1
-    assert 'take a bag without ROS: --bag FILE' in process.output
+    assert 'can read a bag without ROS: --bag FILE' in process.output

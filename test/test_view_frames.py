@@ -222,7 +222,7 @@ def test_no_data_is_exit_code_1_and_what_to_check(start, tmp_path):
     """tf2 writes a PDF that says so."""
     process = start(*tool('view_frames', '-t', '0.5'), cwd=tmp_path)
     assert process.exit_code() == 1
-    assert re.fullmatch(r'view_frames: nothing was heard within 0\.5 s\. .*here: 0.*'
+    assert re.fullmatch(r'view_frames: no transform was received within 0\.5 s\. .*here: 0.*'
                         r'ROS_DOMAIN_ID \(here: \d+\).*DISCOVERY_RANGE \(here: LOCALHOST\); .*\n',
                         process.output)
     assert not [*tmp_path.iterdir()]
@@ -230,11 +230,12 @@ def test_no_data_is_exit_code_1_and_what_to_check(start, tmp_path):
 
 @pytest.mark.parametrize(('arguments', 'said'), [
     (['-t', '0'], 'more than 0 s, .*got 0'), (['-t', '-1e-1'], 'more than 0 s, .*got -0.1'),
-    (['-t', 'x'], "'x' is no number"), (['-t', 'nan'], "'nan' is not finite"),
+    (['-t', 'x'], "'x' is not a number"), (['-t', 'nan'], "'nan' is not finite"),
     (['--wait_time'], r'unrecognized arguments: --wait_time \(did you mean --wait-time\?\)'),
     (['-t', '1e300'], 'at most 1e[+]09 s, got 1e[+]300'),
-    (['-o', ''], 'no name of a file'), (['-o', '..'], 'no name of a file'),
-    (['-o', 'directory/'], 'no name of a file'), (['-o', 'a.jpg'], 'must end in .pdf, .svg, .png'),
+    (['-o', ''], 'is not a file name'), (['-o', '..'], 'is not a file name'),
+    (['-o', 'directory/'], 'is not a file name'),
+    (['-o', 'a.jpg'], 'must end in .pdf, .svg, .png'),
     (['--ros-args', '-p'], 'ROS arguments')])
 def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments, said):
     """It names what is wrong."""
@@ -279,8 +280,8 @@ def test_a_place_that_cannot_be_written_to_is_told_at_once(failed):
     """Not after listening."""
     begin = time.monotonic()
     code, line = failed(view_frames.main, '-t', '100', '-o', 'missing/frames')
-    assert (code, line) == (1, 'view_frames: cannot write missing/frames.pdf: missing is no '
-                               'directory, or read-only\n')
+    assert (code, line) == (1, 'view_frames: cannot write missing/frames.pdf: missing is not a '
+                               'writable directory\n')
     assert time.monotonic() < begin + 5.0
 
 
@@ -340,7 +341,7 @@ def test_what_the_command_refuses():
     """Without ROS."""
     with pytest.raises(UsageError, match='more than 0 s'):
         view_frames.command(wait_time=0.0)
-    with pytest.raises(UsageError, match='no name'):
+    with pytest.raises(UsageError, match='is not a file name'):
         view_frames.command('')
 
 
@@ -394,7 +395,7 @@ def test_a_live_tree_says_how_much_of_it_is_not_shown(ours, ros):
                             until=lambda written: written.count('more lines') > 1)
     screen = written.split('\x1b[H\x1b[2J')[-1].splitlines()
     assert len(screen) == 23
-    assert screen[-1] == '... 9 more lines, which a pipe shows'
+    assert screen[-1] == '... 9 more lines (pipe the output to see all)'
 
 
 def test_without_tqdm_there_is_no_bar(ours, ros):
@@ -436,7 +437,7 @@ def test_without_pygraphviz_a_command_says_so(start, tmp_path):
     bag = str(bags.make(tmp_path / 'bag', 'mcap', bags.walk()))
     process = start(*tool_without(['pygraphviz', *ROS], 'view_frames', '--bag', bag), cwd=tmp_path)
     assert process.exit_code() == 1
-    assert re.fullmatch('view_frames: pygraphviz, which draws, cannot be imported .*: '
+    assert re.fullmatch('view_frames: drawing needs pygraphviz, which cannot be imported .*: '
                         'pip install pygraphviz; .*; wrote frames.gv\n', process.output)
     assert (tmp_path / 'frames.gv').exists()
 
@@ -450,7 +451,7 @@ def test_a_bag_is_drawn_without_ros(start, tmp_path, kind):
     assert process.exit_code() == 0
     assert process.output == (
         'wrote frames.pdf and frames.gv: frames: 3, transforms: 2, root: map\n'
-        'from 100.000000 s to 110.000000 s, 10.000 s; ages count to the end\n')
+        'from 100.000000 s to 110.000000 s, 10.000 s; ages are relative to the end\n')
     text = pypdf.PdfReader(tmp_path / 'frames.pdf').pages[0].extract_text()
     sender = '/sender' if kind == 'bag' else 'not recorded'
     for words in ('map', 'odom', 'base_link', 'static', 'Average rate: 10.000 Hz',
@@ -460,7 +461,7 @@ def test_a_bag_is_drawn_without_ros(start, tmp_path, kind):
 
 
 def test_the_tree_of_a_bag(start, tmp_path):
-    """In the terminal; ages count to the newest transform. Of a damaged one, with a warning."""
+    """In the terminal; ages are relative to its end. Of a damaged one, with a warning."""
     bags = pytest.importorskip('bags')
     bag = bags.make(tmp_path / 'robot.bag', 'bag', [
         *bags.walk(), ('/tf', 99 * bags.S, [bags.row(99 * bags.S, 'odom', 'cup')])])
@@ -471,14 +472,14 @@ def test_the_tree_of_a_bag(start, tmp_path):
         '└── odom              static                 /sender\n'
         '    ├── base_link    10.0 Hz    0.000 s old  /sender\n'
         '    └── cup             ? Hz   11.000 s old  /sender\n'
-        'from 99.000000 s to 110.000000 s, 11.000 s; ages count to the end\n')
+        'from 99.000000 s to 110.000000 s, 11.000 s; ages are relative to the end\n')
     bag.write_bytes(bag.read_bytes()[:-1000])
     process = start(*tool_without_ros('view_frames', '--text', '--bag', str(bag)))
     assert process.exit_code() == 1
     assert process.output.startswith(f'view_frames: {bag} cannot be read: ')
     process = start(*tool_without_ros('view_frames', '--text', '--partial', '--bag', str(bag)))
     assert process.exit_code() == 0
-    assert process.output.startswith(f'{bag}: it ends in the midst of a record. What could be ')
+    assert process.output.startswith(f'{bag}: it ends in the middle of a record. Read ')
     assert process.output.count('\n') == 6
 
 
@@ -490,14 +491,14 @@ def test_a_bag_of_a_namespace(capsys, tmp_path):
     assert view_frames.main(['--text', '--bag', bag, '--namespace', 'robot']) == 0
     assert 'base_link' in capsys.readouterr().out
     assert view_frames.main(['--text', '--bag', bag]) == 1
-    assert 'in the namespace /robot: give it (--namespace)' in capsys.readouterr().err
+    assert 'in the namespace /robot: pass it as namespace (--namespace)' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(('arguments', 'code', 'why'), [
     (('--bag', 'x', '--watch'), 2, 'a bag is read, not listened to'),
     (('--bag', 'x', '-t', '5'), 2, 'a bag is read, not listened to'),
     (('--namespace', 'x'), 2, '--ros-args -r /tf:=/NAME/tf'),
-    (('--bag', ''), 2, 'a bag must have a name'),
+    (('--bag', ''), 2, '--bag needs the path of a bag'),
     (('--bag', 'nowhere'), 1, 'cannot read nowhere: No such file or directory')])
 def test_bags_used_wrongly(failed, monkeypatch, tmp_path, arguments, code, why):
     """One line, that tells what to do."""
@@ -550,7 +551,7 @@ def seconds_of_work(pid):
 
 #: The command, without its limit.
 UNLIMITED = ('import sys, dummy_arm.cli.entry_points as e, dummy_arm.tools.view_frames as v\n'
-             'v.MOST = 10**6; sys.exit(e.view_frames())')
+             'v.MAX_FRAMES = 10**6; sys.exit(e.view_frames())')
 
 
 @pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
@@ -634,7 +635,7 @@ def test_modules_of_the_working_directory_do_not_draw(start, tmp_path):
     bag = large_bag(tmp_path, 3)
     there = tmp_path / 'there'
     there.mkdir()
-    for name in 'pygraphviz.py', 'dummy_arm.py', 'subprocess.py':
+    for name in 'pygraphviz.py', 'dummy_arm.py', 'subprocess.py', 'ctypes.py':
         (there / name).write_text('raise SystemExit("found where it should not")\n')
     script = tmp_path / 'view_frames'
     script.write_text(tool('view_frames')[1])
@@ -651,7 +652,7 @@ def test_more_frames_than_can_be_drawn(failed, monkeypatch, tmp_path):
     monkeypatch.chdir(there)
     code, line = failed(view_frames.main, '--bag', bag)
     assert (code, line) == (1, 'view_frames: 2001 frames are too many to draw; the limit is 2000: '
-                               'draw a part, by --root FRAME, or print the tree, by --text; '
+                               'draw a part with --root FRAME, or print the tree with --text; '
                                'wrote frames.gv\n')
     assert [path.name for path in there.iterdir()] == ['frames.gv']
     assert Path('frames.gv').read_text().count('->') == 2000
@@ -672,10 +673,11 @@ def house(tmp_path):
 
 @pytest.mark.parametrize(('root', 'tree', 'span'), [
     ('/base_link', ['base_link', '└── arm', '    └── tool'],
-     'from 102.000000 s to 104.000000 s, 2.000 s; ages count to the end of the bag, 110.000000 s'),
+     'from 102.000000 s to 104.000000 s, 2.000 s; '
+     'ages are relative to the end of the bag, 110.000000 s'),
     ('odom', ['odom', '└── base_link', '    └── arm', '        └── tool'],
-     'from 100.000000 s to 110.000000 s, 10.000 s; ages count to the end'),
-    ('tool', ['tool'], 'all is static')])
+     'from 100.000000 s to 110.000000 s, 10.000 s; ages are relative to the end'),
+    ('tool', ['tool'], 'all transforms are static')])
 def test_the_tree_below_a_root(capsys, house, root, tree, span):
     """And nothing else: no warning of a loop that is elsewhere; ages as they are in the whole."""
     assert view_frames.main(['--text', '--bag', house, '--root', root]) == 0
@@ -725,7 +727,8 @@ def test_a_live_tree_waits_for_its_root(ours, start):
     """With a line that says so."""
     ours(('map', 'base'))
     process = start(*tool('view_frames', '--watch', '--root', 'tool'))
-    process.line_with("nothing yet: frame 'tool' does not exist. Known frames: 'map', 'base'.")
+    process.line_with("waiting for the root: frame 'tool' does not exist. Known frames: "
+                      "'map', 'base'.")
     ours(('base', 'tool'), ('tool', 'tip'))
     while process.line_with('t') != 'tool\n':
         pass

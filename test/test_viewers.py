@@ -62,7 +62,7 @@ class Viewer:
         def is_last(message):
             if label := message.get('props', {}).get('label'):
                 uuids[label] = message['uuid']
-            return label == 'Look at all'
+            return label == 'Focus on all frames'
 
         self.wait(is_last)
         return uuids
@@ -135,18 +135,19 @@ def test_a_click_that_is_none_is_refused(page, changes):
 
 
 @pytest.mark.parametrize(('label', 'value'), [
-    ('Axis size (m)', 0.5), ('Axis size (m)', 1), ('Time (s)', 0), ('Pause', True),
-    ('Names', False), ('Frame', 'base'), ('Fixed frame', '(none)'), ('Look at all', True)])
+    ('Axis length (m)', 0.5), ('Axis length (m)', 1), ('Time (s)', 0), ('Pause', True),
+    ('Show names', False), ('Frame', 'base'), ('Fixed frame', '(none)'),
+    ('Focus on all frames', True)])
 def test_a_value_of_a_control_is_accepted(page, uuids, label, value):
     """Whole numbers come as such."""
     assert accepted(page, update(uuids[label], value=value))
 
 
 @pytest.mark.parametrize(('label', 'value'), [
-    ('Axis size (m)', '1'), ('Axis size (m)', True), ('Axis size (m)', float('nan')),
-    ('Axis size (m)', float('inf')), ('Axis size (m)', None), ('Axis size (m)', [0.5]),
-    ('Pause', 1), ('Pause', 'yes'), ('Names', None), ('Frame', 'nowhere'), ('Frame', 5),
-    ('Frame', ['base']), ('Frame', {}), ('Frame', 'x' * 10000), ('Look at all', [])])
+    ('Axis length (m)', '1'), ('Axis length (m)', True), ('Axis length (m)', float('nan')),
+    ('Axis length (m)', float('inf')), ('Axis length (m)', None), ('Axis length (m)', [0.5]),
+    ('Pause', 1), ('Pause', 'yes'), ('Show names', None), ('Frame', 'nowhere'), ('Frame', 5),
+    ('Frame', ['base']), ('Frame', {}), ('Frame', 'x' * 10000), ('Focus on all frames', [])])
 def test_a_value_that_is_none_is_refused(page, uuids, label, value):
     """Of another type, or not among the options."""
     assert not accepted(page, update(uuids[label], value=value))
@@ -234,7 +235,7 @@ def test_no_message_of_a_viewer_ends_the_process(start, tmp_path):
                 bad.send(update(uuid, **{name: value}))
     for _ in range(4000):
         bad.send(any_message(source, [*uuids.values()])[:2**16])
-    bad.send(update(uuids['Axis size (m)'], value=0.77))  # the last one, now all have arrived
+    bad.send(update(uuids['Axis length (m)'], value=0.77))  # the last one, now all have arrived
     good.wait(lambda each: each.get('updates') == {'value': 0.77})
     bad.close()
     for _ in range(20):

@@ -92,13 +92,13 @@ def test_the_waving_arm(start, ros, look, request, tmp_path):
     arm.end(signal.SIGINT)
     grey = page.until(lambda: (scene := page.scene()).radii[hand] < 0.007 and scene)
     assert np.ptp(grey.colours[0, hand]) < 0.02
-    page.until(lambda: page.value('rate').startswith('silent for'))
+    page.until(lambda: page.value('rate').startswith('no update for'))
     gone = page.until(lambda: (scene := page.scene()).radii[hand] == 0.0 and scene)
     assert np.allclose(gone.radii, [0.008, 0.008, 0.0, 0.0, 0.0, 0.0])
     page.until(lambda: (scene := page.scene()).names.keys() == {'map, base_link'}
                and not len(scene.trail))
-    page.until(lambda: '2 frames\nnot shown, since nothing was heard of them or on the way to '
-               'them for 15 s: joint_1, joint_2, joint_3, end_effector' in page.overview())
+    page.until(lambda: '2 frames\nnot shown, since they or a frame on the path to them had no new '
+               'transform for 15 s: joint_1, joint_2, joint_3, end_effector' in page.overview())
     start(*ARM)
     back = page.until(lambda: np.allclose(  # with joint_2 selected
         (scene := page.scene_with(*FRAMES)).radii, [0.008, 0.008, 0.008, 0.0136, 0.008, 0.008]
@@ -184,7 +184,7 @@ def test_trees_that_change(start, ros, look):
     assert np.allclose(scene.ends[3, base], scene.begins[0, left], atol=1e-5)
     page.choose('Fixed frame', 'left')
     scene_with('map', at=(-3.0, 0.0, 0.0))
-    page.tick('Names', False)
+    page.tick('Show names', False)
     until(lambda: not page.scene().names)
 
 
@@ -197,7 +197,7 @@ def test_a_bag_without_ros(start, look, tmp_path):
     page = look(process)
     page.until(lambda: '63 frames' in page.overview())
     assert not page.scene().names
-    page.tick('Names', True)
+    page.tick('Show names', True)
     page.tick('Pause', True)
     page.scene_with('map', 'odom', 'base_link', 'post_59')
     slider = page.page.get_by_role('slider').first
@@ -237,7 +237,7 @@ def test_a_wait_in_vain_tells_what_the_page_shows(start, look, tmp_path):
     page.faults.append('a fault')
     with pytest.raises(AssertionError, match=(
             r"(?s)waited in vain; faults: \['a fault'\]\noverview:\nbag: 3 frames\ndetails:\n"
-            r'.*in its parent odom.*names: .*odom at \[1, 2, 3\]')):
+            r'.*pose in the parent odom.*names: .*odom at \[1, 2, 3\]')):
         page.until(lambda: False, timeout=0.0)
     page.faults.clear()
 

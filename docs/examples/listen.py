@@ -1,4 +1,4 @@
-"""Print, once a second, the newest transform of every frame on /tf and /tf_static."""
+"""Print the newest transform of every frame on /tf and /tf_static once a second."""
 
 import signal
 from threading import Event
@@ -12,15 +12,17 @@ from dummy_arm.tf import Buffer, TransformException, TransformListener
 
 
 class Listener(Node):
-    """Looks up every frame in its parent."""
+    """A node that looks up the pose of every frame in its parent once a second."""
 
     def __init__(self) -> None:
+        """Create the node, its buffer, its listener and a timer."""
         super().__init__('listen')
         self._buffer = Buffer(node=self)
         self._listener = TransformListener(self._buffer, self)
         self.create_timer(1.0, self._print)
 
     def _print(self) -> None:
+        """Print a line for each frame; the timer calls this."""
         frames = self._buffer.frames()
         if not frames:
             print('nothing on /tf yet', flush=True)
@@ -36,11 +38,11 @@ class Listener(Node):
                   f'xyzw {q.x:6.3f} {q.y:6.3f} {q.z:6.3f} {q.w:6.3f}', flush=True)
 
 
-ends = Event()
-for number in signal.SIGINT, signal.SIGTERM:
-    signal.signal(number, lambda *_: ends.set())
+stop = Event()
+for signal_number in signal.SIGINT, signal.SIGTERM:
+    signal.signal(signal_number, lambda *_: stop.set())
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 node = Listener()
-while not ends.is_set():
+while not stop.is_set():
     rclpy.spin_once(node, timeout_sec=0.1)
 rclpy.shutdown()

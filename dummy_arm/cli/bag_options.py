@@ -1,4 +1,4 @@
-"""The options of commands that can take their transforms from a bag."""
+"""The options of commands that can read transforms from a bag."""
 
 from argparse import ArgumentParser
 from pathlib import Path
@@ -12,33 +12,47 @@ from dummy_arm.tf.bag import BagError, read
 
 
 def add_bag_options(parser: ArgumentParser) -> None:
-    """Let a command take a bag."""
-    parser.add_argument('--bag', metavar='FILE', help='take the transforms from a bag: the '
-                        'directory of rosbag2, a .mcap, a .db3, or a .bag of ROS 1; needs no ROS')
+    """
+    Add the options `--bag`, `--namespace` and `--partial` to a parser.
+
+    :param parser: the parser of the command.
+    """
+    parser.add_argument('--bag', metavar='FILE', help='read the transforms from a bag, '
+                        'without ROS: a rosbag2 directory, a .mcap or .db3 file, or a .bag of '
+                        'ROS 1')
     parser.add_argument('--namespace', default='', metavar='NAME',
-                        help='of a bag: take /NAME/tf and /NAME/tf_static')
+                        help='with --bag: read /NAME/tf and /NAME/tf_static')
     parser.add_argument('--partial', action='store_true',
-                        help='of a bag that is cut off or damaged: take what can be read')
+                        help='with --bag: if the bag is cut off or damaged, read what can be read')
 
 
 def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[BufferCore]:
     """
-    Read a bag, if one is given; with a progress bar on a terminal.
+    Read the bag that was given by the options; show a progress bar on a terminal.
 
-    :raises UsageError: when none is, but one of its options; or it has no name.
-    :raises CommandError: when it cannot be read.
-    :raises KeyboardInterrupt: when a signal comes.
+    :param bag: path of the bag; None: no bag was given.
+    :param namespace: namespace of the topics /tf and /tf_static; empty: none.
+    :param partial: whether to read what can be read of a damaged bag.
+    :returns: a buffer with the transforms of the bag; None if no bag was given.
+    :raises UsageError: if the path is empty, or if `namespace` or `partial` is set without a bag.
+    :raises CommandError: if the bag cannot be read.
+    :raises KeyboardInterrupt: if a signal has been recorded.
     """
     if bag is None:
         if namespace or partial:
             raise UsageError(
-                '--namespace and --partial are about a bag; to listen in a namespace: '
+                '--namespace and --partial need --bag; to listen in a namespace: '
                 '--ros-args -r /tf:=/NAME/tf -r /tf_static:=/NAME/tf_static')
         return None
     if not bag:
-        raise UsageError('a bag must have a name')
+        raise UsageError('--bag needs the path of a bag, got an empty one')
 
     def on_progress(done: float) -> None:
+        """
+        Move the bar, and raise KeyboardInterrupt if a signal has been recorded.
+
+        :param done: the part of the bag that has been read, from 0 to 1.
+        """
         check_signals()
         show(done)
 

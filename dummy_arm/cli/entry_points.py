@@ -1,4 +1,8 @@
-"""The commands' entry points; light, so that Ctrl-C is a normal end while they still import."""
+"""
+The entry points of the commands.
+
+This module imports little, so that signals are recorded before the slow imports of a command.
+"""
 
 from importlib import import_module
 import sys
@@ -9,47 +13,48 @@ _ROS = 'rclpy', 'builtin_interfaces', 'geometry_msgs', 'rcl_interfaces', 'std_ms
 
 
 def dummy_arm() -> int:
-    """Run `dummy_arm.dummy_arm`."""
+    """Run `dummy_arm.dummy_arm` and return its exit code."""
     return _run('dummy_arm.dummy_arm')
 
 
 def dynamic_tf_publisher() -> int:
-    """Run `dummy_arm.tools.dynamic_tf_publisher`."""
+    """Run `dummy_arm.tools.dynamic_tf_publisher` and return its exit code."""
     return _run('dummy_arm.tools.dynamic_tf_publisher')
 
 
 def param() -> int:
-    """Run `dummy_arm.tools.param`."""
+    """Run `dummy_arm.tools.param` and return its exit code."""
     return _run('dummy_arm.tools.param')
 
 
 def static_transform_publisher() -> int:
-    """Run `dummy_arm.tools.static_transform_publisher`."""
+    """Run `dummy_arm.tools.static_transform_publisher` and return its exit code."""
     return _run('dummy_arm.tools.static_transform_publisher')
 
 
 def tf2_echo() -> int:
-    """Run `dummy_arm.tools.tf2_echo`."""
+    """Run `dummy_arm.tools.tf2_echo` and return its exit code."""
     return _run('dummy_arm.tools.tf2_echo')
 
 
 def tf2_monitor() -> int:
-    """Run `dummy_arm.tools.tf2_monitor`."""
+    """Run `dummy_arm.tools.tf2_monitor` and return its exit code."""
     return _run('dummy_arm.tools.tf2_monitor')
 
 
 def view_frames() -> int:
-    """Run `dummy_arm.tools.view_frames`."""
+    """Run `dummy_arm.tools.view_frames` and return its exit code."""
     return _run('dummy_arm.tools.view_frames')
 
 
 def web_view() -> int:
-    """Run `dummy_arm.tools.web_view`."""
+    """Run `dummy_arm.tools.web_view` and return its exit code."""
     return _run('dummy_arm.tools.web_view')
 
 
 def _run(module: str) -> int:
-    record_signals()  # raised while modules import, KeyboardInterrupt becomes other errors
+    """Import a module and run its `main`; Ctrl-C and SIGTERM are normal ends."""
+    record_signals()  # a KeyboardInterrupt within an import can turn into another error
     try:
         main = import_module(module).main
         return 0 if signal_received() else int(main())
@@ -58,10 +63,10 @@ def _run(module: str) -> int:
     except ModuleNotFoundError as error:
         if error.name not in _ROS:
             raise
-        print(f'{module.rpartition(".")[2]}: ROS is needed for this, and {error.name} cannot be '
+        print(f'{module.rpartition(".")[2]}: this command needs ROS, but {error.name} cannot be '
               "imported: pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces, or "
               'source the setup file of a ROS installation. view_frames, tf2_echo and web_view '
-              'take a bag without ROS: --bag FILE', file=sys.stderr)
+              'can read a bag without ROS: --bag FILE', file=sys.stderr)
         return 1
     finally:
         ignore_signals()

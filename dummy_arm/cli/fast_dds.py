@@ -1,7 +1,7 @@
 """
-What this package uses of Fast DDS that is not public to users of ROS: its participant.
+A workaround for an error of Fast DDS 2.14, by which destroying a node can hang.
 
-test/test_fast_dds.py states what this relies on.
+It calls functions of Fast DDS that ROS does not expose; test/test_fast_dds.py tests them.
 """
 
 import ctypes
@@ -16,26 +16,32 @@ _GET_FACTORY = f'{_DDS}24DomainParticipantFactory12get_instanceEv'
 _LOOKUP = '_ZNK8eprosima7fastdds3dds24DomainParticipantFactory18lookup_participantEj'
 _SET_LISTENER = (f'{_DDS}17DomainParticipant12set_listenerEPNS1_25DomainParticipantListenerE'
                  'NSt6chrono8durationIlSt5ratioILl1ELl1EEEE')
-_LIMIT = 1  # s
+_TIMEOUT = 1  # s
 
 
 def destroy(node: Node) -> None:
-    """Destroy the last node of this process in its domain, though others come or go just then."""
+    """
+    Destroy the last node of this process in its domain, and avoid the hang of Fast DDS 2.14.
+
+    :param node: the node.
+    """
     detach_discovery_listener(node.context.get_domain_id())
     node.destroy_node()
 
 
 def detach_discovery_listener(domain_id: int) -> bool:
     """
-    Detach the listener by which a participant reports that others come and go.
+    Detach the discovery listener from the Fast DDS participant of this process.
 
-    rmw_fastrtps does so when the last node is destroyed, with an infinite timeout. Fast DDS 2.14
-    adds that to now(), which overflows; if others come or go just then, as those that the same
-    Ctrl-C has ended, it busy-waits for ever, and holds the lock that the pending callback needs
-    (`DomainParticipant::set_listener`). With a timeout of a second it waits as it should.
+    rmw_fastrtps detaches it when the last node is destroyed, with an infinite timeout. Fast DDS
+    2.14 adds that timeout to now(), which overflows (`DomainParticipant::set_listener`). If a
+    callback of the listener is pending then, because another participant has just been found or
+    lost, it busy-waits for ever while it holds the lock that the callback needs. One Ctrl-C for
+    several nodes leads to this. With a timeout of one second, Fast DDS waits as intended.
 
-    :returns: whether there was a participant of that Fast DDS; where there is none, as with
-        another middleware or version, nothing is done.
+    :param domain_id: the ROS domain of the participant.
+    :returns: True if the listener was detached; False if there is no participant of Fast DDS 2.14,
+        as with another middleware or version.
     """
     try:
         library = ctypes.CDLL(_LIBRARY, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
@@ -49,10 +55,10 @@ def detach_discovery_listener(domain_id: int) -> bool:
     participant = lookup(get_factory(), domain_id)
     if not participant:
         return _does_not_apply(f'no participant in the domain {domain_id}')
-    set_listener(participant, None, _LIMIT)
+    set_listener(participant, None, _TIMEOUT)
     return True
 
 
-def _does_not_apply(why: str) -> bool:
-    get_logger('dummy_arm').debug(f'the discovery listener of Fast DDS is not detached: {why}')
+def _does_not_apply(reason: str) -> bool:
+    get_logger('dummy_arm').debug(f'the discovery listener of Fast DDS is not detached: {reason}')
     return False

@@ -1,4 +1,4 @@
-"""Commands that are a node, or have one: from its start to its end."""
+"""The nodes of the commands: how they are started, spun and destroyed."""
 
 from _thread import interrupt_main
 from collections.abc import Callable, Iterator, Sequence
@@ -16,36 +16,39 @@ from dummy_arm.cli.fast_dds import destroy
 from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
 from dummy_arm.cli.signals import signal_received
 
-_LONGEST_WAIT = 0.2  # s; a signal does not end a wait in the middleware
+#: The longest wait in the middleware (s); a recorded signal does not interrupt it.
+_LONGEST_WAIT = 0.2
 
 
 def run_node(make_node: Callable[[], Node], ros_args: Sequence[str]) -> int:
     """
-    Run a node until it is told to stop: by Ctrl-C, by SIGTERM or by a shutdown of the context.
+    Run a node until Ctrl-C, SIGTERM or a shutdown of the context.
 
-    :param make_node: makes the node; may raise a UsageError.
-    :param ros_args: the command line with the command.
-    :returns: the exit code: 0.
-    :raises UsageError: on ROS arguments that the node does not take.
+    :param make_node: creates the node; may raise a UsageError.
+    :param ros_args: the command line, with the name of the command.
+    :returns: the exit code, 0.
+    :raises UsageError: if the node rejects a parameter of the ROS arguments.
+    :raises CommandError: if ROS cannot be initialised.
     """
-    with ros(ros_args), suppress(ExternalShutdownException):
+    with ros_context(ros_args), suppress(ExternalShutdownException):
         _spin_until_signal(make_node())
     return 0
 
 
 @contextmanager
-def ros(ros_args: Sequence[str]) -> Iterator[None]:
+def ros_context(ros_args: Sequence[str]) -> Iterator[None]:
     """
-    Have ROS from here to the end of the block.
+    Initialise ROS, and shut it down at the end of the `with` block.
 
-    :param ros_args: the command line with the command.
-    :raises UsageError: on ROS arguments that a node in the block does not take.
-    :raises CommandError: when ROS does not start.
+    :param ros_args: as `run_node`.
+    :returns: a context manager; `as` gives None.
+    :raises UsageError: if a node in the block rejects a parameter of the ROS arguments.
+    :raises CommandError: if ROS cannot be initialised.
     """
     try:
-        # Not rclpy's handlers: they shut the context down while a node may be at work in it.
+        # The signal handlers of rclpy would shut the context down while a node is using it.
         rclpy.init(args=list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # by rcl, as of the environment
+    except RuntimeError as error:  # of rcl, such as for an invalid ROS_DOMAIN_ID
         raise CommandError(rcl_error_text(error)) from None
     try:
         yield
@@ -58,24 +61,29 @@ def ros(ros_args: Sequence[str]) -> Iterator[None]:
 @contextmanager
 def spinning_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
     """
-    Have ROS and a node, which is spun in a thread, from here to the end of the block.
+    Initialise ROS and spin a node in a thread until the end of the `with` block.
 
-    :raises CommandError: when the thread ends within the block, which is interrupted then.
+    :param name: name of the node.
+    :param ros_args: as `run_node`.
+    :returns: a context manager; `as` gives the node.
+    :raises UsageError: if the node rejects a parameter of the ROS arguments.
+    :raises CommandError: if ROS cannot be initialised, or if the executor raises an error within
+        the block; the block is interrupted then.
     """
-    with ros(ros_args):
-        node, ends = rclpy.create_node(name), Event()
+    with ros_context(ros_args):
+        node, stop_requested = rclpy.create_node(name), Event()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         errors: list[BaseException] = []
 
         def spin() -> None:
             try:
-                while not ends.is_set():
+                while not stop_requested.is_set():
                     executor.spin_once(timeout_sec=_LONGEST_WAIT)
             except BaseException as error:
-                if not ends.is_set():
+                if not stop_requested.is_set():
                     errors.append(error)
-                    interrupt_main()  # else the command would go on with data that are old
+                    interrupt_main()  # otherwise the command would go on with old data
 
         thread = Thread(target=spin, name=f'spin of {name}')
         thread.start()
@@ -85,7 +93,7 @@ def spinning_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
             if not errors:
                 raise
         finally:
-            ends.set()
+            stop_requested.set()
             executor.wake()
             thread.join()
             executor.shutdown()
@@ -102,5 +110,6 @@ def _spin_until_signal(node: Node) -> None:
         while not signal_received():
             executor.spin_once(timeout_sec=_LONGEST_WAIT)
     finally:
-        executor.shutdown()  # before the context: it would complain, when it is collected
+        # An executor that outlives its context complains when it is garbage-collected.
+        executor.shutdown()
         destroy(node)

@@ -1,4 +1,4 @@
-"""What the commands share: arguments, errors and exit codes; no ROS."""
+"""Arguments, errors and exit codes of the commands; no ROS is needed."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -15,31 +15,39 @@ from dummy_arm.tf.formatting import visible
 
 
 class UsageError(ValueError):
-    """A command or node was asked for what cannot be; the text says what and why."""
+    """An invalid argument of a command or parameter of a node; the text says what is allowed."""
 
 
 class CommandError(Exception):
-    """A command could not do what it was asked for; the text says why, and what to do."""
+    """A failure of a command; the text gives the reason and the remedy."""
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that takes negative numbers of any form, and tells an error in one line."""
+    """A parser that accepts negative numbers in any notation and prints errors in one line."""
 
     def __init__(self, prog: str, description: str, epilog: str = '', **kwargs: Any) -> None:
         """
-        Make a parser.
+        Create a parser without arguments.
 
-        :param epilog: what the help ends with: an example.
+        :param prog: name of the command.
+        :param description: first part of the help: what the command does.
+        :param epilog: last part of the help: examples.
+        :param kwargs: further arguments of `argparse.ArgumentParser`.
         """
         super().__init__(prog=prog, description=description, epilog=epilog, allow_abbrev=False,
                          formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
-        # That of argparse takes an exponent or 'nan' for an option.
+        # With the pattern of argparse, -1e-3 and -nan would be options.
         self._negative_number_matcher = re.compile(r'-(\d|\.\d|inf|nan)', re.IGNORECASE)
 
     def error(self, message: str) -> NoReturn:
-        """End the program with exit code 2, the message and the usage."""
-        for given in message.removeprefix('unrecognized arguments: ').split():
-            name = given.split('=')[0]
+        """
+        Print an error and the usage in one line, and exit with code 2.
+
+        :param message: the error.
+        :raises SystemExit: always.
+        """
+        for argument in message.removeprefix('unrecognized arguments: ').split():
+            name = argument.split('=')[0]
             near = [*(option for option in self._option_string_actions if option.startswith(name)),
                     *get_close_matches(name, self._option_string_actions, cutoff=0.75)]
             if near and name.startswith('--') and message.startswith('unrecognized'):
@@ -50,14 +58,16 @@ class Parser(argparse.ArgumentParser):
 
 def number(text: str) -> float:
     """
-    Read a number of an argument.
+    Convert an argument to a finite number.
 
-    :raises argparse.ArgumentTypeError: when it is none, or not finite.
+    :param text: the argument.
+    :returns: the number.
+    :raises argparse.ArgumentTypeError: if the text is not a number, or the number is not finite.
     """
     try:
-        value = float(text.replace('_', '?'))  # Python would take 1_0 for 10
+        value = float(text.replace('_', '?'))  # float('1_0') is 10
     except ValueError:
-        raise argparse.ArgumentTypeError(f'{text!r} is no number') from None
+        raise argparse.ArgumentTypeError(f'{text!r} is not a number') from None
     if not isfinite(value):
         raise argparse.ArgumentTypeError(f'{text!r} is not finite')
     return value
@@ -66,13 +76,16 @@ def number(text: str) -> float:
 def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         args: Optional[Sequence[str]] = None) -> int:
     """
-    Parse the arguments, and do what a command does; Ctrl-C and SIGTERM are normal ends.
+    Parse the arguments and run a command; Ctrl-C and SIGTERM are normal ends.
 
-    :param command: is called with what was parsed, and with `ros_args`, all arguments; may raise
-        a UsageError or a CommandError.
-    :param args: the command line without the command; None: that of the process.
-    :returns: the exit code: 0, or after a line on stderr 1 where the command could not do it, 2
-        where it was used wrongly.
+    :param parser: the parser of the arguments.
+    :param command: called with the parsed arguments and with `ros_args`, the command line with the
+        name of the command, all by keyword. It returns the exit code, and may raise a UsageError
+        or a CommandError.
+    :param args: the command line without the name of the command; None: that of the process.
+    :returns: the exit code: that of the command, or 0 after a signal. After an error, which is
+        printed on stderr in one line: 2 if the command was used incorrectly, otherwise 1.
+    :raises SystemExit: if the arguments cannot be parsed (code 2), or after `--help` (code 0).
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
     handlers = record_signals()
@@ -82,7 +95,7 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         return command(ros_args=arguments, **vars(options))
     except KeyboardInterrupt:
         return 0
-    except BrokenPipeError:  # who reads the output has had enough
+    except BrokenPipeError:  # as when the output is piped to `head`
         _close_stdout()
         return 0
     except (UsageError, CommandError) as error:
@@ -98,15 +111,15 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
 
 
 def _make_writable() -> None:
-    """Have output appear line by line, what cannot be encoded, too; have it somewhere at all."""
+    """Replace closed streams, flush at each line, and escape what cannot be encoded."""
     for name in 'stdout', 'stderr':
-        if getattr(sys, name) is None:  # closed by who started this
+        if getattr(sys, name) is None:  # the parent process has closed it
             setattr(sys, name, open(os.devnull, 'w'))  # noqa: SIM115
         getattr(sys, name).reconfigure(line_buffering=True, errors='backslashreplace')
 
 
 def _close_stdout() -> None:
-    """Have what could not be written forgotten, so that it is not tried again at the end."""
+    """Send the unwritten output to os.devnull, so that the flush at exit does not fail."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -119,14 +132,14 @@ def _without_ros_args(arguments: list[str]) -> list[str]:
         return list(remove_ros_args(arguments))
     except UnicodeEncodeError as error:
         raise UsageError(f'the argument {error.object!r} must be valid Unicode') from None
-    except RuntimeError as error:  # a list of what is unknown, or a text of rcl
-        words = rcl_error_text(error)
-        raise UsageError(f'unknown ROS arguments: {words}' if words.startswith('[') else words
+    except RuntimeError as error:  # its text is a list of unknown arguments, or an error of rcl
+        text = rcl_error_text(error)
+        raise UsageError(f'unknown ROS arguments: {text}' if text.startswith('[') else text
                          ) from None
 
 
 def _without_ros_args_by_hand(arguments: list[str]) -> list[str]:
-    """Leave out what is from each --ros-args to the next --, or to the end."""
+    """Remove the arguments from each --ros-args to the next --, or to the end."""
     rest, is_for_ros = [], False
     for argument in arguments:
         if argument == '--ros-args':
@@ -139,5 +152,10 @@ def _without_ros_args_by_hand(arguments: list[str]) -> list[str]:
 
 
 def rcl_error_text(error: Exception) -> str:
-    """Give the first line of an error of rcl, without the places in its source."""
+    """
+    Return the first line of an error of rcl, without the locations in its source code.
+
+    :param error: the error.
+    :returns: the line.
+    """
     return re.sub(r', at \S+:\d+.*', '', str(error).splitlines()[0])

@@ -1,4 +1,4 @@
-"""Progress bars on a terminal; waiting with one."""
+"""Progress bars on a terminal, and a wait that shows one."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,13 +15,13 @@ _BAR = '{desc} {bar} {n:.1f} of {total:g} s'
 @contextmanager
 def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]:
     """
-    Show a progress bar from here to the end of the block.
+    Show a progress bar until the end of the `with` block.
 
-    Where stderr is no terminal, or tqdm is not installed, nothing is shown.
+    Nothing is shown if stderr is not a terminal or tqdm is not installed.
 
-    :param total: what the bar counts up to.
-    :param kwargs: of tqdm: `desc`, `bar_format`.
-    :returns: a function that shows how much is done.
+    :param total: value at which the bar is full.
+    :param kwargs: further arguments of `tqdm`, such as `desc` and `bar_format`.
+    :returns: a context manager; `as` gives a function that moves the bar to a value.
     """
     try:
         from tqdm import tqdm
@@ -33,8 +33,13 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
     shown = 0.0
     with tqdm(total=total, leave=False, **kwargs) as bar:
         def show(done: float) -> None:
+            """
+            Move the bar.
+
+            :param done: the value, at most `total`.
+            """
             nonlocal shown
-            if done != shown:  # else it would take most of the time
+            if done != shown:  # needless updates would take most of the time
                 shown = done
                 bar.update(done - bar.n)
 
@@ -43,16 +48,17 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
 
 def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False) -> bool:
     """
-    Wait for a time, or until a condition holds.
+    Wait until a condition holds or the time is over, with a progress bar.
 
-    :param seconds: the time, at most.
-    :param what: what is shown beside the bar.
-    :returns: whether the condition holds.
-    :raises KeyboardInterrupt: when a signal comes.
+    :param seconds: how long to wait at most (s).
+    :param what: the text beside the bar.
+    :param until: returns whether the condition holds; called every 0.05 s.
+    :returns: True if the condition holds, False if the time is over.
+    :raises KeyboardInterrupt: if a signal has been recorded.
     """
-    begin = time.monotonic()
+    start = time.monotonic()
     with progress(seconds, desc=what, bar_format=_BAR) as show:
-        while not (holds := bool(until())) and (passed := time.monotonic() - begin) < seconds:
-            show(passed)
-            sleep(min(_STEP, seconds - passed))
+        while not (holds := bool(until())) and (elapsed := time.monotonic() - start) < seconds:
+            show(elapsed)
+            sleep(min(_STEP, seconds - elapsed))
     return holds

@@ -1,53 +1,65 @@
-"""Ctrl-C and SIGTERM as normal ends: noted when they come, heeded where nothing is half done."""
+"""
+Ctrl-C and SIGTERM as normal ends of a command.
+
+The signal handler only records the first signal. The command checks for it where it can stop
+without leaving anything half done. The second signal raises KeyboardInterrupt at once.
+"""
 
 import signal
 import time
 from typing import Any
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
-_STEP = 0.05  # s; a signal that is only noted does not end a sleep
+#: The longest `time.sleep` (s): a signal whose handler does not raise does not end it (PEP 475).
+_STEP = 0.05
 
-_came: list[int] = []
+_received: list[int] = []
 
 
 def record_signals() -> dict[int, Any]:
     """
-    Note signals from now on; the second raises KeyboardInterrupt.
+    Record SIGINT and SIGTERM from now on; the second signal raises KeyboardInterrupt.
 
-    :returns: the handlers before; none where signals are noted already: what came stays noted.
+    :returns: the previous handler of each signal. If signals are recorded already, nothing changes
+        and the result is empty.
     """
-    if signal.getsignal(signal.SIGINT) is _note:
+    if signal.getsignal(signal.SIGINT) is _record:
         return {}
-    _came.clear()
-    return {number: signal.signal(number, _note) for number in _SIGNALS}
+    _received.clear()
+    return {number: signal.signal(number, _record) for number in _SIGNALS}
 
 
 def ignore_signals() -> None:
-    """Let signals do nothing more: it ends as it is."""
+    """Ignore SIGINT and SIGTERM from now on, since the process is about to exit."""
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
 
 def signal_received() -> bool:
-    """Tell whether a signal has come."""
-    return bool(_came)
+    """Return whether a signal has been recorded."""
+    return bool(_received)
 
 
 def sleep(seconds: float) -> None:
-    """Sleep; raise KeyboardInterrupt when a signal comes, or has come."""
+    """
+    Sleep until the time is over or a signal is recorded.
+
+    :param seconds: how long to sleep (s).
+    :raises KeyboardInterrupt: if a signal has been recorded, before or during the sleep.
+    """
     end = time.monotonic() + seconds
-    while not _came and (left := end - time.monotonic()) > 0.0:
+    while not _received and (left := end - time.monotonic()) > 0.0:
         time.sleep(min(_STEP, left))
     check_signals()
 
 
 def check_signals() -> None:
-    """Raise KeyboardInterrupt when a signal has come."""
-    if _came:
+    """Raise KeyboardInterrupt if a signal has been recorded."""
+    if _received:
         raise KeyboardInterrupt
 
 
-def _note(number: int, _: object) -> None:
-    _came.append(number)
-    if len(_came) > 1:
+def _record(number: int, _: object) -> None:
+    _received.append(number)
+    if len(_received) > 1:
         raise KeyboardInterrupt

@@ -5,42 +5,43 @@ from typing import NamedTuple, Optional
 
 from dummy_arm.tf import Frame
 
-#: The branches of so many levels are drawn at most: else those of a chain of frames would take
-#: the square of its length. Lines that are deeper begin with their level.
+#: The number of levels whose branches are drawn. Without a limit, the size of a drawn chain would
+#: grow with the square of its length. Deeper lines begin with their level instead.
 _DEEPEST = 100
 
 
 class TreeLine(NamedTuple):
-    """A line of a drawn tree."""
+    """A line of a drawn tree: one frame."""
 
-    branches: str  #: the lines that lead to the frame
-    name: str
-    frame: Optional[Frame]  #: what is known of it; None of a root
+    branches: str  #: the box-drawing characters before the name; '' for a root
+    name: str  #: the name of the frame
+    frame: Optional[Frame]  #: its edge to the parent; None for a root
 
 
 class Forest:
-    """Frames, by their parents."""
+    """Frames arranged by their parents: trees, and loops."""
 
     def __init__(self, frames: Iterable[Frame], root: Optional[str] = None) -> None:
         """
-        Find the trees and the loops.
+        Build the trees, and find the loops.
 
-        :param root: the frame that all others are below, which may be the only one; None: any
-            number of trees.
+        :param frames: the frames that have a parent.
+        :param root: the frame of which all others are descendants, which exists even if `frames`
+            is empty; None: there may be any number of trees.
         """
         self.frames = {frame.name: frame for frame in frames}
         self._root = root
         self._children: dict[str, list[str]] = {} if root is None else {root: []}
         for frame in self.frames.values():
             self._children.setdefault(frame.parent, []).append(frame.name)
-        #: The frames without a parent.
+        #: The names of the frames without a parent.
         self.roots = [name for name in self._children if name not in self.frames]
-        #: Frames each of which is the parent of the next, and the last that of the first.
+        #: In each loop, a frame is the parent of the next one, and the last of the first.
         self.loops = list(self._find_loops())
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All frames, also those without a parent."""
+        """The names of all frames, including those without a parent."""
         return *self.roots, *self.frames
 
     @property
@@ -50,63 +51,80 @@ class Forest:
 
     def subtree(self, root: str) -> 'Forest':
         """
-        Return the tree of a frame and all frames below it.
+        Return the tree that consists of a frame and its descendants.
 
-        Where the frame is in a loop, that is the loop with all that is below it.
+        If the frame is part of a loop, these are all frames of the loop and their descendants.
+
+        :param root: the name of the frame.
+        :returns: the tree, with `root` as its root.
         """
-        found, waiting = {}, [root]
-        while waiting:
-            for name in self._children.get(waiting.pop(), []):
+        found, pending = {}, [root]
+        while pending:
+            for name in self._children.get(pending.pop(), []):
                 if name not in found:
                     found[name] = self.frames[name]
-                    waiting.append(name)
+                    pending.append(name)
         return Forest(found.values(), root)
 
     def _find_loops(self) -> Iterator[list[str]]:
+        """Yield each loop once, by walking from every frame towards its root."""
         seen = set(self.roots)
         for start in self.frames:
-            way: dict[str, None] = {}
+            path: dict[str, None] = {}
             name = start
             while name not in seen:
                 seen.add(name)
-                way[name] = None
+                path[name] = None
                 name = self.frames[name].parent
-            if name in way:
-                loop = list(way)[list(way).index(name):]
+            if name in path:
+                loop = list(path)[list(path).index(name):]
                 yield loop[::-1]
 
     def lines(self) -> Iterator[TreeLine]:
-        """Draw the trees; a loop as one that begins and ends with the same frame."""
-        begins = [self._root or loop[0] for loop in self.loops]
-        for root, ends in [*((root, None) for root in self.roots), *zip(begins, begins)]:
+        """
+        Draw the trees.
+
+        A loop is drawn as a tree whose root appears once more, as a leaf.
+
+        :returns: the lines, from top to bottom.
+        """
+        starts = [self._root or loop[0] for loop in self.loops]
+        for root, leaf in [*((root, None) for root in self.roots), *zip(starts, starts)]:
             yield TreeLine('', root, None)
-            waiting = self._child_lines(root, '', 1)
-            while waiting:
-                twig, indent, level = waiting.pop()
-                yield twig
-                if twig.name != ends:
-                    waiting += self._child_lines(twig.name, indent, level)
+            pending = self._child_lines(root, '', 1)
+            while pending:
+                line, indent, level = pending.pop()
+                yield line
+                if line.name != leaf:
+                    pending += self._child_lines(line.name, indent, level)
 
     def _child_lines(self, parent: str, indent: str, level: int
                      ) -> list[tuple[TreeLine, str, int]]:
         """
-        List the children of a frame, the first last, and the indent and level of theirs.
+        Return the lines of the children of a frame, in reverse order: the caller pops them.
 
-        :param level: of the children; 1 below a root.
+        :param indent: the branches that the lines of all children begin with.
+        :param level: the level of the children; 1 below a root.
+        :returns: for each child its line, and the indent and the level of its own children.
         """
-        twigs = []
+        lines = []
         children = self._children.get(parent, [])
         if level > _DEEPEST:
             indent = indent[-4 * (_DEEPEST - 1):]
-        begin = f'{level} ... {indent}' if level > _DEEPEST else indent
+        prefix = f'{level} ... {indent}' if level > _DEEPEST else indent
         for child in children:
             branch, rest = ('└── ', '    ') if child is children[-1] else ('├── ', '│   ')
-            twigs.append((TreeLine(begin + branch, child, self.frames[child]), indent + rest,
+            lines.append((TreeLine(prefix + branch, child, self.frames[child]), indent + rest,
                           level + 1))
-        return twigs[::-1]
+        return lines[::-1]
 
 
 def frequency(frame: Frame) -> Optional[float]:
-    """Compute the rate at which a frame moves (Hz); None where its transforms do not tell."""
+    """
+    Compute the average rate of the samples of a frame.
+
+    :param frame: the frame.
+    :returns: the rate (Hz); None if all samples have the same stamp, as for a static frame.
+    """
     span = frame.latest - frame.oldest
     return (frame.length - 1) * 1e9 / span if span > 0 else None

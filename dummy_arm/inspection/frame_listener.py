@@ -1,4 +1,4 @@
-"""What the commands hear of TF: the frames and their senders, or why there is none."""
+"""The listener of the commands: frames, their publishers, and reasons for missing ones."""
 
 from difflib import SequenceMatcher
 import os
@@ -12,60 +12,79 @@ from dummy_arm.tf import Buffer, Frame
 from dummy_arm.tf.formatting import comma_list, match_candidates, quoted, suggest_names
 from dummy_arm.tf.publisher_listener import PublisherListener
 
+#: The number of known frames that a message lists.
 _SHOWN = 20
-_DISCOVERY = 1.0  # s
+#: Time for discovery (s), during which no reason is given why there are no frames.
+_DISCOVERY = 1.0
 
 
 class FrameListener:
-    """A buffer that is filled by what a node hears; it knows who sent what."""
+    """A buffer that a node fills from /tf and /tf_static; it knows the publisher of each frame."""
 
     def __init__(self, node: Node, seconds: float = 10.0) -> None:
         """
-        Start to listen.
+        Subscribe to /tf and /tf_static.
 
-        :param seconds: how long transforms are kept.
+        :param node: the node of the subscriptions.
+        :param seconds: how long the buffer keeps transforms (s).
         """
-        self.node, self._begin, self._has_told = node, monotonic(), False
+        self.node, self._start, self._has_explained = node, monotonic(), False
         self.buffer = Buffer(Duration(seconds=seconds), node)
-        self.listener = PublisherListener(self.buffer, node)
+        self.publisher_listener = PublisherListener(self.buffer, node)
 
     def now(self) -> int:
-        """Tell the time (ns)."""
+        """
+        Return the time of the node's clock.
+
+        :returns: the time (ns); 0 if use_sim_time is set and no /clock message has arrived.
+        """
         return int(self.node.get_clock().now().nanoseconds)
 
     def frames(self) -> list[Frame]:
-        """List the frames that were heard of, with their senders."""
-        return self.listener.frames()
+        """
+        Return the frames of the buffer.
+
+        :returns: the frames; their authorities are the full names of the publishing nodes.
+        """
+        return self.publisher_listener.frames()
 
     def why_no_frames(self) -> str:
-        """Tell what may be the reason that nothing was heard."""
+        """
+        Return the possible reasons why no transform has been received.
+
+        :returns: sentences that name the settings to check.
+        """
         publishers = sum(map(self.node.count_publishers, ('/tf', '/tf_static')))
         return (f'Publishers on /tf and /tf_static here: {publishers}. Check that something '
                 'publishes, and that it has the same '
                 f'ROS_DOMAIN_ID (here: {os.environ.get("ROS_DOMAIN_ID") or 0}) and '
                 'ROS_AUTOMATIC_DISCOVERY_RANGE (here: '
                 f'{os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET"}); or listen '
-                'longer: to discover others may take seconds.')
+                'longer: discovery can take several seconds.')
 
     def why_no_transform(self, target: str, source: str, time: int = 0) -> str:
         """
-        Tell why there is no transform, and what frames there are instead.
+        Return why there is no transform, and which frames exist.
 
-        Where there is none, the reasons that there may be for it are told once.
+        While no frame exists at all, the first call after the time for discovery also returns the
+        text of `why_no_frames`; others do not repeat it.
 
-        :param time: ns; 0: the latest.
-        :returns: '' when there is one.
+        :param target: the frame in which the transform is expressed.
+        :param source: the frame whose pose is looked up.
+        :param time: time of the transform (ns); 0: the latest time for which every edge on the
+            path has data.
+        :returns: the reason; '' if there is a transform.
         """
-        is_there, why = self.buffer.can_transform_core(target, source, Time(nanoseconds=time))
-        if is_there:
+        is_available, why = self.buffer.can_transform_core(target, source, Time(nanoseconds=time))
+        if is_available:
             return ''
         known = self.buffer.frame_names()
         if not known:
-            if self._has_told or monotonic() < self._begin + _DISCOVERY:
+            if self._has_explained or monotonic() < self._start + _DISCOVERY:
                 return why
-            self._has_told = True
+            self._has_explained = True
             return f'{why} {self.why_no_frames()}'
-        for name in (target, source):  # since all are listed
+        for name in (target, source):  # a longer list of frames follows
             why = why.replace(f' {suggest_names(name, tuple(known))}', '')
         missing = [name for name in (target, source) if name not in known]
         if len(missing) == 2:

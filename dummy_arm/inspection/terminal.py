@@ -1,4 +1,4 @@
-"""What is shown to people: lines in place on a terminal or in a pipe, and numbers."""
+"""Text output: lines that are redrawn in place on a terminal, columns and numbers."""
 
 from collections.abc import Iterable, Sequence
 import shutil
@@ -14,34 +14,56 @@ _HOME_AND_CLEAR = '\x1b[H\x1b[2J'
 
 def show(lines: Sequence[str], count: Optional[int] = None) -> None:
     """
-    Show lines in place of those before, as many as a terminal has; or print them.
+    Show lines in place of the previous ones on a terminal; print all of them elsewhere.
 
-    :param lines: the lines; for a terminal, the first `height` of them are enough.
-    :param count: how many lines there are in all; None: no more than these.
+    A terminal shows as many lines as fit, cut off at its width, and how many more there are.
+
+    :param lines: the lines; for a terminal, the first `height()` of them are enough.
+    :param count: the number of all lines; None: there are no others.
     """
     if sys.stdout.isatty():
         columns, rows = shutil.get_terminal_size()
         count = len(lines) if count is None else count
         if count >= rows:
             rest = count - rows + 2
-            lines = [*lines[:max(0, rows - 2)], f'... {rest} more lines, which a pipe shows']
+            lines = [*lines[:max(0, rows - 2)],
+                     f'... {rest} more lines (pipe the output to see all)']
         print(_HOME_AND_CLEAR + '\n'.join(cut(line, columns) for line in lines))
     else:
         print(*lines, '', sep='\n')
 
 
 def height() -> Optional[int]:
-    """Return the number of lines of the terminal; None in a pipe, which shows any number."""
+    """
+    Return the number of lines of the terminal.
+
+    :returns: the number; None if stdout is not a terminal and takes any number of lines.
+    """
     return shutil.get_terminal_size().lines if sys.stdout.isatty() else None
 
 
 def wrapped(text: str) -> list[str]:
-    """Break a long line where a terminal ends; leave it whole in a pipe."""
+    """
+    Wrap a long line at the width of the terminal.
+
+    :param text: the line.
+    :returns: the lines; the unchanged line if stdout is not a terminal.
+    """
     return wrap(text, shutil.get_terminal_size().columns) if sys.stdout.isatty() else [text]
 
 
 def width(text: str) -> int:
-    """Count the columns of a terminal that a text takes."""
+    """
+    Return the number of terminal columns that a text occupies.
+
+    :param text: the text, without control characters.
+    :returns: the number of columns: two for a wide character, none for a combining one.
+
+    >>> width('map')
+    3
+    >>> width('日本')
+    4
+    """
     return len(text) if text.isascii() else sum(map(_columns_of, text))
 
 
@@ -49,32 +71,75 @@ def _columns_of(character: str) -> int:
     return 0 if combining(character) else 1 + (east_asian_width(character) in 'WF')
 
 
-def column(widths: Iterable[int]) -> int:
+def column_width(widths: Iterable[int]) -> int:
     """
-    Return the width to which the cells of a column are padded.
+    Return the width to which the cells of a table column are padded.
 
-    It is that of the widest cell that is narrower than an abbreviated name. A wider one moves what
-    is to its right; the other lines are not as long because of it.
+    This is the width of the widest cell that is narrower than an abbreviated name (100). A wider
+    cell makes only its own line longer.
+
+    :param widths: the widths of the cells.
+    :returns: the width; 0 if no cell is narrower than 100.
+
+    >>> column_width([3, 4, 2000])
+    4
+    >>> column_width([2000])
+    0
     """
     return max((width for width in widths if width < LONGEST), default=0)
 
 
 def padded(text: str, columns: int) -> str:
-    """Fill a text up with blanks; leave it as it is where it is wider already."""
+    """
+    Pad a text with spaces on the right.
+
+    :param text: the text.
+    :param columns: the width that the text should have on a terminal.
+    :returns: the padded text; the unchanged text if it is as wide already.
+
+    >>> padded('map', 5)
+    'map  '
+    >>> padded('日本', 5)
+    '日本 '
+    >>> padded('base_link', 5)
+    'base_link'
+    """
     return text + ' ' * (columns - width(text))
 
 
 def cut(line: str, columns: int) -> str:
-    """Cut a line off after some columns."""
-    taken = 0
+    """
+    Cut a line off at a width.
+
+    :param line: the line.
+    :param columns: the largest width that the result may have on a terminal.
+    :returns: the beginning of the line; a wide character is not split.
+
+    >>> cut('base_link', 4)
+    'base'
+    >>> cut('日本', 3)
+    '日'
+    """
+    used = 0
     for i, character in enumerate(line):
-        taken += _columns_of(character)
-        if taken > columns:
+        used += _columns_of(character)
+        if used > columns:
             return line[:i]
     return line
 
 
 def fixed_point(value: float, precision: int) -> str:
-    """Write a number with some digits after the point; what is rounded to zero is not negative."""
+    """
+    Format a number with a fixed number of digits after the point, without a negative zero.
+
+    :param value: the number.
+    :param precision: the number of digits after the point.
+    :returns: the text.
+
+    >>> fixed_point(-2 / 3, 3)
+    '-0.667'
+    >>> fixed_point(-0.0004, 3)
+    '0.000'
+    """
     text = f'{value:.{precision}f}'
     return text if float(text) else text.removeprefix('-')

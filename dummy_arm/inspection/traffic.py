@@ -1,4 +1,4 @@
-"""How often and how late transforms come in: by frame, and by node."""
+"""The rates and delays of received transforms, by frame and by publishing node."""
 
 from collections import deque
 from collections.abc import Callable, Collection, Iterable
@@ -13,26 +13,27 @@ from dummy_arm.tf.formatting import in_seconds, SECOND
 if TYPE_CHECKING:
     from dummy_arm.tf.publisher_listener import ReceivedMessage
 
-#: What is older is not counted (s).
+#: Statistics cover this time before now (s).
 WINDOW = 10
-#: Arrivals so soon after the first of a publisher are not counted (ns).
+#: The time (ns) after the first message of a publisher in which its messages have no delay: they
+#: may have waited until the subscription was discovered.
 _SETTLING = SECOND // 5
-#: So many streams are told apart at most.
+#: The largest number of pairs of a frame and a publisher that are distinguished.
 _MOST = 100_000
-#: Of so many publishers it is known when the first message came in.
+#: The number of publishers for which the time of the first message is kept.
 _MOST_PUBLISHERS = 10_000
 
 
 class Summary(NamedTuple):
-    """What came in within the window."""
+    """The rate and the delays of the transforms within the window."""
 
-    rate: Optional[float]  #: Hz; None: of less than two
+    rate: Optional[float]  #: Hz; None if all of them arrived at the same time
     average_delay: float  #: s
     maximum_delay: float  #: s
 
 
 class _Second:
-    """The arrivals of a second; times in ns."""
+    """The arrivals within one second of the clock; times in ns."""
 
     __slots__ = ('count', 'first', 'greatest', 'last', 'number', 'total')
 
@@ -43,18 +44,23 @@ class _Second:
 
 
 class Delays:
-    """The delays of what comes in, over the window."""
+    """The number and the delays of arrivals, second by second over the window."""
 
     __slots__ = ('_seconds', 'last')
 
     def __init__(self) -> None:
-        """Begin with none."""
+        """Create the statistics, without an arrival."""
         self._seconds: deque[_Second] = deque(maxlen=WINDOW + 1)
-        #: When something came in last (ns).
+        #: The time of the last arrival (ns); 0: none.
         self.last = 0
 
     def add(self, arrival: int, delay: int) -> None:
-        """Count an arrival; times in ns."""
+        """
+        Count an arrival.
+
+        :param arrival: the time of the arrival (ns).
+        :param delay: the time since the stamp (ns).
+        """
         self.last = arrival
         number = arrival // SECOND
         seconds = self._seconds
@@ -69,21 +75,27 @@ class Delays:
             second.greatest = delay
 
     def clear(self) -> None:
-        """Forget all."""
+        """Discard all arrivals."""
         self._seconds.clear()
         self.last = 0
 
     def within(self, now: int) -> list[_Second]:
-        """List the seconds of the window before a time (ns)."""
+        """
+        Return the statistics within the window.
+
+        :param now: the end of the window (ns).
+        :returns: an item for each second that has arrivals.
+        """
         return [second for second in self._seconds if second.number >= now // SECOND - WINDOW]
 
 
 def summarize(delays: Collection[Delays], now: int) -> Optional[Summary]:
     """
-    Sum up the delays of one stream, or of several together.
+    Compute the rate and the delays of one stream, or of several streams together.
 
-    :param now: where the window ends (ns).
-    :returns: None: nothing came in.
+    :param delays: the delays of each stream.
+    :param now: the end of the window (ns).
+    :returns: the summary; None if nothing arrived within the window.
     """
     seconds = [second for each in delays for second in each.within(now)]
     if not seconds:
@@ -96,127 +108,136 @@ def summarize(delays: Collection[Delays], now: int) -> Optional[Summary]:
 
 
 class Stream(NamedTuple):
-    """What a node sends, of a frame or of all."""
+    """The transforms that a node publishes, of one frame or of all its frames."""
 
-    frame: str  #: '' where it is of all
-    node: str  #: the name of the node
-    is_static: bool  #: nothing of it moves
-    is_present: bool  #: the node is there still
-    summary: Optional[Summary]  #: None: nothing that moves came in within the window
-    silence: Optional[float]  #: how long nothing that moves has come in (s); None: ever
+    frame: str  #: the child frame; '': all frames of the node
+    node: str  #: the full name of the node
+    is_static: bool  #: none of them was received on /tf
+    is_present: bool  #: the node still publishes on these topics
+    summary: Optional[Summary]  #: of dynamic transforms; None if none was counted in the window
+    silence: Optional[float]  #: time since the last dynamic transform (s); None if there was none
 
 
-class _Heard:
-    """What came in of a frame from a publisher."""
+class _Arrivals:
+    """The transforms that were received from a publisher, of one frame or of all its frames."""
 
-    __slots__ = ('delays', 'moves')
+    __slots__ = ('delays', 'is_dynamic')
 
     def __init__(self) -> None:
-        self.delays, self.moves = Delays(), False
+        self.delays, self.is_dynamic = Delays(), False
 
 
 class Traffic:
-    """All that comes in on /tf and /tf_static."""
+    """Statistics of the messages that are received on /tf and /tf_static."""
 
     def __init__(self, now: Callable[[], int], only: str = '',
                  system_clock: Callable[[], int] = time_ns) -> None:
         """
-        Begin to observe.
+        Create the statistics, without a message.
 
-        :param now: the clock that stamps count by (ns); 0: it does not run.
-        :param only: the frame that is observed; '': all.
-        :param system_clock: the clock that receptions count by (ns).
+        :param now: returns the time of the clock that stamps refer to (ns); 0: no /clock message
+            has arrived.
+        :param only: the only child frame that is counted; '': all frames.
+        :param system_clock: returns the time of the clock that reception times refer to (ns).
         """
         self._system_clock = system_clock
         self._now, self._only, self._bytes_of_name = now, only, only.encode()
         self._lock = Lock()
-        #: By frame and gid of the publisher; the frame '' stands for all that it sends.
-        self._heard: dict[tuple[str, str], _Heard] = {}
-        #: When the first of a publisher came in, on the system's clock (ns).
+        #: By frame and gid of the publisher; the frame '' stands for all frames of the publisher.
+        self._arrivals: dict[tuple[str, str], _Arrivals] = {}
+        #: By gid: the reception time of the first dynamic message of the publisher (ns).
         self._since: dict[str, int] = {}
-        #: The time at the last look, and when on the system's clock it was last set back (ns).
-        self._latest = self._set_back = 0
+        #: The time when the clocks were last read (ns).
+        self._latest = 0
+        #: The system time at which a backward jump of time was last noticed (ns).
+        self._set_back = 0
 
     def observe(self, messages: 'Iterable[ReceivedMessage]') -> None:
-        """Count messages that have arrived."""
+        """
+        Count the transforms of received messages.
+
+        :param messages: the messages; those that cannot be decoded are skipped.
+        """
         with self._lock:
-            now, system = self._look()
+            now, system = self._read_clocks()
             for message in messages:
+                # A fast check, before the message is decoded.
                 if message.find(self._bytes_of_name) < 0:
                     continue
-                with suppress(ValueError):  # the listener tells of it
+                with suppress(ValueError):  # the listener logs this error
                     self._count(message, now - system if now else None)
 
-    def _look(self) -> tuple[int, int]:
-        """Tell the time and that of the system (ns); forget all when time has gone back."""
+    def _read_clocks(self) -> tuple[int, int]:
+        """Return the time and the system time (ns); after a jump back, discard all delays."""
         now, system = self._now(), self._system_clock()
         if now < self._latest - SECOND:
             self._set_back = system
-            for heard in self._heard.values():
-                heard.delays.clear()
+            for arrivals in self._arrivals.values():
+                arrivals.delays.clear()
         self._latest = now
         return now, system
 
     def _count(self, message: 'ReceivedMessage', offset: Optional[int]) -> None:
         """
-        Count a message.
+        Count the transforms of a message.
 
-        :param offset: from its times to those of the stamps (ns); None: that is not known.
+        :param offset: the time of the stamps' clock minus the system time (ns); None: not known.
         """
         rows = message.rows()
         if self._only:
             rows = [row for row in rows if row.child_frame_id.removeprefix('/') == self._only]
-        streams = [(self._of(frame, message.gid), row) for row in rows
+        streams = [(self._arrivals_of(frame, message.gid), row) for row in rows
                    if (frame := row.child_frame_id.removeprefix('/')) and not is_too_long(frame)]
-        everything = self._of('', message.gid)
+        all_frames = self._arrivals_of('', message.gid)
         if message.is_static or not rows:
             return
-        for heard in [everything, *(heard for heard, _ in streams)]:
-            heard.moves = True
-        # The first had to wait until their node was discovered.
+        for arrivals in [all_frames, *(arrivals for arrivals, _ in streams)]:
+            arrivals.is_dynamic = True
         since = self._since.setdefault(message.gid, message.reception_time)
         if len(self._since) > _MOST_PUBLISHERS:
             del self._since[next(iter(self._since))]
         if offset is None or message.reception_time < max(since + _SETTLING, self._set_back):
             return
         arrival = message.reception_time + offset
-        everything.delays.add(arrival, sum(arrival - row.stamp_ns for row in rows) // len(rows))
-        for heard, row in streams:
-            heard.delays.add(arrival, arrival - row.stamp_ns)
+        all_frames.delays.add(arrival, sum(arrival - row.stamp_ns for row in rows) // len(rows))
+        for arrivals, row in streams:
+            arrivals.delays.add(arrival, arrival - row.stamp_ns)
 
-    def _of(self, frame: str, gid: str) -> _Heard:
-        known = self._heard.get((frame, gid))
-        if known is None:
-            known = _Heard()
-            if len(self._heard) < _MOST:
-                self._heard[frame, gid] = known
-        return known
+    def _arrivals_of(self, frame: str, gid: str) -> _Arrivals:
+        """Return the arrivals of a frame and publisher; those above the limit are not kept."""
+        arrivals = self._arrivals.get((frame, gid))
+        if arrivals is None:
+            arrivals = _Arrivals()
+            if len(self._arrivals) < _MOST:
+                self._arrivals[frame, gid] = arrivals
+        return arrivals
 
     def streams(self, names_of: Callable[[Iterable[str]], dict[str, str]],
                 present: Collection[str]) -> list[Stream]:
         """
-        Sum up what came in.
+        Summarise the received transforms by frame and node.
 
-        :param names_of: tells the names of nodes by the gids of their publishers.
-        :param present: the gids of the publishers that there are still.
-        :returns: of each frame and node, in the order of their names; then of each node.
+        :param names_of: returns the full names of nodes by the gids of their publishers.
+        :param present: the gids of the publishers that still exist.
+        :returns: the streams of each frame and node, sorted by name, then those of all frames of
+            each node.
         """
         with self._lock:
-            gids = {gid for _, gid in self._heard}
+            gids = {gid for _, gid in self._arrivals}
         names = names_of(gids)
-        together: dict[tuple[str, str], list[str]] = {}
+        gids_of: dict[tuple[str, str], list[str]] = {}
         with self._lock:
-            now, _ = self._look()
-            for frame, gid in self._heard:
-                together.setdefault((frame, names.get(gid, '')), []).append(gid)
-            return [self._stream(*key, together[key], present, now) for key in sorted(
-                together, key=lambda key: (not key[0], key))]
+            now, _ = self._read_clocks()
+            for frame, gid in self._arrivals:
+                gids_of.setdefault((frame, names.get(gid, '')), []).append(gid)
+            return [self._stream(*key, gids_of[key], present, now) for key in sorted(
+                gids_of, key=lambda key: (not key[0], key))]
 
     def _stream(self, frame: str, node: str, gids: list[str], present: Collection[str], now: int
                 ) -> Stream:
-        all_heard = [self._heard[frame, gid] for gid in gids]
-        delays = [heard.delays for heard in all_heard]
+        all_arrivals = [self._arrivals[frame, gid] for gid in gids]
+        delays = [arrivals.delays for arrivals in all_arrivals]
         last = max(each.last for each in delays)
-        return Stream(frame, node, not any(heard.moves for heard in all_heard),
+        return Stream(frame, node, not any(arrivals.is_dynamic for arrivals in all_arrivals),
                       any(gid in present for gid in gids), summarize(delays, now),
                       in_seconds(max(0, now - last)) if last else None)

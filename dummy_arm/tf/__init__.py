@@ -1,7 +1,7 @@
 """
-TF in pure Python: what `import tf2_ros` would have given.
+TF of ROS 2 in pure Python, with the names of tf2_ros.
 
-Names that need rclpy are imported when they are first asked for.
+Each name is imported on its first use, so that those that do not need rclpy work without it.
 """
 
 from importlib import import_module
@@ -75,6 +75,7 @@ __all__ = [*_MODULES]
 
 
 def __getattr__(name: str) -> Any:
+    """Import a public name, or a public module of this package, on its first use."""
     if name in _MODULES:
         return getattr(import_module(f'{__name__}.{_MODULES[name]}'), name)
     if name in _PUBLIC_MODULES:
@@ -83,4 +84,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
+    """Return all names, including those that are not imported yet."""
     return sorted({*globals(), *_MODULES, *_PUBLIC_MODULES})

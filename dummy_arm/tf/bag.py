@@ -1,4 +1,4 @@
-"""TF out of a bag: read into a BufferCore, without ROS."""
+"""Transforms of a bag, read into a BufferCore without ROS."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
@@ -16,12 +16,12 @@ from dummy_arm.tf.buffer_core import BufferCore
 
 __all__ = ['BagError', 'read']
 
-_FOR_EVER = 2**63 - 1  # ns
-#: So many are inserted at once.
-_MOST_BYTES = 500_000
-#: What an empty message takes.
+_ALL_TIME = 2**63 - 1  # ns
+#: The size of the messages that are inserted at once (bytes).
+_BATCH_BYTES = 500_000
+#: The memory that a message takes in addition to its bytes (bytes).
 _OVERHEAD = 100
-#: Of a longer message (bytes), a list of its transforms could fill the memory.
+#: Longer messages (bytes) are inserted one transform at a time: a list could fill the memory.
 _LONG = 2**22
 
 
@@ -31,64 +31,70 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     """
     Read the transforms of a bag.
 
-    :param path: a bag of rosbag2 (its directory, or a file .mcap or .db3), or a .bag of ROS 1.
-    :param cache_time: how long transforms are kept, as BufferCore has it; None: all are kept.
-    :param namespace: the topics are `/tf` and `/tf_static` in this namespace.
-    :param partial: of a bag that was cut off or is damaged, take what can be read, and warn.
-    :param max_bytes: no chunk and no message may be larger than this, decompressed (bytes); it
+    :param path: a rosbag2 bag (its directory, or a .mcap or .db3 file), or a .bag file of ROS 1.
+    :param cache_time: how long transforms are kept, as in `BufferCore`; None: all are kept.
+    :param namespace: the namespace of the topics `tf` and `tf_static`; '': `/tf`, `/tf_static`.
+    :param partial: if the bag was cut off or is damaged, read what can be read and log a warning;
+        otherwise that is an error.
+    :param max_bytes: the largest size of a chunk or a message after decompression (bytes). It
         bounds the memory that a damaged or malicious bag can take.
-    :param max_samples: how many transforms are kept, as BufferCore has it; None: all.
-    :param on_progress: is called again and again with the part of the bag that has been read, from
-        0 to 1; what it raises ends the reading, and is raised here.
-    :returns: a buffer with them; the authority of a frame is the node that sent it, where that was
-        recorded: in ROS 1.
-    :raises BagError: when it is no bag, is damaged, has no TF, or something in it is too large.
-    :raises ValueError: when max_bytes is not positive.
-    :raises OSError: when it is not there, or not readable.
+    :param max_samples: how many dynamic transforms are kept, as in `BufferCore`; None: all.
+    :param on_progress: called repeatedly with the fraction of the bag that has been read, from 0
+        to 1. An exception that it raises ends the reading and is raised by `read`.
+    :returns: a buffer with the transforms of the bag. The authority of a transform is the node
+        that published it in a bag of ROS 1, and 'not recorded' in a bag of rosbag2.
+    :raises BagError: if the path is not a bag, or the bag is damaged, has no transforms, or has a
+        chunk or message that is larger than max_bytes.
+    :raises ValueError: if max_bytes, cache_time or max_samples is out of range.
+    :raises OSError: if a file does not exist or cannot be read.
     """
     path = Path(path)
     if index(max_bytes) < 1:
         raise ValueError(f'max_bytes must be a positive number of bytes, got {max_bytes}')
-    buffer = BufferCore(_FOR_EVER if cache_time is None else cache_time, max_samples=max_samples)
+    buffer = BufferCore(_ALL_TIME if cache_time is None else cache_time, max_samples=max_samples)
     faults: Counter[str] = Counter()
 
     def on_malformed(error: MalformedMessage) -> None:
+        """
+        Count a message that cannot be decoded.
+
+        :param error: the error, whose text begins with the kind of fault and a colon.
+        """
         faults[str(error).partition(':')[0]] += 1
 
     readers: dict[tuple[bool, Encoding], MessageReader] = {}
     count = 0
     context = BagContext(path, namespace, partial, max_bytes, on_progress or (lambda done: None))
-    for gathered in _gathered(_records(path, context), cache_time is not None):
-        for stream, messages in gathered.items():
+    for groups in _grouped_by_stream(_records(path, context), cache_time is not None):
+        for stream, messages in groups.items():
             key = stream.is_static, stream.encoding
             reader = readers.setdefault(key, MessageReader(on_malformed, stream.encoding))
-            for is_long, some in groupby(messages, lambda message: len(message) > _LONG):
+            for is_long, group in groupby(messages, lambda message: len(message) > _LONG):
                 if is_long:
-                    _insert_long(buffer, some, stream, on_malformed, context.tick)
+                    _insert_long(buffer, group, stream, on_malformed, context.tick)
                 else:
-                    buffer.insert_batches(reader.read(some, stream.publisher, stream.is_static))
+                    buffer.insert_batches(reader.read(group, stream.publisher, stream.is_static))
             count += len(messages)
     context.finish()
     if not count:
         raise BagError(
-            f'nothing of TF can be read of {" ".join(context.damage)}' if context.damage else
+            f'no TF message can be read from {" ".join(context.damage)}' if context.damage else
             f'{path} has no TF: {context.why_no_tf()}')
     log = logging.getLogger('dummy_arm.tf')
     for fault, times in faults.items():
-        log.warning('%s: left out %d of %d messages of TF, which cannot be decoded: %s',
+        log.warning('%s: skipped %d of %d TF messages, which cannot be decoded: %s',
                     path, times, count, fault)
     if context.damage:
-        log.warning('%s What could be read are %d messages of TF',
-                    ' '.join(context.damage), count)
+        log.warning('%s Read %d TF messages', ' '.join(context.damage), count)
     if not buffer.frames():
-        raise BagError(f'{path} has no TF that can be used, in {count} messages')
+        raise BagError(f'{path} has TF messages ({count}), but no valid transform in them')
     return buffer
 
 
 def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
                  on_malformed: Callable[[MalformedMessage], None], tick: Callable[[], None]
                  ) -> None:
-    """Insert messages, one transform after the other; of a malformed one, none."""
+    """Insert messages one transform at a time, and nothing of malformed messages."""
     for data in messages:
         try:
             for _ in stream.encoding.rows(data):
@@ -103,10 +109,10 @@ def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
 
 def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
     """
-    Read the messages of TF, as they were recorded.
+    Yield the TF messages of a bag, as their streams and bytes.
 
-    :raises BagError: when it is no bag; or is damaged, and not to be read as partial.
-    :raises OSError: when it is not there, or may not be read.
+    :raises BagError: if the path is not a bag, or the bag is damaged and not read as partial.
+    :raises OSError: if a file does not exist or cannot be read.
     """
     kind = kind_of(path)
     try:
@@ -116,34 +122,37 @@ def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
         else:
             from dummy_arm.tf._bag import rosbag2
             yield from rosbag2.records(path, context)
-    except Exception as error:  # a damaged file is met by errors of many types
-        context.tick()  # the error may be what the callback has raised before
+    except Exception as error:  # a damaged file causes errors of many types
+        context.tick()  # if on_progress has raised, that is the cause: it is raised again
         if isinstance(error, ImportError):
-            raise BagError(f'what reads bags cannot be imported ({error}): '
+            raise BagError(f'a library that reads bags cannot be imported ({error}): '
                            'pip install mcap lz4 ruamel.yaml backports.zstd') from None
         if isinstance(error, BagError):
             raise
         context.handle_error(path, error)
 
 
-def _gathered(records: Iterable[tuple[Stream, bytes]], in_order: bool
-              ) -> Iterator[dict[Stream, list[bytes]]]:
+def _grouped_by_stream(records: Iterable[tuple[Stream, bytes]], in_order: bool
+                       ) -> Iterator[dict[Stream, list[bytes]]]:
     """
-    Gather messages by their streams, some at a time; the order of static ones is kept.
+    Yield messages in groups of about `_BATCH_BYTES`, each sorted by stream.
 
-    :param in_order: that of the others, too.
+    Messages of one stream keep their order. Static messages also keep their order relative to
+    those of other streams.
+
+    :param in_order: keep the order of dynamic messages of different streams, too.
     """
-    gathered: defaultdict[Stream, list[bytes]] = defaultdict(list)
+    groups: defaultdict[Stream, list[bytes]] = defaultdict(list)
     messages: list[bytes] = []
     last: Optional[Stream] = None
     size = 0
     for stream, data in records:
-        if size > _MOST_BYTES or (last and stream is not last and (
+        if size > _BATCH_BYTES or (last and stream is not last and (
                 in_order or last.is_static or stream.is_static)):
-            yield gathered
-            gathered, last, size = defaultdict(list), None, 0
+            yield groups
+            groups, last, size = defaultdict(list), None, 0
         if stream is not last:
-            last, messages = stream, gathered[stream]
+            last, messages = stream, groups[stream]
         messages.append(data)
         size += len(data) + _OVERHEAD
-    yield gathered
+    yield groups

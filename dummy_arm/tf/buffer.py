@@ -1,4 +1,4 @@
-"""The buffer of tf2_ros: it waits for transforms, and has a node."""
+"""The buffer of tf2_ros: can wait for transforms, and can have a node."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -28,9 +28,10 @@ from dummy_arm.tf.message_buffer import message, MessageBufferCore
 
 class Buffer(MessageBufferCore, BufferInterface):
     """
-    A MessageBufferCore with a node, that can wait for transforms and transform objects.
+    A buffer with the API of tf2_ros.Buffer: waits for transforms, and transforms objects.
 
-    PendingFutures are on wall time.
+    Timeouts run on the wall clock, also when the node uses simulated time. A lookup in a block of
+    `with buffer.fetched()` does not wait.
     """
 
     def __init__(self, cache_time: Optional[Duration] = None, node: Optional[Node] = None, *,
@@ -38,12 +39,15 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Create an empty buffer.
 
-        :param cache_time: how long transforms are kept; None: 10 s.
-        :param node: its executor is woken when an async wait is over; a jump of its clock back by
-            a second or more, or a change of its clock, clears the buffer; where tf2_msgs is
-            installed, its service `tf2_frames` returns all frames.
-        :param max_frames: as BufferCore has it.
-        :param max_samples: as BufferCore has it.
+        :param cache_time: how long samples are kept; None: 10 s.
+        :param node: the node whose executor is woken when a future is done, and whose clock clears
+            the buffer when it jumps back by 1 s or more or switches between system time and
+            simulated time. If tf2_msgs is installed, the node gets the service `tf2_frames`, which
+            returns all frames. None: no node; the context is the default one.
+        :param max_frames: the largest number of frames; see `BufferCore`.
+        :param max_samples: the largest number of samples; see `BufferCore`.
+        :raises TypeError: if the cache time is not a duration.
+        :raises ValueError: if the cache time is negative, or max_samples is less than 1.
         """
         MessageBufferCore.__init__(
             self, cache_time, max_frames=max_frames, max_samples=max_samples)
@@ -54,36 +58,59 @@ class Buffer(MessageBufferCore, BufferInterface):
             get_default_context() if node is None else node.context)
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
-            self.srv = _serve_frames(node, self)
-        self.jump_handle = _call_on_jump(self.clock, self)
+            self.srv = _create_frames_service(node, self)
+        self.jump_handle = _create_jump_handle(self.clock, self)
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
-        """Clear the buffer."""
+        """
+        Clear the buffer, and log a warning.
+
+        :param time_jump: the jump of the clock, as rclpy reports it; not used.
+        """
         get_logger('tf2_buffer').warning('Detected jump back in time. Clearing tf buffer.')
         self.clear()
 
     def after_insertion(self) -> bool:
-        """Log what was refused, and complete futures; return whether there was one."""
+        """
+        Log rejected transforms, and complete the futures whose transforms are available now.
+
+        The lock must not be held.
+
+        :returns: whether a future was completed.
+        """
         super().after_insertion()
         return len(self._futures) > 0 and self._futures.check()
 
-    def _is_alive(self) -> tuple[bool, ...]:
-        return (*super()._is_alive(), self._context is not None and bool(self._context.ok()))
+    def _liveness(self) -> tuple[bool, ...]:
+        """Return the flags of `Engine`, and whether the context is valid."""
+        return (*super()._liveness(), self._context is not None and bool(self._context.ok()))
 
     def after_fork_in_child(self, was_held: bool) -> None:
-        """Drop what works in the parent process only: this one was forked."""
+        """
+        Drop the sources, futures, context and logger, which work in the parent process only.
+
+        :param was_held: whether the lock was held during the fork; see `Engine`.
+        """
         super().after_fork_in_child(was_held)
-        self._context = None  # and no logger of rclpy: other threads may have held their locks
+        self._context = None
+        # The loggers of rclpy have locks that other threads may have held during the fork.
         self._insertion.log.write = logging.getLogger('dummy_arm.tf').warning
         self._futures = PendingFutures(None)
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: Time,
                          timeout: Duration = NO_WAIT) -> TransformStamped:
         """
-        Look up the pose of the source frame in the target frame.
+        Return the pose of the source frame in the target frame.
 
-        :param time: when; 0: the latest time that all frames on the path know of.
-        :param timeout: how long to wait for it at most.
+        :param target_frame: the frame in which the result is expressed.
+        :param source_frame: the frame whose pose is looked up.
+        :param time: time of the transform; a zero Time: the latest time for which every edge on
+            the path has data.
+        :param timeout: how long to wait for the transform at most, on the wall clock.
+        :returns: the transform from the source frame to the target frame. Its stamp is the time,
+            or that latest time.
+        :raises TransformException: if there is no such transform; its subclass says why.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         if timeout is NO_WAIT:
             return self.lookup_transform_core(target_frame, source_frame, time)
@@ -94,9 +121,21 @@ class Buffer(MessageBufferCore, BufferInterface):
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
             fixed_frame: str, timeout: Duration = NO_WAIT) -> TransformStamped:
         """
-        Look up the pose that the source frame had at its time, in the target frame at its own.
+        Return the pose of the source frame at one time in the target frame at another time.
 
-        :param fixed_frame: the frame in which things stay where they are between the two times.
+        Each of the two is located in the fixed frame at its own time.
+
+        :param target_frame: the frame in which the result is expressed.
+        :param target_time: time of the target frame; a zero Time: the latest time for
+            which every edge between it and the fixed frame has data.
+        :param source_frame: the frame whose pose is looked up.
+        :param source_time: time of the source frame; a zero Time: likewise.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait for the transform at most, on the wall clock.
+        :returns: the transform from the source frame to the target frame, stamped with the target
+            time.
+        :raises TransformException: if there is no such transform; its subclass says why.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         return message(target_frame, source_frame, self._wait(
             _seconds(timeout), self._lookups.pose_full, target_frame, nanoseconds(target_time),
@@ -104,13 +143,35 @@ class Buffer(MessageBufferCore, BufferInterface):
 
     async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                      timeout: Optional[Duration] = None) -> TransformStamped:
-        """Look up a transform in a coroutine; as `wait_for_transform_async`."""
+        """
+        Wait for a transform in a coroutine, and return it.
+
+        :param target_frame: as in `lookup_transform`.
+        :param source_frame: as in `lookup_transform`.
+        :param time: as in `lookup_transform`.
+        :param timeout: how long to wait at most, on the wall clock; None: without a limit.
+        :returns: the transform from the source frame to the target frame.
+        :raises TimeoutException: if the transform is not available after the timeout.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        """
         return await self.wait_for_transform_async(target_frame, source_frame, time, timeout)
 
     async def lookup_transform_full_async(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
             fixed_frame: str, timeout: Optional[Duration] = None) -> TransformStamped:
-        """Look up a transform between two times; as `wait_for_transform_full_async`."""
+        """
+        Wait for a transform between two times in a coroutine, and return it.
+
+        :param target_frame: as in `lookup_transform_full`.
+        :param target_time: as in `lookup_transform_full`.
+        :param source_frame: as in `lookup_transform_full`.
+        :param source_time: as in `lookup_transform_full`.
+        :param fixed_frame: as in `lookup_transform_full`.
+        :param timeout: how long to wait at most, on the wall clock; None: without a limit.
+        :returns: the transform from the source frame to the target frame.
+        :raises TimeoutException: if the transform is not available after the timeout.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        """
         return await self.wait_for_transform_full_async(
             target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
 
@@ -118,10 +179,17 @@ class Buffer(MessageBufferCore, BufferInterface):
             self, target_frame: str, source_frame: str, time: Time, timeout: Duration = NO_WAIT,
             return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
         """
-        Return whether `lookup_transform` would return an answer.
+        Return whether `lookup_transform` would return a transform.
 
-        :param timeout: how long to wait for it at most.
-        :returns: that; or, with `return_debug_tuple`, that and why not.
+        :param target_frame: the frame in which the result is expressed.
+        :param source_frame: the frame whose pose is looked up.
+        :param time: time of the transform; a zero Time: the latest time for which every edge on
+            the path has data.
+        :param timeout: how long to wait for the transform at most, on the wall clock.
+        :param return_debug_tuple: whether to return the reason, too.
+        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of that
+            and of the text of the error, '' if there is none.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         error = self._why_not(_seconds(timeout), self._lookups.check, target_frame, source_frame,
                               nanoseconds(time))
@@ -131,7 +199,21 @@ class Buffer(MessageBufferCore, BufferInterface):
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
             fixed_frame: str, timeout: Duration = NO_WAIT, return_debug_tuple: bool = False
             ) -> Union[bool, tuple[bool, str]]:
-        """Return whether `lookup_transform_full` would return an answer; as `can_transform`."""
+        """
+        Return whether `lookup_transform_full` would return a transform.
+
+        :param target_frame: the frame in which the result is expressed.
+        :param target_time: time of the target frame; a zero Time: the latest time for
+            which every edge between it and the fixed frame has data.
+        :param source_frame: the frame whose pose is looked up.
+        :param source_time: time of the source frame; a zero Time: likewise.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait for the transform at most, on the wall clock.
+        :param return_debug_tuple: whether to return the reason, too.
+        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of that
+            and of the text of the error, '' if there is none.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        """
         error = self._why_not(
             _seconds(timeout), self._lookups.check_full, target_frame, nanoseconds(target_time),
             source_frame, nanoseconds(source_time), fixed_frame)
@@ -140,25 +222,46 @@ class Buffer(MessageBufferCore, BufferInterface):
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                  timeout: Optional[Duration] = None) -> Future:
         """
-        Return a future whose result will be the transform.
+        Return a future that is completed when a transform is available.
 
-        To stop waiting, cancel it, or drop the last reference to it if it has no done callback.
+        To stop waiting, cancel the future, or drop the last reference to it if it has no done
+        callback.
 
-        :param timeout: after how long it gets a TimeoutException; None: never.
+        :param target_frame: as in `lookup_transform`.
+        :param source_frame: as in `lookup_transform`.
+        :param time: as in `lookup_transform`.
+        :param timeout: after how long, on the wall clock, the future gets a TimeoutException;
+            None: never.
+        :returns: the future; its result is the TransformStamped. It is done already if the
+            transform is available now.
+        :raises TypeError: if a time or the timeout is of another type.
         """
-        return self._future(partial(self.lookup_transform_core, target_frame, source_frame, time),
-                            timeout, source_frame, target_frame)
+        return self._create_future(
+            partial(self.lookup_transform_core, target_frame, source_frame, time), timeout,
+            source_frame, target_frame)
 
     def wait_for_transform_full_async(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
             fixed_frame: str, timeout: Optional[Duration] = None) -> Future:
-        """Return a future as `wait_for_transform_async`, for a transform between two times."""
-        return self._future(partial(self.lookup_transform_full_core, target_frame, target_time,
-                                    source_frame, source_time, fixed_frame),
-                            timeout, source_frame, target_frame)
+        """
+        Return a future that is completed when a transform between two times is available.
 
-    def _future(self, lookup: Callable[[], TransformStamped], timeout: Optional[Duration],
-                source_frame: str, target_frame: str) -> Future:
+        :param target_frame: as in `lookup_transform_full`.
+        :param target_time: as in `lookup_transform_full`.
+        :param source_frame: as in `lookup_transform_full`.
+        :param source_time: as in `lookup_transform_full`.
+        :param fixed_frame: as in `lookup_transform_full`.
+        :param timeout: as in `wait_for_transform_async`.
+        :returns: the future, as in `wait_for_transform_async`.
+        :raises TypeError: if a time or the timeout is of another type.
+        """
+        return self._create_future(
+            partial(self.lookup_transform_full_core, target_frame, target_time, source_frame,
+                    source_time, fixed_frame), timeout, source_frame, target_frame)
+
+    def _create_future(self, lookup: Callable[[], TransformStamped], timeout: Optional[Duration],
+                       source_frame: str, target_frame: str) -> Future:
+        """Create a future of a lookup, and wake the sources if it is not done at once."""
         future = self._futures.add(
             lookup, None if timeout is None else _seconds(timeout),
             f"the transform from '{source_frame}' to '{target_frame}'")
@@ -168,40 +271,43 @@ class Buffer(MessageBufferCore, BufferInterface):
 
 
 def _seconds(timeout: Duration) -> float:
+    """Convert a timeout to seconds."""
     return nanoseconds(timeout, 'timeout') / SECOND
 
 
-# What a node and its clock call a buffer for; neither keeps the buffer alive.
+# The callbacks of the node and of its clock. They hold weak references to the buffer, so that
+# neither keeps it alive.
 
 
-def _call_on_jump(clock: Clock, buffer: Buffer) -> JumpHandle:
-    """Have `time_jump_callback` called when a clock jumps back by 1 s or more, or is changed."""
+def _create_jump_handle(clock: Clock, buffer: Buffer) -> JumpHandle:
+    """Call `time_jump_callback` when a clock jumps back by 1 s or more or changes its source."""
     handle = clock.create_jump_callback(
         JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1), on_clock_change=True),
-        post_callback=partial(_jumped, ref(buffer)))
-    # The clock knows the handle by its address only.
+        post_callback=partial(_on_time_jump, ref(buffer)))
+    # rcl stores the address of the handle without a reference, so it must be unregistered before
+    # it is freed.
     finalize(buffer, _unregister, handle).atexit = False
     return handle
 
 
-def _serve_frames(node: Node, buffer: Buffer) -> Any:
-    """Offer the service `tf2_frames`; None where tf2_msgs is not installed."""
+def _create_frames_service(node: Node, buffer: Buffer) -> Any:
+    """Create the service `tf2_frames`, or return None if tf2_msgs is not installed."""
     if FrameGraph is None:
         return None
-    return node.create_service(FrameGraph, 'tf2_frames', partial(_tell, ref(buffer)))
+    return node.create_service(FrameGraph, 'tf2_frames', partial(_on_frames_request, ref(buffer)))
 
 
-def _jumped(buffer_ref: ref[Buffer], time_jump: TimeJump) -> None:
+def _on_time_jump(buffer_ref: ref[Buffer], time_jump: TimeJump) -> None:
     if (buffer := buffer_ref()) is not None:
         buffer.time_jump_callback(time_jump)
 
 
-def _tell(buffer_ref: ref[Buffer], _: Any, response: Any) -> Any:
+def _on_frames_request(buffer_ref: ref[Buffer], _: Any, response: Any) -> Any:
     if (buffer := buffer_ref()) is not None:
         response.frame_yaml = buffer.all_frames_as_yaml()
     return response
 
 
 def _unregister(handle: JumpHandle) -> None:
-    with suppress(InvalidHandle):  # when the clock is gone already
+    with suppress(InvalidHandle):  # the clock was destroyed before
         handle.unregister()

@@ -1,4 +1,4 @@
-"""The buffer without ROS: transforms by frame and by time, with tf2's answers."""
+"""The buffer without ROS: stores transforms and looks them up, with the same results as tf2."""
 
 from typing import Any, Optional, Union
 
@@ -9,16 +9,17 @@ from dummy_arm.tf.transform import Transform
 
 class BufferCore(Engine):
     """
-    Transforms as they came in, for as long as the cache time, and lookups among them.
+    A buffer that stores transforms for the cache time, and looks up the pose of frames in others.
 
-    Frames are names without a leading slash. A time is an int of ns, or what has `sec` and
-    `nanosec`, or `nanoseconds`; 0 stands for the latest time that all frames on the path know of.
-    Any number of threads may look up and insert; each sees a transform whole or not at all.
+    Frame ids have no leading slash. A time or a duration is an int (ns), or an object with `sec`
+    and `nanosec` or with `nanoseconds`; in a lookup, time 0 is the latest time for which every
+    edge on the path has data. All methods may be called in any thread.
 
-    A lookup raises a TransformException: LookupException for an unknown frame or a loop,
-    InvalidArgumentException for an empty name or one with a leading slash, ConnectivityException
-    for frames of two trees, ExtrapolationException where an edge on the path has no data for the
-    time. A frame in itself is the identity, even if it is unknown.
+    A lookup raises a subclass of TransformException: LookupException if a frame does not exist or
+    the tree has a loop, InvalidArgumentException if a frame id is empty or has a leading slash,
+    ConnectivityException if the frames are in two trees, ExtrapolationException if an edge on the
+    path has no data for the time. `lookup_transform` from a frame to itself returns the identity,
+    even if the frame does not exist.
     """
 
     def __init__(self, cache_time: Any = 10 * SECOND, *, max_frames: int = 100_000,
@@ -26,27 +27,45 @@ class BufferCore(Engine):
         """
         Create an empty buffer.
 
-        :param cache_time: how long transforms are kept, before the newest of their frame.
-        :param max_frames: how many frames there may be; transforms with more are refused.
-        :param max_samples: how many transforms of moving frames are kept at most, 60 to 100 bytes
-            each. When there are more, a frame that gets one drops its oldest. Of one frame, at
-            most 10 000 are kept per second of cache time. None: neither limit holds.
-        :raises ValueError: when the cache time is negative, or max_samples is less than 1.
+        :param cache_time: how long samples are kept (ns), counted back from the newest sample of
+            their frame.
+        :param max_frames: the largest number of frames; transforms that add more are rejected.
+        :param max_samples: the largest number of samples of all dynamic frames together, 60 to
+            100 bytes each. At the limit, a new sample of a frame replaces its oldest one. One
+            frame keeps at most 10 000 samples per second of cache time. None: neither limit
+            applies.
+        :raises TypeError: if the cache time is not a duration.
+        :raises ValueError: if the cache time is negative, or max_samples is less than 1.
         """
         super().__init__(cache_time, max_frames, max_samples)
 
     def set_transform(self, transform: Transform, authority: str = 'default_authority') -> bool:
         """
-        Insert the pose that a frame has at the transform's stamp.
+        Insert a dynamic transform: the pose of a frame at the transform's stamp.
 
-        :param authority: the publisher; shown by `frames`.
-        :returns: False when it was refused, as tf2 refuses it; the log says why.
+        One leading slash is removed from both frame ids.
+
+        :param transform: the transform; its rotation is normalised.
+        :param authority: the name of the publisher, shown by `frames`.
+        :returns: False if the transform was rejected; the log says why.
+        :raises TypeError: if it is not a Transform, or one of its fields has another type.
+        :raises ValueError: if its translation and rotation do not have three and four numbers.
+        :raises OverflowError: if its stamp does not fit an int64.
         """
         return self._set(transform, authority, False)
 
     def set_transform_static(self, transform: Transform, authority: str = 'default_authority'
                              ) -> bool:
-        """Insert the pose that a frame has at all times; else as `set_transform`."""
+        """
+        Insert a static transform: the pose of a frame at all times. Its stamp is ignored.
+
+        :param transform: as in `set_transform`.
+        :param authority: as in `set_transform`.
+        :returns: False if the transform was rejected; the log says why.
+        :raises TypeError: as `set_transform`.
+        :raises ValueError: as `set_transform`.
+        :raises OverflowError: as `set_transform`.
+        """
         return self._set(transform, authority, True)
 
     def _set(self, transform: Transform, authority: str, is_static: bool) -> bool:
@@ -59,11 +78,17 @@ class BufferCore(Engine):
     def lookup_transform(self, target_frame: str, source_frame: str, time: Any = 0,
                          timeout: Any = 0) -> Transform:
         """
-        Look up the pose of the source frame in the target frame.
+        Return the pose of the source frame in the target frame.
 
-        :param timeout: how long to wait for it at most, as times are given, on wall time.
-        :returns: the transform from the source frame to the target frame.
-        :raises TransformException: see the class.
+        :param target_frame: the frame in which the result is expressed.
+        :param source_frame: the frame whose pose is looked up.
+        :param time: time of the transform (ns); 0: the latest time for which every edge on the
+            path has data.
+        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
+        :returns: the transform from the source frame to the target frame. Its stamp is the time,
+            or that latest time.
+        :raises TransformException: if there is no such transform; its subclass says why.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         stamp, pose = self._wait(_seconds(timeout), self._lookups.pose, target_frame, source_frame,
                                  nanoseconds_or_int(time))
@@ -72,9 +97,21 @@ class BufferCore(Engine):
     def lookup_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
                               source_time: Any, fixed_frame: str, timeout: Any = 0) -> Transform:
         """
-        Look up the pose that the source frame had at its time, in the target frame at its own.
+        Return the pose of the source frame at one time in the target frame at another time.
 
-        :param fixed_frame: the frame in which things stay where they are between the two times.
+        Each of the two is located in the fixed frame at its own time.
+
+        :param target_frame: the frame in which the result is expressed.
+        :param target_time: time of the target frame (ns); 0: the latest time for
+            which every edge between it and the fixed frame has data.
+        :param source_frame: the frame whose pose is looked up.
+        :param source_time: time of the source frame (ns); 0: likewise.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
+        :returns: the transform from the source frame to the target frame, stamped with the target
+            time.
+        :raises TransformException: if there is no such transform; its subclass says why.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         stamp, pose = self._wait(
             _seconds(timeout), self._lookups.pose_full, target_frame,
@@ -86,10 +123,17 @@ class BufferCore(Engine):
                       timeout: Any = 0, return_debug_tuple: bool = False
                       ) -> Union[bool, tuple[bool, str]]:
         """
-        Return whether `lookup_transform` would return an answer.
+        Return whether `lookup_transform` would return a transform.
 
-        :param timeout: how long to wait for it at most, as times are given, on wall time.
-        :returns: that; or, with `return_debug_tuple`, that and why not.
+        :param target_frame: the frame in which the result is expressed.
+        :param source_frame: the frame whose pose is looked up.
+        :param time: time of the transform (ns); 0: the latest time for which every edge on the
+            path has data.
+        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
+        :param return_debug_tuple: whether to return the reason, too.
+        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of that
+            and of the text of the error, '' if there is none.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         error = self._why_not(_seconds(timeout), self._lookups.check, target_frame, source_frame,
                               nanoseconds_or_int(time))
@@ -98,7 +142,21 @@ class BufferCore(Engine):
     def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
                            source_time: Any, fixed_frame: str, timeout: Any = 0,
                            return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
-        """Return whether `lookup_transform_full` would return an answer; as `can_transform`."""
+        """
+        Return whether `lookup_transform_full` would return a transform.
+
+        :param target_frame: the frame in which the result is expressed.
+        :param target_time: time of the target frame (ns); 0: the latest time for
+            which every edge between it and the fixed frame has data.
+        :param source_frame: the frame whose pose is looked up.
+        :param source_time: time of the source frame (ns); 0: likewise.
+        :param fixed_frame: a frame that does not move between the two times.
+        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
+        :param return_debug_tuple: whether to return the reason, too.
+        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of that
+            and of the text of the error, '' if there is none.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        """
         error = self._why_not(
             _seconds(timeout), self._lookups.check_full, target_frame,
             nanoseconds_or_int(target_time), source_frame, nanoseconds_or_int(source_time),
@@ -107,12 +165,17 @@ class BufferCore(Engine):
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> int:
         """
-        Return the latest time (ns) that all frames between two know of; 0 when nothing moves.
+        Return the latest time for which every edge on the path between two frames has data.
 
-        :raises TransformException: see the class.
+        :param target_frame: the frame at one end of the path.
+        :param source_frame: the frame at the other end.
+        :returns: time (ns); 0 if all edges are static.
+        :raises TransformException: if there is no path; its subclass says why.
+        :raises TypeError: if a frame is not a str.
         """
-        return self._look(self._lookups.latest_common_time, target_frame, source_frame)
+        return self._pull_and_call(self._lookups.latest_common_time, target_frame, source_frame)
 
 
 def _seconds(timeout: Any) -> float:
+    """Convert a timeout to seconds."""
     return nanoseconds_or_int(timeout, 'timeout') / SECOND

@@ -1,4 +1,4 @@
-"""What goes wrong with transforms, as in tf2. Every text begins with tf2's own words."""
+"""The exceptions of tf2. The text of a lookup error is tf2's own; a hint may follow it."""
 
 
 from collections.abc import Callable
@@ -8,16 +8,21 @@ _Error = TypeVar('_Error', bound='TransformException')
 
 
 class TransformException(Exception):
-    """Base of all that a lookup raises."""
+    """Base class of the errors of a lookup."""
 
     _hint: Optional[Callable[[], str]] = None
 
     @classmethod
     def with_hint(cls: type[_Error], words: str, hint: Callable[[], str]) -> _Error:
         """
-        Make an error of tf2's words, and of more that is worked out when somebody reads it.
+        Create an error whose hint is computed when its text is first read.
 
-        Whoever waits for a frame gets many errors that nobody reads.
+        While a lookup or a future waits, it raises and discards many errors that nobody reads.
+
+        :param words: the text of tf2.
+        :param hint: returns the text that follows it; may be called in any thread, without the
+            lock of the buffer.
+        :returns: the error.
         """
         error = cls(words)
         error._hint = hint
@@ -42,11 +47,11 @@ class ConnectivityException(TransformException):
 
 
 class LookupException(TransformException):
-    """A frame does not exist, or the tree has a loop."""
+    """A frame does not exist, or the tree has a loop or a path of more than 1000 edges."""
 
 
 class ExtrapolationException(TransformException):
-    """An edge on the way has no data for the time that was asked for."""
+    """An edge on the path has no data for the requested time."""
 
 
 class InvalidArgumentException(TransformException):
@@ -54,4 +59,4 @@ class InvalidArgumentException(TransformException):
 
 
 class TimeoutException(TransformException):
-    """A wait for a transform has taken too long."""
+    """The timeout of a future passed before its transform was available."""

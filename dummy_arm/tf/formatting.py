@@ -1,8 +1,9 @@
 """
-Names and times in texts: escaped, cut and rounded, as in the errors of this package.
+Functions that format frame ids and times for output, as the errors of this package show them.
 
-Names of frames come from others: print `visible(name)`, or `shortened(name)` where there is little
-room, and no control character of theirs reaches the terminal.
+Frame ids are received from other programs and may contain control characters. Print
+`visible(name)`, or `shortened(name)` where there is little room, so that none of these characters
+reaches the terminal.
 """
 
 from dummy_arm.tf._core.frames import dot_quoted
@@ -18,14 +19,14 @@ from dummy_arm.tf._core.texts import (
     visible,
     visible_lines,
 )
-from dummy_arm.tf._core.times import display, in_seconds, SECOND
+from dummy_arm.tf._core.times import display_time, in_seconds, SECOND
 
 __all__ = [
     'LONGEST',
     'SECOND',
     'abbreviated',
     'comma_list',
-    'display',
+    'display_time',
     'dot_quoted',
     'in_seconds',
     'logged',

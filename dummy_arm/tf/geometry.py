@@ -1,4 +1,9 @@
-"""Transforming messages of points, vectors, poses and clouds, as tf2_geometry_msgs does."""
+"""
+Transformations of messages with points, vectors, poses and clouds, as in tf2_geometry_msgs.
+
+Each function takes a transform whose child frame is the frame of the data. The result is expressed
+in the frame of the transform; a stamped result has the header of the transform.
+"""
 
 from array import array
 from copy import copy, deepcopy
@@ -30,42 +35,72 @@ from dummy_arm.tf.buffer_interface import from_msg_msg as from_msg_msg
 from dummy_arm.tf.buffer_interface import register_default
 from dummy_arm.tf.buffer_interface import to_msg_msg as to_msg_msg
 
-#: Below, a squared length is that of no rotation, as in tf2_geometry_msgs.
+#: A quaternion with a smaller squared norm counts as no rotation, as in tf2_geometry_msgs.
 _NO_ROTATION = 2.0 ** -52
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
-#: The types of fields of a cloud: for numpy, and their size (bytes).
+#: The types of x, y and z in a cloud: for numpy, and their size (bytes).
 _TYPES = {PointField.FLOAT32: ('f4', 4), PointField.FLOAT64: ('f8', 8)}
 
 
 def do_transform_point(point: PointStamped, transform: TransformStamped) -> PointStamped:
-    """Transform a point from the child frame of a transform to its frame."""
-    x, y, z = _moved(point.point, _pose_of(transform))
+    """
+    Transform a point.
+
+    :param point: the point, in the child frame of the transform; its header is ignored.
+    :param transform: the transform.
+    :returns: the point in the frame of the transform.
+    """
+    x, y, z = _transform_xyz(point.point, _pose_of(transform))
     return PointStamped(header=_header(transform), point=Point(x=x, y=y, z=z))
 
 
 def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -> Vector3Stamped:
-    """Rotate a vector, which has no place, from the child frame of a transform to its frame."""
-    still = (0.0, 0.0, 0.0, *_rotation(transform.transform.rotation))
-    x, y, z = _moved(vector3.vector, still)
+    """
+    Rotate a vector; the translation of the transform does not apply to vectors.
+
+    :param vector3: the vector, in the child frame of the transform; its header is ignored.
+    :param transform: the transform.
+    :returns: the vector in the frame of the transform.
+    """
+    rotation_only = (0.0, 0.0, 0.0, *_rotation(transform.transform.rotation))
+    x, y, z = _transform_xyz(vector3.vector, rotation_only)
     return Vector3Stamped(header=_header(transform), vector=Vector3(x=x, y=y, z=z))
 
 
 def do_transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
-    """Transform a pose from the child frame of a transform to its frame."""
+    """
+    Transform a pose.
+
+    :param pose: the pose, in the child frame of the transform.
+    :param transform: the transform.
+    :returns: the pose in the frame of the transform, its quaternion with w >= 0.
+    """
     x, y, z, *rotation = compose(_pose_of(transform), _pose(pose.position, pose.orientation))
     qx, qy, qz, qw = rotation if rotation[3] >= 0.0 else [-number for number in rotation]
     return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
 
 
 def do_transform_pose_stamped(pose: PoseStamped, transform: TransformStamped) -> PoseStamped:
-    """Transform a pose from the child frame of a transform to its frame."""
+    """
+    Transform a stamped pose.
+
+    :param pose: the pose, in the child frame of the transform; its header is ignored.
+    :param transform: the transform.
+    :returns: the pose in the frame of the transform, its quaternion with w >= 0.
+    """
     return PoseStamped(header=_header(transform), pose=do_transform_pose(pose.pose, transform))
 
 
 def do_transform_pose_with_covariance_stamped(
         pose: PoseWithCovarianceStamped, transform: TransformStamped
         ) -> PoseWithCovarianceStamped:
-    """Transform a pose and its covariance from the child frame of a transform to its frame."""
+    """
+    Transform a pose and its covariance.
+
+    :param pose: the pose, in the child frame of the transform; its header is ignored.
+    :param transform: the transform.
+    :returns: the pose in the frame of the transform, with the covariance rotated into it.
+    """
     result = PoseWithCovarianceStamped(header=_header(transform))
     result.pose.pose = do_transform_pose(pose.pose.pose, transform)
     result.pose.covariance = transform_covariance(pose.pose.covariance, transform)
@@ -74,23 +109,31 @@ def do_transform_pose_with_covariance_stamped(
 
 def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformStamped
                                  ) -> PolygonStamped:
-    """Transform the points of a polygon from the child frame of a transform to its frame."""
+    """
+    Transform the points of a polygon.
+
+    :param polygon: the polygon, in the child frame of the transform; its header is ignored.
+    :param transform: the transform.
+    :returns: the polygon in the frame of the transform.
+    """
     result, pose = PolygonStamped(header=_header(transform)), _pose_of(transform)
     for point in polygon.polygon.points:
-        x, y, z = _moved(point, pose)
+        x, y, z = _transform_xyz(point, pose)
         result.polygon.points.append(Point32(x=x, y=y, z=z))
     return result
 
 
 def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDArray[np.float64]:
     """
-    Rotate the covariance of x, y, z and the rotations about them.
+    Rotate the covariance matrix of a pose.
 
-    With R = diag(rotation, rotation), R C R^T: A. Leon-Garcia, Probability, Statistics, and Random
-    Processes for Electrical Engineering, 3rd ed., 2008, section 6.3.
+    The result is R C R^T with R = diag(rotation, rotation): A. Leon-Garcia, Probability,
+    Statistics, and Random Processes for Electrical Engineering, 3rd ed., 2008, section 6.3.
 
-    :param cov_in: (36,), the rows of C.
-    :returns: the same shape.
+    :param cov_in: (36,): the rows of C, the covariance of x, y, z (m) and of the rotations about
+        the x, y and z axes (rad), in the child frame of the transform.
+    :param transform: the transform.
+    :returns: (36,) float64: the rows of the covariance in the frame of the transform.
     """
     rotation = np.kron(np.eye(2), rotations.matrix(_rotation(transform.transform.rotation)))
     rotated: NDArray[np.float64] = rotation @ np.reshape(cov_in, (6, 6)) @ rotation.T
@@ -98,12 +141,12 @@ def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDAr
 
 
 def _header(transform: TransformStamped) -> Header:
-    """Copy the header of the result, so that results do not share it."""
+    """Return a copy of the header, so that results do not share it."""
     header = transform.header
     return Header(stamp=header.stamp, frame_id=header.frame_id)
 
 
-def _moved(point: Union[Point, Point32, Vector3], pose: FramePose
+def _transform_xyz(point: Union[Point, Point32, Vector3], pose: FramePose
            ) -> tuple[float, float, float]:
     return compose(pose, (point.x, point.y, point.z, *_IDENTITY))[:3]
 
@@ -117,7 +160,7 @@ def _pose(position: Union[Point, Vector3], orientation: Quaternion) -> FramePose
 
 
 def _rotation(orientation: Quaternion) -> rotations.Quaternion:
-    """Normalise a rotation; zeros are taken for none."""
+    """Return a rotation as a unit quaternion; the zero quaternion stands for no rotation."""
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     if x * x + y * y + z * z + w * w < _NO_ROTATION:
         return _IDENTITY
@@ -127,12 +170,13 @@ def _rotation(orientation: Quaternion) -> rotations.Quaternion:
 def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, TransformStamped]
                        ) -> PointCloud2:
     """
-    Transform x, y and z of the points of a cloud; any other field stays as it is.
+    Transform x, y and z of the points of a cloud; all other fields are copied.
 
-    :param cloud: of any layout; x, y, z are FLOAT32 or FLOAT64. A point of NaN stays NaN.
-    :param transform: from the frame of the cloud. The result has its header, if it has one.
-    :returns: another cloud, with data of its own.
-    :raises ValueError: when there is no x, y or z, or the layout does not fit the data.
+    :param cloud: a cloud of any layout, with fields x, y, z of FLOAT32 or FLOAT64. NaN stays NaN.
+    :param transform: a transform whose child frame is the frame of the cloud.
+    :returns: a new cloud that does not share its data; its header is that of the transform, or
+        that of the cloud if the transform has none.
+    :raises ValueError: if there is no field x, y or z, or the layout does not fit the data.
     """
     result = copy(cloud)
     result.fields = list(cloud.fields)
@@ -152,7 +196,7 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
 
 
 def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.floating[Any]]:
-    """View one field of all points in the data, (height, width)."""
+    """Return a view of one field of all points in the data: (height, width)."""
     field = next((field for field in cloud.fields if field.name == name), None)
     if field is None or field.datatype not in _TYPES:
         names = ', '.join(f'{field.name} (datatype {field.datatype})' for field in cloud.fields)

@@ -1,4 +1,4 @@
-"""The buffer of tf2_py: rclpy's times and messages, without a node and without waiting."""
+"""The buffer of tf2_py, with the times and messages of ROS; it has no node and does not wait."""
 
 from typing import Optional
 
@@ -17,9 +17,10 @@ _LATEST = Time()
 
 class MessageBufferCore(Engine):
     """
-    A buffer whose times and transforms are those of rclpy and geometry_msgs, as tf2_py.BufferCore.
+    A buffer with the API of tf2_py.BufferCore: rclpy's times and TransformStamped messages.
 
-    Times have `sec` and `nanosec`, or `nanoseconds`. Errors are those of `BufferCore`.
+    A time is any object with `nanoseconds` (rclpy's Time) or with `sec` and `nanosec` (a Time
+    message). Lookups raise the same exceptions as those of `BufferCore`.
     """
 
     def __init__(self, cache_time: Optional[Duration] = None, *, max_frames: int = 100_000,
@@ -27,9 +28,11 @@ class MessageBufferCore(Engine):
         """
         Create an empty buffer.
 
-        :param cache_time: how long transforms are kept; None: 10 s.
-        :param max_frames: as BufferCore has it.
-        :param max_samples: as BufferCore has it.
+        :param cache_time: how long samples are kept; None: 10 s.
+        :param max_frames: the largest number of frames; see `BufferCore`.
+        :param max_samples: the largest number of samples; see `BufferCore`.
+        :raises TypeError: if the cache time is not a duration.
+        :raises ValueError: if the cache time is negative, or max_samples is less than 1.
         """
         super().__init__(10 * SECOND if cache_time is None else cache_time, max_frames,
                          max_samples)
@@ -37,19 +40,27 @@ class MessageBufferCore(Engine):
     def set_transform(self, transform: TransformStamped, authority: str = 'default_authority'
                       ) -> None:
         """
-        Insert the pose that a frame has at the transform's stamp.
+        Insert a dynamic transform: the pose of a frame at the transform's stamp.
 
-        What tf2 refuses is refused: the log says why.
+        A transform that tf2 rejects is rejected here, too; the log says why.
 
-        :param authority: the publisher; shown by `all_frames_as_yaml`.
-        :raises TypeError: when it is no TransformStamped.
-        :raises ValueError: when one of its fields has a value that does not belong there.
+        :param transform: the transform; its rotation is normalised.
+        :param authority: the name of the publisher, shown by `all_frames_as_yaml`.
+        :raises TypeError: if it is not a TransformStamped.
+        :raises ValueError: if one of its fields has a value of another type or range.
         """
         self._set(transform, authority, False)
 
     def set_transform_static(self, transform: TransformStamped,
                              authority: str = 'default_authority') -> None:
-        """Insert the pose that a frame has at all times; else as `set_transform`."""
+        """
+        Insert a static transform: the pose of a frame at all times. Its stamp is ignored.
+
+        :param transform: as in `set_transform`.
+        :param authority: as in `set_transform`.
+        :raises TypeError: as `set_transform`.
+        :raises ValueError: as `set_transform`.
+        """
         self._set(transform, authority, True)
 
     def _set(self, transform: TransformStamped, authority: str, is_static: bool) -> None:
@@ -58,54 +69,114 @@ class MessageBufferCore(Engine):
 
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time
                               ) -> TransformStamped:
-        """Look up the pose of the source frame in the target frame, without waiting."""
-        return message(target_frame, source_frame, self._look(
+        """
+        Return the pose of the source frame in the target frame, without waiting.
+
+        :param target_frame: the frame in which the result is expressed.
+        :param source_frame: the frame whose pose is looked up.
+        :param time: time of the transform; a zero Time: the latest time for which every edge on
+            the path has data.
+        :returns: the transform from the source frame to the target frame.
+        :raises TransformException: if there is no such transform; its subclass says why.
+        :raises TypeError: if a frame is not a str, or the time is of another type.
+        """
+        return message(target_frame, source_frame, self._pull_and_call(
             self._lookups.pose, target_frame, source_frame, nanoseconds(time)))
 
     def lookup_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                    source_time: Time, fixed_frame: str) -> TransformStamped:
-        """Look up a transform between two times, without waiting."""
-        return message(target_frame, source_frame, self._look(
+        """
+        Return the pose of the source frame at one time in the target frame at another time.
+
+        It does not wait. Each of the two is located in the fixed frame at its own time.
+
+        :param target_frame: the frame in which the result is expressed.
+        :param target_time: time of the target frame; a zero Time: the latest time for
+            which every edge between it and the fixed frame has data.
+        :param source_frame: the frame whose pose is looked up.
+        :param source_time: time of the source frame; a zero Time: likewise.
+        :param fixed_frame: a frame that does not move between the two times.
+        :returns: the transform from the source frame to the target frame, stamped with the target
+            time.
+        :raises TransformException: if there is no such transform; its subclass says why.
+        :raises TypeError: if a frame is not a str, or a time is of another type.
+        """
+        return message(target_frame, source_frame, self._pull_and_call(
             self._lookups.pose_full, target_frame, nanoseconds(target_time), source_frame,
             nanoseconds(source_time), fixed_frame))
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time
                            ) -> tuple[bool, str]:
-        """Return whether there is a transform, and why not."""
+        """
+        Return whether `lookup_transform_core` would return a transform.
+
+        :param target_frame: the frame in which the result is expressed.
+        :param source_frame: the frame whose pose is looked up.
+        :param time: time of the transform; a zero Time: the latest time for which every edge on
+            the path has data.
+        :returns: whether the transform is available, and the text of the error, '' if it is.
+        :raises TypeError: if a frame is not a str, or the time is of another type.
+        """
         return debug_tuple(self._why_not(
             0.0, self._lookups.check, target_frame, source_frame, nanoseconds(time)))
 
     def can_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                 source_time: Time, fixed_frame: str) -> tuple[bool, str]:
-        """Return whether there is a transform between two times, and why not."""
+        """
+        Return whether `lookup_transform_full_core` would return a transform.
+
+        :param target_frame: the frame in which the result is expressed.
+        :param target_time: time of the target frame; a zero Time: the latest time for
+            which every edge between it and the fixed frame has data.
+        :param source_frame: the frame whose pose is looked up.
+        :param source_time: time of the source frame; a zero Time: likewise.
+        :param fixed_frame: a frame that does not move between the two times.
+        :returns: whether the transform is available, and the text of the error, '' if it is.
+        :raises TypeError: if a frame is not a str, or a time is of another type.
+        """
         return debug_tuple(self._why_not(
             0.0, self._lookups.check_full, target_frame, nanoseconds(target_time), source_frame,
             nanoseconds(source_time), fixed_frame))
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time:
-        """Return the latest time that all frames between two know of; 0 when nothing moves."""
-        return Time(nanoseconds=self._look(
+        """
+        Return the latest time for which every edge on the path between two frames has data.
+
+        :param target_frame: the frame at one end of the path.
+        :param source_frame: the frame at the other end.
+        :returns: that time; a zero Time if all edges are static.
+        :raises TransformException: if there is no path; its subclass says why.
+        :raises TypeError: if a frame is not a str.
+        """
+        return Time(nanoseconds=self._pull_and_call(
             self._lookups.latest_common_time, target_frame, source_frame))
 
     def _chain(self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
                fixed_frame: str) -> list[str]:
-        return self._look(self._lookups.chain, target_frame, nanoseconds(target_time),
+        """Return the frames from the source frame through the fixed frame to the target frame."""
+        return self._pull_and_call(self._lookups.chain, target_frame, nanoseconds(target_time),
                           source_frame, nanoseconds(source_time), fixed_frame)
 
     def _allFramesAsDot(self, time: Time = _LATEST) -> str:  # noqa: N802
+        """Return tf2's DOT graph of all frames; a time other than zero adds their ages then."""
         return as_dot(self.frames(), self.frame_names(), nanoseconds(time))
 
     def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
-        return self._look(self._tree.histories.__contains__, frame_id)
+        """Return whether the buffer has a frame."""
+        return self._pull_and_call(self._tree.histories.__contains__, frame_id)
 
     def _getFrameStrings(self) -> list[str]:  # noqa: N802
+        """Return the names of all frames."""
         return self.frame_names()
 
 
 def message(target_frame: str, source_frame: str, answer: tuple[int, Pose]) -> TransformStamped:
     """
-    Return the message of an answer.
+    Convert the result of a lookup to a message.
 
-    :param answer: the time (ns), and the pose of the source frame in the target frame.
+    :param target_frame: the frame in which the pose is expressed; the `frame_id` of the message.
+    :param source_frame: the frame whose pose it is; the `child_frame_id` of the message.
+    :param answer: the time (ns), and the pose: x, y, z (m) and the quaternion x, y, z, w.
+    :returns: the message.
     """
     return message_of(Row(answer[0], target_frame, source_frame, answer[1]))

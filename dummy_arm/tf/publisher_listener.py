@@ -1,4 +1,4 @@
-"""The publishers of transforms, by the gids that rcl reports with each message."""
+"""A listener that knows the publisher of each transform, by the gid that rcl reports."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -17,29 +17,34 @@ from dummy_arm.tf._ros.subscription import SubscriptionSource
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf.transform_listener import TransformListener
 
+#: The name of a publisher whose node is not known.
 UNKNOWN = 'unknown publisher'
-_BETWEEN_LOOKS = 0.5  # s
-#: The names of so many publishers are kept, those that are gone included.
+#: The time between two queries for the publishers (s).
+_QUERY_INTERVAL = 0.5
+#: The largest number of publishers whose names are kept, including those that are gone.
 _MOST_NAMES = 10_000
-_UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'  # of a publisher whose node is not discovered yet
-#: At most so many messages, and bytes, are kept for `received`.
+#: The name that rmw reports for a publisher whose node is not discovered yet.
+_UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
+#: The largest number of messages, and of their bytes, that are kept for `received`.
 _MOST_MESSAGES, _MOST_BYTES = 10_000, 2**24
 
 
 class ReceivedMessage(bytes):
-    """The bytes of a message, with what the middleware knows of it."""
+    """The bytes of a TFMessage, with its publisher, topic and time of arrival."""
 
-    gid = ''  #: of its publisher, in hex; '' where that is not known
-    reception_time = 0  #: when it arrived, on the system's clock (ns)
-    is_static = False  #: whether it is from /tf_static
+    gid = ''  #: the gid of its publisher, in hex; '' if it is not known
+    reception_time = 0  #: the time of its arrival, on the system clock (ns)
+    is_static = False  #: True if it is from /tf_static
 
     @classmethod
     def of(cls, data: bytes, gid: str = '', reception_time: int = 0) -> 'ReceivedMessage':
         """
         Create a message.
 
-        :param gid: of its publisher, in hex; '': not known.
-        :param reception_time: when it arrived, on the system's clock (ns); 0: now.
+        :param data: the bytes of a TFMessage.
+        :param gid: the gid of its publisher, in hex; '': not known.
+        :param reception_time: the time of its arrival, on the system clock (ns); 0: now.
+        :returns: the message.
         """
         message = cls(data)
         message.gid, message.reception_time = gid, reception_time or time_ns()
@@ -47,11 +52,11 @@ class ReceivedMessage(bytes):
 
     def rows(self) -> list[Row]:
         """
-        Return its transforms, as they are in the message: names may have a leading slash.
+        Return the transforms of the message, unchanged: names may have a leading slash.
 
         :returns: tuples with `stamp_ns`, `frame_id`, `child_frame_id` and `pose`: x, y, z (m) and
-            the quaternion x, y, z, w, of any length.
-        :raises ValueError: when the bytes are no TFMessage.
+            the quaternion x, y, z, w, which may have any norm.
+        :raises ValueError: if the bytes are not those of a TFMessage.
         """
         return cdr.unpack(self)
 
@@ -60,39 +65,54 @@ class Received(NamedTuple):
     """The messages that have arrived since the last call of `PublisherListener.received`."""
 
     messages: list[ReceivedMessage]  #: in the order of their arrival on each topic
-    dropped: int  #: how many before these were dropped, because there were too many
+    dropped: int  #: the number of older messages that were dropped, to limit the memory
 
 
-class _Names:
-    """The names of the nodes of publishers."""
+class _NodeNames:
+    """The names of the publishers' nodes, by the gids of the publishers."""
 
     def __init__(self, node: Node) -> None:
-        """Create without names."""
+        """
+        Create an empty table; names are found once `topics` is set.
+
+        :param node: the node that queries the ROS graph.
+        """
         self._node = node
+        #: The topics whose publishers are queried.
         self.topics: set[str] = set()
         self._names: dict[str, str] = {}
-        self._next_look = 0.0
-        #: The gids of the publishers that there are.
+        self._next_query = 0.0
+        #: The gids of the publishers that existed at the last query.
         self.present: frozenset[str] = frozenset()
 
-    def look_now_and_then(self) -> None:
-        """Look up the publishers, since a node may end before somebody asks for its name."""
-        if (now := monotonic()) >= self._next_look:
-            self._next_look = now + _BETWEEN_LOOKS
-            self.look()
-
-    def of(self, gids: Iterable[str]) -> dict[str, str]:
-        """Return the full names of the nodes of publishers, by their gids."""
-        asked = set(gids)
-        if not asked <= self._names.keys():
-            self.look()
-        return {gid: self._names.get(gid, UNKNOWN) for gid in asked}
-
-    def look(self) -> None:
+    def query_if_due(self) -> None:
         """
-        Look up the names of the publishers that there are.
+        Query the ROS graph, unless the last query was less than half a second ago.
 
-        Those of publishers that are gone are kept, up to a number; the oldest are forgotten.
+        Regular queries find the name of a node that ends before somebody asks for it.
+        """
+        if (now := monotonic()) >= self._next_query:
+            self._next_query = now + _QUERY_INTERVAL
+            self.query()
+
+    def names_of(self, gids: Iterable[str]) -> dict[str, str]:
+        """
+        Return the full names of the publishers' nodes.
+
+        :param gids: the gids of the publishers, in hex.
+        :returns: the names by gid; `UNKNOWN` if the node is not known.
+        """
+        requested = set(gids)
+        if not requested <= self._names.keys():
+            self.query()
+        return {gid: self._names.get(gid, UNKNOWN) for gid in requested}
+
+    def query(self) -> None:
+        """
+        Query the ROS graph for the publishers and the names of their nodes.
+
+        The names of publishers that are gone are kept, up to a limit, beyond which the oldest are
+        dropped.
         """
         present = set()
         for topic in self.topics:
@@ -109,52 +129,66 @@ class _Names:
 
 
 class _GidSource(SubscriptionSource):
-    """A source whose authorities are the gids of the publishers; it keeps the messages, too."""
+    """A source that passes gids as authorities, and keeps the messages for `received`."""
 
-    def __init__(self, *arguments: Any, names: _Names) -> None:
-        """Create the source; as SubscriptionSource."""
-        super().__init__(*arguments)
+    def __init__(self, *args: Any, names: _NodeNames) -> None:
+        """
+        Create the source.
+
+        :param args: the arguments of SubscriptionSource.
+        :param names: the names of the publishers' nodes, which the source updates.
+        """
+        super().__init__(*args)
         names.topics = {topic.name for topic, _, _ in self._topics}
         self._names = names
-        #: None where rcl cannot be called: then gids are not known.
+        #: For /tf and /tf_static; None if rcl cannot be called: the gids are not known then.
         self._takers = [Taker(ReceivedMessage.of) if rcl_take() else None for _ in range(2)]
         self._kept: deque[ReceivedMessage] = deque()
         self._size = self._dropped = 0
 
     def take(self) -> list[BatchOrRows]:
-        """Return what has arrived; as SubscriptionSource."""
+        """
+        Take and decode the messages that have arrived; see `SubscriptionSource.take`.
+
+        :returns: the decoded messages that are not inserted yet.
+        """
         try:
             for taker, (topic, _, arrived) in zip(self._takers, reversed(self._topics)):
                 if taker is not None:
-                    taker.take(topic.handle, topic.most, arrived)
+                    taker.take(topic.handle, topic.max_messages, arrived)
                     continue
-                plain: list[Any] = []
-                topic.take(plain)
-                arrived += [ReceivedMessage.of(data) for data, _ in plain]
-        except (InvalidHandle, RCLError):  # the listener is ended concurrently
+                without_gids: list[Any] = []
+                topic.take(without_gids)
+                arrived += [ReceivedMessage.of(data) for data, _ in without_gids]
+        except (InvalidHandle, RCLError):  # another thread ends the listener
             pass
         for topic, reader, arrived in self._topics:
             if arrived:
                 self._count += len(arrived)
                 try:
-                    for gid, sent in groupby(arrived, attrgetter('gid')):
-                        self._batches += reader.read(sent, gid, topic.is_static)
-                except Exception as error:  # a fault of this package
+                    for gid, messages in groupby(arrived, attrgetter('gid')):
+                        self._batches += reader.read(messages, gid, topic.is_static)
+                except Exception as error:  # a bug in this package must not end the thread
                     self._on_fault(error)
                 self._keep(arrived, topic.is_static)
         return self._batches
 
     def end_round(self) -> float:
-        """Look up the publishers now and then; else as SubscriptionSource."""
-        self._names.look_now_and_then()
+        """
+        Update the names of the nodes; otherwise as `SubscriptionSource.end_round`.
+
+        :returns: how long messages may stay in the queue (s).
+        """
+        self._names.query_if_due()
         return super().end_round()
 
     def _keep(self, messages: list[Any], is_static: bool) -> None:
-        """Move messages to those that are kept."""
+        """Move decoded messages to those that `received` returns, and drop the oldest of them."""
         for message in messages:
             message.is_static = is_static
         size = sum(map(len, messages))
-        self._size += size  # these lines without a call, after which Ctrl-C could come
+        # There is no call in these lines, since Ctrl-C can interrupt after a call only.
+        self._size += size
         self._kept += messages
         del messages[:]
         while len(self._kept) > _MOST_MESSAGES or self._size > _MOST_BYTES:
@@ -162,7 +196,11 @@ class _GidSource(SubscriptionSource):
             self._dropped += 1
 
     def received(self) -> Received:
-        """Return what was kept, and keep it no more; the lock of the buffer is held."""
+        """
+        Return the kept messages and drop them here; the caller holds the lock of the buffer.
+
+        :returns: the messages since the last call.
+        """
         received = Received(list(self._kept), self._dropped)
         self._kept.clear()
         self._size = self._dropped = 0
@@ -170,39 +208,62 @@ class _GidSource(SubscriptionSource):
 
 
 class PublisherListener(TransformListener):
-    """A TransformListener that knows which node has sent the newest transform of a frame."""
+    """A TransformListener that knows which node has published the newest transform of a frame."""
 
-    def __init__(self, *arguments: Any, **kwargs: Any) -> None:
-        """Start to listen; as TransformListener, to a Buffer, MessageBufferCore or BufferCore."""
-        node: Any = kwargs.get('node', arguments[1] if len(arguments) > 1 else None)
-        self._names = names = _Names(node)
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        """
+        Subscribe and start the thread; as TransformListener.
 
-        def source(*arguments: Any) -> _GidSource:
-            self._source = _GidSource(*arguments, names=names)
+        :param args: the arguments of TransformListener. The buffer must be a Buffer,
+            MessageBufferCore or BufferCore.
+        :param kwargs: the keyword arguments of TransformListener, except `source`.
+        """
+        node: Any = kwargs.get('node', args[1] if len(args) > 1 else None)
+        self._names = names = _NodeNames(node)
+
+        def create_source(*args: Any) -> _GidSource:
+            """
+            Create the source and keep a reference to it.
+
+            :param args: the arguments of SubscriptionSource.
+            :returns: the source.
+            """
+            self._source = _GidSource(*args, names=names)
             return self._source
 
-        super().__init__(*arguments, source=source, **kwargs)
+        super().__init__(*args, source=create_source, **kwargs)
 
     @property
     def present(self) -> frozenset[str]:
-        """The gids of the publishers that there are, as of half a second ago."""
+        """The gids of the existing publishers, in hex; updated every half second."""
         return self._names.present
 
     def received(self) -> Received:
         """
-        Return the messages that have arrived since the last call, or since the begin.
+        Return the messages that have arrived since the last call, or since the start.
 
-        At most 10 000 messages and 16 MiB of them are kept, the newest.
+        Between two calls, the newest messages are kept: at most 10 000, and at most 16 MiB.
+
+        :returns: the messages, and the number of older messages that were dropped.
         """
         with self.buffer.fetched():
             return self._source.received()
 
     def frames(self) -> list[Frame]:
-        """Return the frames of the buffer, with the full names of nodes as their authorities."""
+        """
+        Return the frames of the buffer, with the full names of nodes as their authorities.
+
+        :returns: the frames that have a parent, as `buffer.frames()` returns them.
+        """
         frames: list[Frame] = self.buffer.frames()
         names = self.names_of(frame.authority for frame in frames)
         return [frame._replace(authority=names[frame.authority]) for frame in frames]
 
     def names_of(self, gids: Iterable[str]) -> dict[str, str]:
-        """Return the full names of the nodes of publishers, by their gids."""
-        return self._names.of(gids)
+        """
+        Return the full names of the publishers' nodes.
+
+        :param gids: the gids of the publishers, in hex.
+        :returns: the names by gid; `UNKNOWN` if the node is not known.
+        """
+        return self._names.names_of(gids)

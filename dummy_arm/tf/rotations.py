@@ -1,8 +1,8 @@
 """
-Rotations as quaternions x, y, z, w, with the names that tf_transformations has.
+Rotations as quaternions x, y, z, w; the functions are named as in tf_transformations.
 
-Angles are in rad. A quaternion may come in of any length but zero, and of either sign; what comes
-out is of unit length, unless it is said otherwise.
+Angles are in rad. An argument that is a quaternion may have any length except zero, and either
+sign. Results are unit quaternions unless stated otherwise.
 """
 
 from collections.abc import Iterable
@@ -17,26 +17,56 @@ from transforms3d import euler, quaternions
 
 from dummy_arm.tf._core.pose import Quaternion as Quaternion
 
-#: First axis, parity, repetition, frame, as in K. Shoemake, Euler Angle Conversion, Graphics
-#: Gems IV (1994).
+#: The code of a convention of Euler angles: first axis (0, 1, 2: x, y, z), parity (0: the second
+#: axis follows the first in x, y, z, x; 1: it does not), repetition (1: the third axis is the
+#: first again), frame (1: the axes rotate with the body, and the last is counted as the first).
+#: K. Shoemake, Euler Angle Conversion, Graphics Gems IV (1994).
 Code = tuple[int, int, int, int]
-#: Such as 'sxyz' or (0, 0, 0, 0).
+#: A convention of Euler angles: its name, such as 'sxyz', or its code, such as (0, 0, 0, 0).
 Axes = Union[str, Code]
 
-#: What rounding leaves of zero.
+#: A smaller number is zero up to rounding.
 _ROUNDING = 4.0 * sys.float_info.epsilon
-#: How far a matrix may be off: some are typed in.
-_OFF = 1e-3
-_NEEDED = 'a quaternion of a rotation must have a length, such as (0, 0, 0, 1)'
+#: The largest error of the numbers in a matrix: some are typed by hand.
+_TOLERANCE = 1e-3
+_NEEDED = 'the length of a quaternion must be finite and not zero, such as of (0, 0, 0, 1)'
 
 
 def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') -> Quaternion:
     """
-    Compose three rotations: by `ai`, then `aj`, then `ak`.
+    Return the rotation by three Euler angles: first by `ai`, then by `aj`, then by `ak`.
 
-    :param axes: 's' when they stay where they are or 'r' when they turn with the body, and their
-        names: 'sxyz' for roll, pitch, yaw, 'rzyx' for yaw, pitch, roll.
-    :raises ValueError: when an angle is not finite, or there are no such axes.
+    :param ai: the angle about the first axis (rad).
+    :param aj: the angle about the second axis (rad).
+    :param ak: the angle about the third axis (rad).
+    :param axes: 's' if the axes are static or 'r' if they rotate with the body, and the names of
+        the three axes: 'sxyz' for roll, pitch, yaw, 'rzyx' for yaw, pitch, roll; or the code of
+        such a convention.
+    :returns: the unit quaternion.
+    :raises ValueError: if an angle is not finite, or the convention does not exist.
+
+    >>> def rounded(numbers):
+    ...     return [round(number, 3) for number in numbers]
+
+    'sxyz' rotates about the static x axis, then the static y axis, then the static z axis. Here
+    that is a roll and a yaw of 90 degrees:
+
+    >>> rounded(quaternion_from_euler(math.pi / 2, 0.0, math.pi / 2, 'sxyz'))
+    [0.5, 0.5, 0.5, 0.5]
+
+    With 'rxyz', the yaw is about the z axis that the roll has rotated:
+
+    >>> rounded(quaternion_from_euler(math.pi / 2, 0.0, math.pi / 2, 'rxyz'))
+    [0.5, -0.5, 0.5, 0.5]
+
+    'rzyx' takes the angles of 'sxyz' in reverse order, and (0, 0, 0, 0) is the code of 'sxyz':
+
+    >>> roll, pitch, yaw = 0.1, 0.2, 0.3
+    >>> rotation = quaternion_from_euler(roll, pitch, yaw, 'sxyz')
+    >>> rotation == quaternion_from_euler(yaw, pitch, roll, 'rzyx')
+    True
+    >>> rotation == quaternion_from_euler(roll, pitch, yaw, (0, 0, 0, 0))
+    True
     """
     angles = _numbers((ai, aj, ak), 3, 'Euler angles must be three finite numbers (rad)')
     return _xyzw(euler.euler2quat(*angles, _code_of(axes)))
@@ -45,16 +75,31 @@ def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') 
 def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
                           ) -> tuple[float, float, float]:
     """
-    Find the angles `ai`, `aj`, `ak` from which `quaternion_from_euler` makes a rotation.
+    Return the Euler angles of a rotation, the inverse of `quaternion_from_euler`.
 
-    `ai` and `ak` are in (-pi, pi]. `aj` is in [-pi/2, pi/2] where the three axes differ; where the
-    last is the first again, `aj` is in [0, pi] if the second follows it in the order x, y, z, x,
-    else in [-pi, 0]. At gimbal lock, `ak` is 0 for 's' and `ai` for 'r'.
+    `ai` and `ak` are in (-pi, pi]. `aj` is in [-pi/2, pi/2] if the three axes differ. If the last
+    axis is the first again, `aj` is in [0, pi] if the second axis follows the first in the order
+    x, y, z, x, and in [-pi, 0] otherwise. At gimbal lock, `ak` is 0 for static axes and `ai` is 0
+    for rotating axes.
 
-    E. Bernardes and S. Viollet, Quaternion to Euler angles conversion: A direct, general and
-    computationally efficient method, PLoS ONE 17 (2022): nothing is lost near gimbal lock.
+    The method is accurate near gimbal lock, too: E. Bernardes and S. Viollet, Quaternion to Euler
+    angles conversion: A direct, general and computationally efficient method, PLoS ONE 17 (2022).
 
-    :raises ValueError: when it is no rotation, or there are no such axes.
+    :param quaternion: x, y, z, w.
+    :param axes: the convention, as in `quaternion_from_euler`.
+    :returns: `ai`, `aj`, `ak` (rad).
+    :raises ValueError: if the quaternion is not finite or has length zero, or the convention does
+        not exist.
+
+    A rotation by 180 degrees about z is the third angle of 'sxyz' and the first of 'rzyx', whose
+    code is (0, 0, 0, 1):
+
+    >>> euler_from_quaternion((0.0, 0.0, 1.0, 0.0), 'sxyz')
+    (0.0, 0.0, 3.141592653589793)
+    >>> euler_from_quaternion((0.0, 0.0, 1.0, 0.0), 'rzyx')
+    (3.141592653589793, 0.0, 0.0)
+    >>> euler_from_quaternion((0.0, 0.0, 1.0, 0.0), (0, 0, 0, 1))
+    (3.141592653589793, 0.0, 0.0)
     """
     i, parity, repetition, frame = _code_of(axes)
     q = _unit(quaternion)
@@ -63,13 +108,13 @@ def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
     j = (i + 1 + parity) % 3
     x, y, z, w = q[i], -q[j] if parity else q[j], q[3 - i - j], q[3]
     a, b, c, d = (w, x, y, z) if repetition else (w - y, x + z, w + y, z - x)
-    of_sum, of_difference = math.hypot(a, b), math.hypot(c, d)
+    sum_norm, difference_norm = math.hypot(a, b), math.hypot(c, d)
     half_sum, half_difference = math.atan2(b, a), math.atan2(d, c)
-    if of_sum < _ROUNDING:
+    if sum_norm < _ROUNDING:
         half_sum = -half_difference
-    elif of_difference < _ROUNDING:
+    elif difference_norm < _ROUNDING:
         half_difference = -half_sum
-    middle = 2.0 * math.atan2(of_difference, of_sum) - (0.0 if repetition else math.pi / 2.0)
+    middle = 2.0 * math.atan2(difference_norm, sum_norm) - (0.0 if repetition else math.pi / 2.0)
     first, last = _wrapped(half_sum - half_difference), _wrapped(half_sum + half_difference)
     if parity:
         middle = -middle
@@ -78,23 +123,27 @@ def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
 
 def quaternion_about_axis(angle: float, axis: Iterable[float]) -> Quaternion:
     """
-    Turn about an axis.
+    Return the rotation by an angle about an axis.
 
-    :param axis: x, y, z; of any length but zero.
-    :raises ValueError: when the angle is not finite, or it is no axis.
+    :param angle: the angle (rad).
+    :param axis: x, y, z; of any length except zero.
+    :returns: the unit quaternion.
+    :raises ValueError: if the angle or the axis is not finite, or the axis has length zero.
     """
-    what = 'an axis must be three finite numbers x, y, z, not all zero'
-    x, y, z = _numbers(axis, 3, what)
-    length = _length((x, y, z), what)
+    needed = 'an axis must be three finite numbers x, y, z, not all zero'
+    x, y, z = _numbers(axis, 3, needed)
+    length = _length((x, y, z), needed)
     angle, = _numbers((angle,), 1, 'an angle must be a finite number (rad)')
     return _xyzw(quaternions.axangle2quat((x / length, y / length, z / length), angle, True))
 
 
 def quaternion_matrix(quaternion: Iterable[float]) -> NDArray[np.float64]:
     """
-    Write a rotation as a homogenous (4, 4) matrix.
+    Return the homogeneous matrix of a rotation.
 
-    :raises ValueError: when it is no rotation.
+    :param quaternion: x, y, z, w.
+    :returns: (4, 4) float64.
+    :raises ValueError: if the quaternion is not finite or has length zero.
     """
     result = np.eye(4)
     result[:3, :3] = matrix(_unit(quaternion))
@@ -103,50 +152,58 @@ def quaternion_matrix(quaternion: Iterable[float]) -> NDArray[np.float64]:
 
 def quaternion_from_matrix(matrix: ArrayLike) -> Quaternion:
     """
-    Read the rotation from a matrix.
+    Return the rotation in a matrix.
 
-    :param matrix: (3, 3), or homogenous (4, 4), of which the translation is no matter.
-    :returns: that with w >= 0.
-    :raises ValueError: on another shape, or when the matrix does more than to rotate and move.
+    :param matrix: a (3, 3) rotation matrix, or a (4, 4) homogeneous matrix, whose translation is
+        ignored.
+    :returns: the unit quaternion with w >= 0.
+    :raises ValueError: if the matrix has another shape, or is not one of a rotation.
     """
     given = np.asarray(matrix, dtype=np.float64)
     if given.shape not in ((3, 3), (4, 4)):
         raise ValueError(f'a matrix must be of shape (3, 3) or (4, 4), got {given.shape}')
     rotation, numbers = given[:3, :3], given.tolist()
-    if len(given) == 4 and not abs(given[3] - (0.0, 0.0, 0.0, 1.0)).max() < _OFF:
+    if len(given) == 4 and not abs(given[3] - (0.0, 0.0, 0.0, 1.0)).max() < _TOLERANCE:
         raise ValueError(f'the last row of a (4, 4) matrix must be 0, 0, 0, 1, got {numbers[3]}')
     with np.errstate(all='ignore'):
-        off, determinant = abs(rotation @ rotation.T - np.eye(3)).max(), np.linalg.det(rotation)
-    if not (off < _OFF and determinant > 0.0):
+        error, determinant = abs(rotation @ rotation.T - np.eye(3)).max(), np.linalg.det(rotation)
+    if not (error < _TOLERANCE and determinant > 0.0):
         raise ValueError(
-            'the rows of a matrix of a rotation must be unit vectors at right angles, and its '
-            f'determinant 1, got {numbers}: off by {off:.2g}, determinant {determinant:.3g}')
+            'the rows of a rotation matrix must be unit vectors at right angles, and its '
+            f'determinant 1, got {numbers}: error {error:.2g}, determinant {determinant:.3g}')
     return _xyzw(quaternions.mat2quat(rotation))
 
 
 def quaternion_multiply(quaternion1: Iterable[float], quaternion0: Iterable[float]) -> Quaternion:
     """
-    Multiply any two quaternions: rotate first by `quaternion0`, then by `quaternion1`.
+    Return the product of two quaternions: the rotation by `quaternion0`, then by `quaternion1`.
 
-    :raises ValueError: when these are not four finite numbers each.
+    :param quaternion1: x, y, z, w; of any length.
+    :param quaternion0: x, y, z, w; of any length.
+    :returns: the product; its length is the product of both lengths.
+    :raises ValueError: if these are not four finite numbers each.
     """
     return multiply(_quaternion(quaternion1), _quaternion(quaternion0))
 
 
 def quaternion_conjugate(quaternion: Iterable[float]) -> Quaternion:
     """
-    Change the signs of x, y, z of any quaternion: that inverts one of unit length.
+    Return a quaternion with the signs of x, y, z changed: the inverse of a unit quaternion.
 
-    :raises ValueError: when these are not four finite numbers.
+    :param quaternion: x, y, z, w; of any length.
+    :returns: the conjugate, of the same length.
+    :raises ValueError: if these are not four finite numbers.
     """
     return conjugate(_quaternion(quaternion))
 
 
 def quaternion_inverse(quaternion: Iterable[float]) -> Quaternion:
     """
-    Invert a quaternion: its product with the inverse is (0, 0, 0, 1), whatever its length.
+    Return the inverse of a quaternion: the product of both is (0, 0, 0, 1).
 
-    :raises ValueError: when it is no rotation.
+    :param quaternion: x, y, z, w.
+    :returns: the inverse, whose length is one divided by that of the quaternion.
+    :raises ValueError: if the quaternion is not finite or has length zero.
     """
     q = _quaternion(quaternion)
     length = _length(q, _NEEDED)
@@ -156,17 +213,20 @@ def quaternion_inverse(quaternion: Iterable[float]) -> Quaternion:
 def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: float,
                      spin: int = 0, shortestpath: bool = True) -> Quaternion:
     """
-    Turn evenly about one axis from one rotation to another.
+    Interpolate between two rotations about one axis, at constant angular velocity.
 
-    K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH 1985, written with the sum and
-    the difference of the two, so that it is exact where they are close, too. At the ends it gives
-    what it was given.
+    K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH 1985. The formula uses the sum
+    and the difference of the two quaternions, so that it is exact for close rotations, too.
 
-    :param fraction: from 0 at `quat0` to 1 at `quat1`; beyond, it goes on.
-    :param spin: so many whole turns more.
-    :param shortestpath: the short way, whatever the signs; else they tell which way, and opposite
-        ones the long way.
-    :raises ValueError: when these are no rotations, or another number is not finite.
+    :param quat0: x, y, z, w of the first rotation.
+    :param quat1: x, y, z, w of the second rotation.
+    :param fraction: 0 for `quat0` to 1 for `quat1`; other values extrapolate.
+    :param spin: the number of whole turns that are added on the way.
+    :param shortestpath: whether to take the shorter way. If False, the signs of the quaternions
+        decide: the way is the longer one if their dot product is negative.
+    :returns: the unit quaternion; exactly `quat0` or `quat1`, normalised, at fraction 0 or 1.
+    :raises ValueError: if a quaternion is not finite or has length zero, or fraction or spin is
+        not finite.
     """
     fraction, turns = _numbers((fraction, spin), 2, 'fraction and spin must be finite numbers')
     begin, end = _unit(quat0), _unit(quat1)
@@ -176,46 +236,62 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
         end = _divided(end, -1.0)
     difference = [b - a for a, b in zip(begin, end)]
     total = [a + b for a, b in zip(begin, end)]
-    apart, together = math.hypot(*difference), math.hypot(*total)
-    if min(apart, together) < _ROUNDING:  # one rotation, and no axis known
+    difference_norm, sum_norm = math.hypot(*difference), math.hypot(*total)
+    if min(difference_norm, sum_norm) < _ROUNDING:  # the rotations are equal, so there is no axis
         return begin
-    half = math.atan2(apart, together)
+    half = math.atan2(difference_norm, sum_norm)
     angle = fraction * (2.0 * half + turns * math.pi) - half  # from the middle
-    ahead, middle = math.sin(angle) / apart, math.cos(angle) / together
-    return _unit([middle * m + ahead * d for m, d in zip(total, difference)])
+    along, middle = math.sin(angle) / difference_norm, math.cos(angle) / sum_norm
+    return _unit([middle * m + along * d for m, d in zip(total, difference)])
 
 
 def multiply(left: Iterable[float], right: Iterable[float]) -> Quaternion:
-    """Compose two rotations, whatever the numbers are: first `right`, then `left`."""
+    """
+    Return the product of two quaternions, without checks: the rotation `right`, then `left`.
+
+    :param left: x, y, z, w.
+    :param right: x, y, z, w.
+    :returns: the product.
+    """
     return _xyzw(quaternions.qmult(_wxyz(left), _wxyz(right)))
 
 
 def conjugate(rotation: Quaternion) -> Quaternion:
-    """Invert a rotation, given as a unit quaternion, whatever the numbers are."""
+    """
+    Return the inverse of a unit quaternion, without checks.
+
+    :param rotation: x, y, z, w.
+    :returns: the quaternion with the signs of x, y, z changed.
+    """
     x, y, z, w = rotation
     return -x, -y, -z, w
 
 
 def matrix(rotation: Iterable[float]) -> NDArray[np.float64]:
-    """Convert a rotation of any length to its (3, 3) matrix; that of zeros is the identity."""
+    """
+    Return the matrix of a rotation, without checks.
+
+    :param rotation: x, y, z, w, of any length; four zeros stand for no rotation.
+    :returns: (3, 3) float64.
+    """
     converted: NDArray[np.float64] = quaternions.quat2mat(_wxyz(rotation))
     return converted
 
 
 def _wxyz(rotation: Iterable[float]) -> Quaternion:
-    """Reorder for transforms3d, whose quaternions are w, x, y, z."""
+    """Return x, y, z, w in the order of transforms3d."""
     x, y, z, w = map(float, rotation)
     return w, x, y, z
 
 
 def _xyzw(rotation: NDArray[np.float64]) -> Quaternion:
-    """Reorder what transforms3d gives."""
+    """Return a quaternion of transforms3d, w, x, y, z, in our order."""
     w, x, y, z = rotation.tolist()
     return x, y, z, w
 
 
 def _numbers(given: Iterable[float], count: int, needed: str) -> list[float]:
-    """Read so many finite numbers."""
+    """Return `count` finite numbers; raise a ValueError that begins with `needed` otherwise."""
     try:
         numbers = [float(number) for number in given]
     except (TypeError, ValueError):
@@ -238,7 +314,7 @@ def _length(vector: tuple[float, ...], needed: str) -> float:
 
 
 def _unit(given: Iterable[float]) -> Quaternion:
-    """Normalise a quaternion; one of unit length stays as it is."""
+    """Return a quaternion normalised; one of unit length is returned unchanged."""
     q = _quaternion(given)
     length = _length(q, _NEEDED)
     return q if abs(length - 1.0) < _ROUNDING else _divided(q, length)
@@ -250,13 +326,13 @@ def _divided(rotation: Quaternion, length: float) -> Quaternion:
 
 
 def _wrapped(angle: float) -> float:
-    """Take whole turns away, to (-pi, pi]."""
+    """Return an angle without its whole turns, in (-pi, pi]."""
     rest = math.remainder(angle, math.tau)
     return math.pi if rest == -math.pi else rest + 0.0
 
 
 def _all_codes() -> dict[Axes, Code]:
-    """List the codes of all conventions, by their names and by themselves."""
+    """Return the codes of all conventions, by their names and by the codes themselves."""
     codes: dict[Axes, Code] = {}
     for i, parity, repetition, frame in product(range(3), range(2), range(2), range(2)):
         j = (i + 1 + parity) % 3
@@ -272,14 +348,31 @@ _CODES = _all_codes()
 
 def _code_of(axes: Axes) -> Code:
     """
-    Find the code of a convention.
+    Return the code of a convention of Euler angles, which is given by its name or its code.
 
-    :raises ValueError: when there is no such convention.
+    :raises ValueError: if there is no such convention.
+
+    >>> _code_of('sxyz')
+    (0, 0, 0, 0)
+
+    For rotating axes, the code counts the axes from the last to the first:
+
+    >>> _code_of('rzyx')
+    (0, 0, 0, 1)
+    >>> _code_of('RZYX')
+    (0, 0, 0, 1)
+
+    The first axis of 'szxz' is z, x follows z in the order x, y, z, x, and the third is z again:
+
+    >>> _code_of('szxz')
+    (2, 0, 1, 0)
+    >>> _code_of((2, 0, 1, 0))
+    (2, 0, 1, 0)
     """
     try:
         return _CODES[axes.lower() if isinstance(axes, str) else axes]
     except (KeyError, TypeError):
         raise ValueError(
-            "axes must be 's' (they stay) or 'r' (they turn with the body) and three of x, y, z, "
+            "axes must be 's' (static) or 'r' (rotating with the body) and three of x, y, z, "
             "neighbours differing, such as 'sxyz', 'rzyx' or 'szxz', or the code of such, as "
-            f'(0, 0, 0, 0) is of sxyz; got {axes!r}') from None
+            f'(0, 0, 0, 0) for sxyz; got {axes!r}') from None

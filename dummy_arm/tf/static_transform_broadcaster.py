@@ -1,4 +1,4 @@
-"""Broadcasting transforms that stay, on /tf_static."""
+"""Publishing static transforms on /tf_static."""
 
 from collections.abc import Iterable
 from threading import Lock
@@ -16,10 +16,10 @@ from dummy_arm.tf._wire import cdr
 
 class StaticTransformBroadcaster:
     """
-    Sends static transforms on /tf_static, as the class of this name in tf2_ros does.
+    A publisher of transforms on /tf_static, with the API of tf2_ros.StaticTransformBroadcaster.
 
-    Every message is latched and holds all that this broadcaster ever sent, the newest transform
-    of each child, so that a later subscriber has them all at once. Transforms are copied.
+    Each message is latched and contains the newest transform of every child frame that this
+    broadcaster has sent, so that a later subscriber receives them all. Transforms are copied.
     """
 
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None) -> None:
@@ -27,8 +27,8 @@ class StaticTransformBroadcaster:
         Create the publisher.
 
         :param node: the node that publishes; its remappings apply.
-        :param qos: profile of the publisher, or its depth; None: a depth of 1. Unless a profile
-            says otherwise it is reliable and transient local.
+        :param qos: QoS profile of the publisher, used as it is; or a depth, for a publisher that
+            is reliable and transient local; None: depth 1.
         """
         self.pub_tf = node.create_publisher(
             TFMessage, '/tf_static',
@@ -39,10 +39,13 @@ class StaticTransformBroadcaster:
     def sendTransform(  # noqa: N802
             self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:
         """
-        Send one transform, or any iterable of them, together with all sent before.
+        Send one or several transforms, together with those of the other child frames sent before.
 
-        :raises TypeError: on an element that is no TransformStamped.
-        :raises ValueError: as `TransformBroadcaster.sendTransform`; nothing is changed then.
+        If an argument is refused, nothing is sent, and what was sent before stays as it was.
+
+        :param transform: one transform, or an iterable of transforms.
+        :raises TypeError: if an element is not a TransformStamped.
+        :raises ValueError: if a transform is invalid; see `TransformBroadcaster.sendTransform`.
         """
         transforms = as_list(transform)
         with explain_bad_fields(transforms), self._lock:

@@ -1,4 +1,4 @@
-"""The value that a lookup gives."""
+"""The transform that a lookup of a `BufferCore` returns."""
 
 from typing import Any, NamedTuple
 
@@ -16,23 +16,25 @@ class Transform(NamedTuple):
     """
     The pose of the frame `child_frame_id` in the frame `frame_id`.
 
-    So it takes points from the child frame to `frame_id`; what a lookup of target and source gives
-    has the target as `frame_id` and the source as `child_frame_id`. In names: target_from_source.
-    `a_from_b @ b_from_c` is a_from_c.
+    It transforms points from the child frame to `frame_id`. In the result of a lookup, `frame_id`
+    is the target frame and `child_frame_id` the source frame; a variable for it is named
+    target_from_source. `a_from_b @ b_from_c` is a_from_c.
     """
 
-    stamp: int  #: ns
-    frame_id: str
-    child_frame_id: str
+    stamp: int  #: time (ns)
+    frame_id: str  #: the parent frame
+    child_frame_id: str  #: the frame whose pose this is
     translation: Vector = (0.0, 0.0, 0.0)  #: x, y, z (m)
-    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)  #: x, y, z, w
+    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)  #: quaternion x, y, z, w
 
     @classmethod
     def from_message(cls, message: Any) -> 'Transform':
         """
-        Create the transform of a message.
+        Create a transform from a message.
 
-        :param message: a geometry_msgs/TransformStamped, or what has its fields.
+        :param message: a geometry_msgs/TransformStamped, or an object with the same fields.
+        :returns: the transform, with all values as they are in the message.
+        :raises TypeError: if its stamp has neither `sec` and `nanosec` nor `nanoseconds`.
         """
         stamp, transform = message.header.stamp, message.transform
         t, r = transform.translation, transform.rotation
@@ -40,7 +42,12 @@ class Transform(NamedTuple):
                    (t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
 
     def matrix(self) -> NDArray[np.float64]:
-        """Write it as a homogenous (4, 4) matrix."""
+        """
+        Return the transform as a matrix.
+
+        :returns: (4, 4) float64, homogeneous: it transforms columns x, y, z (m), 1 from the child
+            frame to `frame_id`.
+        """
         result = np.eye(4)
         result[:3, :3] = rotations.matrix(self.rotation)
         result[:3, 3] = self.translation
@@ -48,11 +55,11 @@ class Transform(NamedTuple):
 
     def apply(self, points: ArrayLike) -> NDArray[np.float64]:
         """
-        Take points from the child frame to `frame_id`.
+        Transform points from the child frame to `frame_id`.
 
-        :param points: (3,) or (n, 3), m.
-        :returns: the same shape.
-        :raises ValueError: on another shape.
+        :param points: (3,) or (n, 3): x, y, z (m) in the child frame.
+        :returns: float64 of the same shape: x, y, z (m) in `frame_id`.
+        :raises ValueError: if the points have another shape.
         """
         points = np.asarray(points, dtype=np.float64)
         if points.ndim not in (1, 2) or points.shape[-1] != 3:
@@ -61,24 +68,30 @@ class Transform(NamedTuple):
         return result
 
     def inverse(self) -> 'Transform':
-        """Exchange the frames: the pose of `frame_id` in the child frame."""
-        back = rotations.conjugate(self.rotation)
-        x, y, z = (-(rotations.matrix(back) @ self.translation)).tolist()
-        return Transform(self.stamp, self.child_frame_id, self.frame_id, (x, y, z), back)
+        """
+        Return the inverse transform.
+
+        :returns: the pose of `frame_id` in the child frame, with the same stamp.
+        """
+        rotation = rotations.conjugate(self.rotation)
+        x, y, z = (-(rotations.matrix(rotation) @ self.translation)).tolist()
+        return Transform(self.stamp, self.child_frame_id, self.frame_id, (x, y, z), rotation)
 
     def __matmul__(self, other: 'Transform') -> 'Transform':
         """
-        Compose a_from_b @ b_from_c; the stamp is that of the left one.
+        Compose two transforms: a_from_b @ b_from_c is a_from_c.
 
-        :raises ValueError: when the frames between do not match.
+        :param other: the right transform (b_from_c).
+        :returns: the composed transform, with the stamp of the left one.
+        :raises ValueError: if the child frame of the left one is not the `frame_id` of the right.
         """
         if not isinstance(other, Transform):
             return NotImplemented
         if self.child_frame_id != other.frame_id:
             raise ValueError(
                 f'cannot compose {self.frame_id!r} from {self.child_frame_id!r} with '
-                f'{other.frame_id!r} from {other.child_frame_id!r}: the frames between must be '
-                'the same')
+                f'{other.frame_id!r} from {other.child_frame_id!r}: {self.child_frame_id!r} and '
+                f'{other.frame_id!r} must be the same frame')
         x, y, z = self.apply(other.translation).tolist()
         return Transform(self.stamp, self.frame_id, other.child_frame_id, (x, y, z),
                          rotations.multiply(self.rotation, other.rotation))

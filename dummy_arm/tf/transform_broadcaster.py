@@ -1,4 +1,4 @@
-"""Broadcasting transforms that change with time, on /tf."""
+"""Publishing dynamic transforms on /tf."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, Optional, Union
@@ -24,9 +24,10 @@ from dummy_arm.tf._wire import cdr
 
 class TransformBroadcaster:
     """
-    Sends transforms on /tf, as the class of this name in tf2_ros does.
+    A publisher of transforms on /tf, with the API of tf2_ros.TransformBroadcaster.
 
-    What no buffer would take raises an error that names the frame, and nothing is sent.
+    Transforms are checked before they are sent: an invalid one raises an error that names its
+    frames, and nothing is sent.
     """
 
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None) -> None:
@@ -34,7 +35,8 @@ class TransformBroadcaster:
         Create the publisher.
 
         :param node: the node that publishes; its remappings apply.
-        :param qos: profile or depth of the publisher; None: reliable, volatile, the last 100.
+        :param qos: QoS profile of the publisher, or its depth; None: reliable, volatile, depth
+            100.
         """
         self.pub_tf = node.create_publisher(
             TFMessage, '/tf', QoSProfile(depth=100) if qos is None else qos)
@@ -42,11 +44,13 @@ class TransformBroadcaster:
     def sendTransform(  # noqa: N802
             self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:
         """
-        Send one transform, or any iterable of them in one message.
+        Send one or several transforms in one message.
 
-        :raises TypeError: on an element that is no TransformStamped.
-        :raises ValueError: on an empty frame id, a parent that is its own child, a number that is
-            not finite or a quaternion that cannot be normalised.
+        :param transform: one transform, or an iterable of transforms.
+        :raises TypeError: if an element is not a TransformStamped.
+        :raises ValueError: if a frame id is empty, contains a NUL character or is not valid
+            Unicode, if a frame is its own parent, if a number is not finite, if a quaternion
+            cannot be normalised, or if a field has a value of another type or range.
         """
         transforms = as_list(transform)
         with explain_bad_fields(transforms):
@@ -54,39 +58,50 @@ class TransformBroadcaster:
 
     def prepare(self, edges: Sequence[tuple[str, str]]) -> 'PreparedTransforms':
         """
-        Prepare a set of frames that is sent again and again, at a fraction of the cost.
+        Prepare a message whose frames stay the same, so that sending it again costs less.
 
         :param edges: n >= 1 pairs (frame_id, child_frame_id).
-        :raises TypeError: on what is no pair of names.
-        :raises ValueError: as `sendTransform`, for the names.
+        :returns: the prepared message; its `send` takes the stamp and the poses.
+        :raises TypeError: if an edge is not a pair of str.
+        :raises ValueError: if there is no edge, or if a name is invalid as in `sendTransform`.
         """
         return PreparedTransforms(self.pub_tf, edges)
 
 
 class PreparedTransforms:
-    """Frames whose names were given once; see `TransformBroadcaster.prepare`."""
+    """A message on /tf whose frames stay the same; see `TransformBroadcaster.prepare`."""
 
     def __init__(self, publisher: Publisher, edges: Sequence[tuple[str, str]]) -> None:
+        """
+        Create a prepared message.
+
+        :param publisher: the publisher that sends it, of type TFMessage.
+        :param edges: n >= 1 pairs (frame_id, child_frame_id).
+        :raises TypeError: see `TransformBroadcaster.prepare`.
+        :raises ValueError: see `TransformBroadcaster.prepare`.
+        """
         self.edges = tuple(edges)
         if not self.edges:
-            raise ValueError('a prepared set needs at least one (frame_id, child_frame_id)')
+            raise ValueError('edges must contain at least one pair (frame_id, child_frame_id)')
         for edge in self.edges:
             if isinstance(edge, str) or [*map(type, edge)] != [str, str]:
                 raise TypeError(f'an edge must be two names, frame_id and child_frame_id; '
                                 f'got {edge!r}')
             check_edge(*edge)
-        self._packet = cdr.Packet(self.edges)
+        self._packet = cdr.MessageTemplate(self.edges)
         self._publisher = publisher
 
     def send(self, stamp: Any, poses: ArrayLike) -> None:
         """
         Send a pose for every frame, in one message and with one stamp.
 
-        :param stamp: time in ns, or what has `nanoseconds` (rclpy's Time) or `sec` and `nanosec`.
-        :param poses: (n, 7) float64: the child's x, y, z (m) and quaternion x, y, z, w in its
+        :param stamp: time (ns), or an object with `nanoseconds` (rclpy's Time) or with `sec` and
+            `nanosec` (a Time message).
+        :param poses: (n, 7) float64: x, y, z (m), quaternion x, y, z, w of each child frame in its
             parent, in the order of the edges.
-        :raises ValueError: on another shape, a number that is not finite, or a quaternion that
-            cannot be normalised.
+        :raises TypeError: if the stamp is none of these.
+        :raises ValueError: if the poses have another shape, if a number is not finite, if a
+            quaternion cannot be normalised, or if the seconds of the stamp do not fit an int32.
         """
         values = np.asarray(poses, np.float64)
         data = self._packet.pack(nanoseconds_or_int(stamp), values)

@@ -1,4 +1,4 @@
-"""The listener of tf2_ros: it subscribes to /tf and /tf_static and fills a buffer."""
+"""A transform listener like that of tf2_ros: it subscribes to /tf and /tf_static."""
 
 from collections.abc import Callable
 from functools import partial, wraps
@@ -29,55 +29,74 @@ from dummy_arm.tf.transform import Transform
 
 class _CallbackSource:
     """
-    The source of a buffer whose listener calls callbacks: there is nothing to take.
+    A source without messages, for a buffer whose listener passes messages to callbacks.
 
-    Its presence tells the buffer that transforms may still come. If the callbacks are those of a
-    subclass, the thread that calls them does not run before the constructor of the subclass has
-    returned, unless that constructor looks up or waits for a transform.
+    While the buffer has this source, it expects further transforms. If a subclass overrides the
+    callbacks, the thread that calls them starts when the constructor of the subclass has returned,
+    or earlier if that constructor looks up or waits for a transform.
     """
 
     def __init__(self, start: Callable[[], None]) -> None:
+        """
+        Create the source in the thread that creates the listener.
+
+        :param start: starts the listener's thread, unless it was started before.
+        """
         self._start, self._thread_id = start, get_ident()
 
     def take(self) -> list[BatchOrRows]:
-        """Return nothing."""
+        """
+        Call `wake`, since a buffer takes from its sources when it looks up.
+
+        :returns: an empty list.
+        """
         self.wake()
         return []
 
     def wake(self) -> None:
-        """Start the listener's thread, if it is the constructor that looks up or waits."""
+        """Start the listener's thread if this is called by the thread of its constructor."""
         if get_ident() == self._thread_id:
             self._start()
 
 
 class TransformListener:
     """
-    Fills a buffer with what is published on /tf and /tf_static, as tf2_ros.TransformListener.
+    A subscriber to /tf and /tf_static that fills a buffer, as tf2_ros.TransformListener.
 
-    A thread of its own takes the messages, so that they come in while callbacks of the node run
-    or wait, and whether the node is spun or not. They are taken as bytes and go straight into
-    the buffer; a lookup has everything that has arrived by then. The executor that spins the node
-    is woken by new data, but at most 10 times a second.
+    The listener has its own thread, which receives messages even while a callback of the node
+    runs or waits, and whether or not the node is spun. The messages are taken as bytes and
+    inserted without conversion to message objects. A lookup sees every message that has arrived.
+    New data wake the executor that spins the node, at most 10 times a second.
 
     It listens until `unregister()`, `node.destroy_node()` or `rclpy.shutdown()`.
 
     A subclass may override `callback` and `static_callback`. The thread calls them after the
-    constructor of the subclass has returned; or as soon as that constructor looks up a transform
-    in the buffer, or waits for one.
+    constructor of the subclass has returned, or as soon as that constructor looks up or waits for
+    a transform in the buffer.
     """
 
-    #: The constructor of a subclass that starts the thread at its end.
+    #: The wrapped constructor of a subclass, which starts the thread at its end.
     _starting_constructor: Optional[Callable[..., None]] = None
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
-        """Have the constructor of a subclass start the thread when it returns."""
+        """
+        Wrap the constructor of a subclass so that the thread starts when it returns.
+
+        :param kwargs: the keyword arguments of the class statement.
+        """
         super().__init_subclass__(**kwargs)
-        own = cls.__dict__.get('__init__')
+        own_init = cls.__dict__.get('__init__')
 
         @wraps(cls.__init__)
         def construct_and_start(self: Any, *args: Any, **kwargs: Any) -> None:
-            construct = partial(own, self) if own else super(cls, self).__init__
-            if type(self) is not cls:  # this is called by the constructor of a further subclass
+            """
+            Call the constructor of the subclass, then start the thread.
+
+            :param args: the positional arguments of the constructor.
+            :param kwargs: the keyword arguments of the constructor.
+            """
+            construct = partial(own_init, self) if own_init else super(cls, self).__init__
+            if type(self) is not cls:  # the constructor of a further subclass starts the thread
                 construct(*args, **kwargs)
                 return
             try:
@@ -86,7 +105,7 @@ class TransformListener:
                 if hasattr(self, '_thread'):
                     self.unregister()
                 raise
-            if hasattr(self, '_thread'):  # else TransformListener's constructor was not called
+            if hasattr(self, '_thread'):  # False if the base constructor was not called
                 self._thread.start()
 
         cls.__init__ = cls._starting_constructor = construct_and_start  # type: ignore
@@ -96,34 +115,37 @@ class TransformListener:
                  static_qos: Optional[Union[QoSProfile, int]] = None,
                  source: Callable[..., SubscriptionSource] = SubscriptionSource) -> None:
         """
-        Start to listen.
+        Subscribe and start the thread; in a subclass, its constructor starts the thread.
 
-        :param buffer: what is filled: a Buffer, MessageBufferCore or BufferCore, or any object
-            with `set_transform` and `set_transform_static`. These are called by the thread if they
-            are overridden.
+        :param buffer: the buffer that is filled: a Buffer, MessageBufferCore or BufferCore, or any
+            object with `set_transform` and `set_transform_static`. The thread calls these two
+            methods if they are overridden, or if the object is not one of these buffers.
         :param node: the node that subscribes; its remappings apply.
         :param spin_thread: ignored: there is a thread in any case, and it never spins the node.
-        :param qos: profile or depth for /tf; None: reliable, volatile, the last 100.
-        :param static_qos: profile or depth for /tf_static; None: a depth of 100. Unless a profile
-            says otherwise it is reliable and transient local.
-        :param source: makes the source that takes the messages from the subscriptions.
+        :param qos: profile or depth for /tf; None: a depth of 100. A depth means reliable and
+            volatile.
+        :param static_qos: profile or depth for /tf_static; None: a depth of 100. A depth means
+            reliable and transient local.
+        :param source: the class of the source that takes the messages from the subscriptions, or
+            a function with the same arguments.
         """
         self.node = node
         self.group = ReentrantCallbackGroup()
-        #: How many messages could not be decoded, and were dropped.
+        #: The number of messages that were dropped because they could not be decoded.
         self.malformed = 0
         self._log = ThrottledLog()
         self._log.write = get_logger('tf2_listener').warning
-        #: The buffer that is filled; the one that pulls, if it does, and what it pulls from.
         self._buffer: Any = None
+        #: The buffer that pulls from this listener, and the source; None: there is no such buffer.
         self._attached: Optional[tuple[Engine, Source]] = None
-        #: Of the attached buffer, at the last look.
+        #: The generation of the attached buffer after its last update.
         self._generation = -1
-        #: Whether messages are passed to callbacks, since something is overridden.
+        #: Whether messages are passed to the callbacks, because a method is overridden or the
+        #: buffer cannot pull.
         self._calls_back = False
-        #: Held for a moment, in which no other lock is taken; reentrant, since a signal handler or
-        #: the garbage collector may end the listener just then.
-        self._switching = RLock()
+        #: Held only while `_attached` is replaced; no other lock is taken meanwhile. It is
+        #: reentrant, since a signal handler or the garbage collector may end the listener then.
+        self._attach_lock = RLock()
         self.tf_sub = subscribe(
             node, TFMessage, '/tf', self.callback, profile(qos, 100), self.group)
         self.tf_static_sub = subscribe(
@@ -135,15 +157,15 @@ class TransformListener:
         self._messages = source(
             self.tf_static_sub, self.tf_sub, self._on_fault, self._thread.wake)
         self._callbacks = _CallbackSource(self._thread.start)
-        #: What callbacks are called with, if they are.
+        #: The messages for the callbacks, if these are called.
         self._topics = Topic(self.tf_static_sub, True), Topic(self.tf_sub, False)
         self.buffer = buffer
-        if (not self._has_own_callbacks()
+        if (not self._overrides_callbacks()
                 or type(self).__init__ is not type(self)._starting_constructor):
             self._thread.start()
 
     def unregister(self) -> None:
-        """Stop listening, for good."""
+        """Stop listening for good: end the thread, which destroys the subscriptions."""
         try:
             self._attach(None)
         finally:
@@ -151,7 +173,7 @@ class TransformListener:
 
     @property
     def buffer(self) -> Any:
-        """The buffer that is filled."""
+        """The buffer that is filled; it may be replaced at any time."""
         return self._buffer
 
     @buffer.setter
@@ -163,12 +185,16 @@ class TransformListener:
             self._calls_back = True
             self._attach(None)
             return
-        self._calls_back = self._has_own_callbacks() or _has_own_setters(buffer)
+        self._calls_back = self._overrides_callbacks() or _overrides_setters(buffer)
         self._attach((buffer, self._callbacks if self._calls_back else self._messages))
 
     def _attach(self, attached: Optional[tuple[Engine, Source]]) -> None:
-        """Remove the present source from its buffer, then add another one to its buffer."""
-        with self._switching:
+        """
+        Remove the current source from its buffer, then add a new source to its buffer.
+
+        :param attached: the buffer and its new source; None: no buffer.
+        """
+        with self._attach_lock:
             if self._thread.has_ended:
                 attached = None
             before, self._attached = self._attached, attached
@@ -177,41 +203,50 @@ class TransformListener:
         if attached is not None:
             buffer, source = attached
             buffer.add_source(source)
-            if self._attached is not attached or self._thread.has_ended:  # in the meantime
+            if self._attached is not attached or self._thread.has_ended:  # by another thread
                 _detach(buffer, source)
 
-    def _has_own_callbacks(self) -> bool:
-        """Return whether a callback is overridden."""
+    def _overrides_callbacks(self) -> bool:
+        """Return True if `callback` or `static_callback` is overridden."""
         return {getattr(self.callback, '__func__', None),
                 getattr(self.static_callback, '__func__', None)} != {
                     TransformListener.callback, TransformListener.static_callback}
 
     def _holds_lock(self) -> bool:
+        """Return True if the calling thread holds the buffer's lock."""
         return isinstance(self._buffer, Engine) and self._buffer.is_held()
 
     def callback(self, data: TFMessage) -> None:
-        """Set the transforms of a message, as moving ones."""
+        """
+        Insert the transforms of a message as dynamic transforms.
+
+        :param data: the message, from /tf.
+        """
         for transform in data.transforms:
             self._buffer.set_transform(self._converted(transform), AUTHORITY)
 
     def static_callback(self, data: TFMessage) -> None:
-        """Set the transforms of a message, as static ones."""
+        """
+        Insert the transforms of a message as static transforms.
+
+        :param data: the message, from /tf_static.
+        """
         for transform in data.transforms:
             self._buffer.set_transform_static(self._converted(transform), AUTHORITY)
 
     def _converted(self, message: TransformStamped) -> Union[TransformStamped, Transform]:
-        """Return a transform as the buffer takes it."""
+        """Return a transform as the type that the setters of the buffer take."""
         if isinstance(self._buffer, BufferCore):
             return Transform.from_message(message)
         return message
 
     def _work(self) -> Round:
-        """Fill the buffer with what has arrived; the thread calls this."""
-        for misfits in self._qos_monitors:
-            misfits.look()
-        attached, done = self._attached, Round(False, False, 0.0)
+        """Insert what has arrived, or pass it to the callbacks; the thread calls this."""
+        for monitor in self._qos_monitors:
+            monitor.check()
+        attached, result = self._attached, Round(False, False, 0.0)
         if self._calls_back:
-            done = Round(self._call_back(), False, 0.0)
+            result = Round(self._call_back(), False, 0.0)
         elif attached is not None:
             buffer, is_urgent = attached[0], False
             generation = buffer.update()
@@ -222,12 +257,12 @@ class TransformListener:
                 except BaseException as error:  # raised by a done callback
                     self._on_fault(error)
             pause = self._messages.end_round()
-            done = Round(has_news, is_urgent, 0.0 if buffer.has_waiters else pause)
+            result = Round(has_news, is_urgent, 0.0 if buffer.has_waiters else pause)
         self._log.flush()
-        return done
+        return result
 
     def _call_back(self) -> bool:
-        """Call the callbacks with what has arrived; return whether there was anything."""
+        """Call the callbacks with the messages that have arrived; return True if there are any."""
         has_news = False
         for topic, callback in zip(self._topics, (self.static_callback, self.callback)):
             arrived: list[Any] = []
@@ -241,39 +276,40 @@ class TransformListener:
         return has_news
 
     def _on_fault(self, error: BaseException) -> None:
-        """Count a malformed message and note its kind once; note other errors once a second."""
+        """Count malformed messages and log each kind once; log other errors once a second."""
         if isinstance(error, cdr.MalformedMessage):
             self.malformed += 1
             self._log.warn_once(str(error).partition(':')[0], (
-                f'Dropped a message that cannot be decoded, {error}. Others of this kind are '
-                'dropped silently.'))
+                f'Dropped a message that cannot be decoded, {error}. Further messages of this '
+                'kind are dropped silently.'))
         else:
             self._log.warn(''.join(format_exception(error)))
 
     def _close(self) -> None:
-        """Release the subscriptions; the thread calls this at its end."""
+        """Remove the sources and destroy the subscriptions; the thread calls this at its end."""
         buffer = self._buffer
         try:
             self._attach(None)
-            if isinstance(buffer, Engine):  # Ctrl-C may have come in the midst of `unregister`
+            if isinstance(buffer, Engine):  # Ctrl-C may have interrupted `unregister`
                 for source in self._messages, self._callbacks:
                     buffer.remove_source(source)
         except BaseException as error:  # raised by a done callback
             self._on_fault(error)
         self._log.flush()
-        for misfits in self._qos_monitors:
-            misfits.close()
+        for monitor in self._qos_monitors:
+            monitor.close()
         self.tf_sub.destroy()
         self.tf_static_sub.destroy()
 
 
 def _detach(buffer: Engine, source: Source) -> None:
+    """Remove a source, and complete the futures for its last messages."""
     buffer.remove_source(source)
     buffer.after_insertion()
 
 
-def _has_own_setters(buffer: Any) -> bool:
-    """Return whether `insert` or a setter is overridden."""
+def _overrides_setters(buffer: Any) -> bool:
+    """Return True if `insert`, `set_transform` or `set_transform_static` is overridden."""
     own = {Engine.insert, *(getattr(kind, name) for kind in (BufferCore, MessageBufferCore)
                             for name in ('set_transform', 'set_transform_static'))}
     return not all(getattr(method, '__func__', None) in own for method in (

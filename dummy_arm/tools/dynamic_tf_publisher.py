@@ -1,4 +1,14 @@
-"""The command `dynamic_tf_publisher`: a frame that goes round, turned in three ways."""
+"""
+The command `dynamic_tf_publisher`: a frame that moves on a circle around map.
+
+Ten times a second, the node publishes the pose of moving_frame in map on /tf. The parameter
+`rotation` selects the orientation of moving_frame:
+
+- identity: the axes of moving_frame are parallel to those of map.
+- quaternion: moving_frame is rotated about z by its angle on the circle.
+- euler: the same rotation, computed from Euler angles. The parameters `roll`, `pitch` and `yaw`
+  are added to these angles.
+"""
 
 from collections.abc import Sequence
 from math import cos, isfinite, sin
@@ -14,23 +24,28 @@ from dummy_arm.cli.parser import Parser, run, UsageError
 from dummy_arm.tf import TransformBroadcaster
 from dummy_arm.tf.rotations import quaternion_from_euler
 
+#: The values of the parameter `rotation`.
 ROTATIONS = ('identity', 'quaternion', 'euler')
+#: The parameters that are added to the Euler angles (rad).
 OFFSETS = ('roll', 'pitch', 'yaw')
-PERIOD = 0.1  # s
-STEP = 0.1  # rad in each period
+#: Time between two messages (s).
+PERIOD = 0.1
+#: Angle on the circle between two messages (rad).
+STEP = 0.1
 
 
 class DynamicTfPublisher(Node):
-    """Publishes map -> moving_frame, ten times a second."""
+    """A node that publishes map -> moving_frame ten times a second."""
 
     def __init__(self) -> None:
         """
-        Create the node and start to publish.
+        Create the node and start publishing.
 
-        :raises UsageError: on a parameter that was given a senseless value.
+        :raises UsageError: if the value of a parameter is invalid.
         """
         super().__init__('dynamic_tf_publisher')
-        any_type = ParameterDescriptor(dynamic_typing=True)  # an integer is a number, too
+        # With the type fixed to float, ROS would reject roll:=1.
+        any_type = ParameterDescriptor(dynamic_typing=True)
         self.declare_parameter('rotation', 'identity', any_type)
         for name in OFFSETS:
             self.declare_parameter(name, 0.0, any_type)
@@ -38,19 +53,24 @@ class DynamicTfPublisher(Node):
             if reason := problem(self.get_parameter(name)):
                 raise UsageError(reason)
         self.add_on_set_parameters_callback(self.check)
-        self.angle = 0.0
+        self.angle = 0.0  # of moving_frame on the circle (rad)
         self.broadcaster = TransformBroadcaster(self)
         self.timer = self.create_timer(PERIOD, self.publish)
         self.get_logger().info(f'publishing map -> moving_frame at {1 / PERIOD:g} Hz, rotation: '
                                f'{self.get_parameter("rotation").value}')
 
     def check(self, parameters: list[Parameter]) -> SetParametersResult:
-        """Refuse senseless values, with the reason."""
+        """
+        Accept or reject new values of parameters, before they are set.
+
+        :param parameters: the parameters with their new values.
+        :returns: whether the values are accepted, and if not, the reason.
+        """
         reasons = [reason for parameter in parameters if (reason := problem(parameter))]
         return SetParametersResult(successful=not reasons, reason='; '.join(reasons))
 
     def publish(self) -> None:
-        """Publish where the frame is now, and how it is turned."""
+        """Publish the current pose of moving_frame in map."""
         message = TransformStamped(child_frame_id='moving_frame')
         message.header.frame_id = 'map'
         message.header.stamp = self.get_clock().now().to_msg()
@@ -69,18 +89,25 @@ class DynamicTfPublisher(Node):
         self.angle += STEP
 
     def rotation(self) -> tuple[float, float, float, float]:
-        """Give the rotation as a quaternion x, y, z, w."""
+        """Return the current rotation of moving_frame as a quaternion x, y, z, w."""
         kind = self.get_parameter('rotation').value
-        if kind == 'quaternion':  # by the angle, about z
+        if kind == 'quaternion':
+            # A rotation by an angle about z: z = sin(angle / 2), w = cos(angle / 2).
             return 0.0, 0.0, sin(self.angle / 2), cos(self.angle / 2)
-        if kind == 'euler':  # the same, and turned further by what is set
+        if kind == 'euler':
+            # Rotations about the fixed axes x, y and z of map, in this order.
             roll, pitch, yaw = (float(self.get_parameter(name).value) for name in OFFSETS)
             return quaternion_from_euler(roll, pitch, self.angle + yaw)
         return 0.0, 0.0, 0.0, 1.0
 
 
 def problem(parameter: Parameter) -> Optional[str]:
-    """Tell what is wrong with the value of a parameter, or None where nothing is."""
+    """
+    Check the value of a parameter.
+
+    :param parameter: the parameter with its value.
+    :returns: why the value is invalid; None if it is valid.
+    """
     value = parameter.value
     if parameter.name == 'rotation' and value not in ROTATIONS:
         return f'rotation must be one of {", ".join(ROTATIONS)}, got {value!r}'
@@ -91,17 +118,27 @@ def problem(parameter: Parameter) -> Optional[str]:
 
 
 def command(*, ros_args: Sequence[str] = ()) -> int:
-    """Run the node until it is told to stop; give the exit code."""
+    """
+    Run the node until Ctrl-C or SIGTERM.
+
+    :param ros_args: the command line, with the name of the command.
+    :returns: the exit code.
+    """
     return run_node(DynamicTfPublisher, ros_args)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
+    """
+    Run the command; see `--help`.
+
+    :param args: the command line without the name of the command; None: that of the process.
+    :returns: the exit code.
+    """
     return run(Parser(
-        'dynamic_tf_publisher', 'Publish map -> moving_frame on /tf, ten times a second: a circle '
-        'of 1 m about map, until Ctrl-C.',
-        'parameters, which can be set while it runs, too:\n'
+        'dynamic_tf_publisher', 'Publish map -> moving_frame on /tf, ten times a second, until '
+        'Ctrl-C.\nThe frame moves around map on a circle of radius 1 m.',
+        'parameters, which can also be set while the node runs:\n'
         '  rotation          identity (default), quaternion (about z, by the angle on the\n'
-        '                    circle) or euler (the same, with the offsets)\n'
-        '  roll, pitch, yaw  offsets of euler (rad; default 0)\n\n'
+        '                    circle) or euler (the same, from Euler angles with offsets)\n'
+        '  roll, pitch, yaw  offsets of the Euler angles (rad; default 0)\n\n'
         'example: dynamic_tf_publisher --ros-args -p rotation:=euler -p roll:=0.5'), command, args)

@@ -1,4 +1,4 @@
-"""The command `param`: the parameters of a node that runs, listed, read and set."""
+"""The command `param`: list, print and set the parameters of a running node."""
 
 from argparse import ArgumentTypeError
 from collections.abc import Callable, Sequence
@@ -19,125 +19,152 @@ from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import sleep
 from dummy_arm.tf.formatting import suggest_names
 
-#: How long a node is waited for, and its answer (s).
+#: The longest wait for the node, for its services and for a response (s).
 PATIENCE = 5.0
-#: A node that was just found may not answer the first call: it is asked again after so long (s).
-_ASK_AGAIN = 2.0
-_STEP = 0.01  # s
+#: How long to wait for a response before the request is sent again (s). A node that has just been
+#: discovered may not respond to the first request.
+_RETRY = 2.0
+#: Pause between two checks for the response (s).
+_STEP = 0.01
 
 
 class Parameters:
     """The parameters of another node."""
 
-    def __init__(self, node: Node, of: str) -> None:
+    def __init__(self, node: Node, remote: str) -> None:
         """
-        Find the node.
+        Wait until the other node and its parameter services are discovered.
 
-        :param node: a node of our own, by which the other is asked.
-        :param of: the other node's full name.
-        :raises CommandError: when there is none, or it does not tell its parameters.
+        :param node: the local node, which calls the services.
+        :param remote: the fully qualified name of the other node.
+        :raises CommandError: if the other node or its parameter services are not found in time.
         """
-        self._of = of
+        self._remote = remote
         own = node.get_fully_qualified_name()
 
         def names() -> tuple[str, ...]:
             return tuple(f'{space.rstrip("/")}/{name}' for name, space
                          in node.get_node_names_and_namespaces() if not name.startswith('_'))
 
-        if not wait(PATIENCE, f'looking for {of}', lambda: of in names()):
+        if not wait(PATIENCE, f'looking for {remote}', lambda: remote in names()):
             others = tuple(name for name in names() if name != own)
-            raise CommandError(f'there is no node {of}. ' + (
-                suggest_names(of, others, 'nodes') if others else 'There is none at all: check '
-                'ROS_DOMAIN_ID and ROS_AUTOMATIC_DISCOVERY_RANGE.'))
-        self._client = AsyncParameterClient(node, of)
-        if not wait(PATIENCE, f'looking for the services of {of}',
+            raise CommandError(f'there is no node {remote}. ' + (
+                suggest_names(remote, others, 'nodes') if others else 'No other node was found: '
+                'check ROS_DOMAIN_ID and ROS_AUTOMATIC_DISCOVERY_RANGE.'))
+        self._client = AsyncParameterClient(node, remote)
+        if not wait(PATIENCE, f'looking for the services of {remote}',
                     self._client.services_are_ready):
-            raise CommandError(f'{of} has no services for its parameters')
+            raise CommandError(f'{remote} has no parameter services')
 
     def names(self) -> list[str]:
-        """List their names."""
-        return sorted(self._answer(lambda: self._client.list_parameters()).result.names)
+        """
+        Return the names of all parameters.
+
+        :returns: the names, sorted.
+        :raises CommandError: if the node does not respond.
+        """
+        return sorted(self._response(lambda: self._client.list_parameters()).result.names)
 
     def get(self, names: list[str]) -> list[ParameterValue]:
         """
-        Read their values.
+        Return the values of parameters.
 
-        :raises CommandError: when there is no parameter of one of the names.
+        :param names: the names of the parameters.
+        :returns: their values, in this order.
+        :raises CommandError: if there is no parameter of one of the names, or the node does not
+            respond.
         """
-        values = list(self._answer(lambda: self._client.get_parameters(names)).values)
+        values = list(self._response(lambda: self._client.get_parameters(names)).values)
         if len(values) < len(names) or any(
                 value.type == ParameterType.PARAMETER_NOT_SET for value in values):
             known = tuple(self.names())
             for name in names:
                 if name not in known:
-                    raise CommandError(f'{self._of} has no parameter {name!r}. '
+                    raise CommandError(f'{self._remote} has no parameter {name!r}. '
                                        + suggest_names(name, known, 'parameters'))
         return values
 
     def set(self, name: str, text: str) -> None:
         """
-        Set one to what is written in a text.
+        Set a parameter.
 
-        :raises CommandError: when the node refuses it, with its reason.
+        :param name: name of the parameter.
+        :param text: the value, as YAML; see `read`.
+        :raises UsageError: if the text is not a value of a parameter.
+        :raises CommandError: if there is no such parameter, if the node refuses the value, or if
+            it does not respond.
         """
-        (old,) = self.get([name])
-        message = parameter(name, text, old.type)
-        (result,) = self._answer(lambda: self._client.set_parameters([message])).results
+        (current,) = self.get([name])
+        message = parameter(name, text, current.type)
+        (result,) = self._response(lambda: self._client.set_parameters([message])).results
         if not result.successful:
-            raise CommandError(f'{self._of} refuses it: {result.reason}')
+            raise CommandError(f'{self._remote} refuses the value: {result.reason}')
 
-    def _answer(self, ask: Callable[[], Future]) -> Any:
+    def _response(self, send_request: Callable[[], Future]) -> Any:
+        """Send a request, repeat it if there is no response, and return the response."""
         deadline = time.monotonic() + PATIENCE
         while time.monotonic() < deadline:
-            future, ask_again = ask(), time.monotonic() + _ASK_AGAIN
-            while time.monotonic() < ask_again:
+            future, retry_at = send_request(), time.monotonic() + _RETRY
+            while time.monotonic() < retry_at:
                 if future.done():
                     return future.result()
                 sleep(_STEP)
-        raise CommandError(f'{self._of} did not answer within {PATIENCE:g} s')
+        raise CommandError(f'{self._remote} did not respond within {PATIENCE:g} s')
 
 
-def parameter(name: str, text: str, type_before: int) -> Any:
+def parameter(name: str, text: str, current_type: int) -> Any:
     """
-    Make the message that sets a parameter to what is written in a text; as `read`.
+    Create the message that sets a parameter.
 
-    :raises UsageError: when that is no value of a parameter.
+    :param name: name of the parameter.
+    :param text: the value, as YAML; see `read`.
+    :param current_type: see `read`.
+    :returns: the rcl_interfaces/msg/Parameter.
+    :raises UsageError: if the text is not a value of a parameter.
     """
     try:
-        return Parameter(name, value=read(text, type_before)).to_parameter_msg()
+        return Parameter(name, value=read(text, current_type)).to_parameter_msg()
     except (ArgumentTypeError, OverflowError, TypeError, YAMLError) as error:
         reason = str(error).splitlines()[0]
-        raise UsageError(f'{text!r} is no value of a parameter: {reason}') from None
+        raise UsageError(f'{text!r} is not a value of a parameter: {reason}') from None
 
 
-def read(text: str, type_before: int) -> Any:
+def read(text: str, current_type: int) -> Any:
     """
-    Read a value as YAML; numbers with an exponent, too.
+    Convert a YAML text to a value of a parameter.
 
-    :param type_before: a whole number for what is a DOUBLE becomes one, and a STRING stays text.
-    :raises OverflowError: when a whole number is no int64.
-    :raises argparse.ArgumentTypeError: when it is a number for YAML only, and meant as a DOUBLE.
-    :raises yaml.YAMLError: when it is no YAML.
+    The value of a STRING is the text itself. For a DOUBLE and a DOUBLE_ARRAY, integers become
+    floats. Numbers with an exponent but no point, such as 1e-3, are numbers, although PyYAML reads
+    them as text.
+
+    :param text: the text.
+    :param current_type: type of the current value, a constant of rcl_interfaces/msg/ParameterType.
+    :returns: the value.
+    :raises OverflowError: if an integer does not fit into int64.
+    :raises argparse.ArgumentTypeError: if a DOUBLE is an integer in a notation that only YAML has,
+        such as 0x10, or if an element of a DOUBLE_ARRAY is not a number.
+    :raises yaml.YAMLError: if the text is not valid YAML.
     """
-    if type_before == ParameterType.PARAMETER_STRING:
+    if current_type == ParameterType.PARAMETER_STRING:
         return text
     value = safe_load(text)
     if isinstance(value, str):
-        with suppress(ArgumentTypeError):  # YAML wants a point in what has an exponent
+        with suppress(ArgumentTypeError):  # 1e-3 is text for PyYAML, 1.0e-3 is a number
             return number(text)
     if isinstance(value, bool) or value is None:
         return text if value is None else value
-    if isinstance(value, int) and type_before == ParameterType.PARAMETER_DOUBLE:
+    if isinstance(value, int) and current_type == ParameterType.PARAMETER_DOUBLE:
         return number(text)
-    if isinstance(value, list) and type_before == ParameterType.PARAMETER_DOUBLE_ARRAY:
-        return [part if isinstance(part, float) else number(str(part)) for part in value]
+    if isinstance(value, list) and current_type == ParameterType.PARAMETER_DOUBLE_ARRAY:
+        return [item if isinstance(item, float) else number(str(item)) for item in value]
     numbers = value if isinstance(value, list) else [value]
-    if any(isinstance(part, int) and not -2**63 <= part < 2**63 for part in numbers):
-        raise OverflowError('a whole number must be an int64')
+    if any(isinstance(item, int) and not -2**63 <= item < 2**63 for item in numbers):
+        raise OverflowError('an integer must fit into int64')
     return value
 
 
-def _shown(value: ParameterValue) -> str:
+def _value_text(value: ParameterValue) -> str:
+    """Return the text that the command prints for a value."""
     value = parameter_value_to_python(value)
     if value is None:
         return 'not set'
@@ -149,32 +176,42 @@ def _shown(value: ParameterValue) -> str:
 def command(node: str, name: Optional[str] = None, value: Optional[str] = None, *,
             ros_args: Sequence[str] = ()) -> int:
     """
-    Print the parameters of a node, or one of them, or set it.
+    Print the parameters of a node, or set one and print it.
 
-    :param node: its name, with its namespace.
-    :returns: the exit code.
-    :raises CommandError: when there is no such node or parameter, or the node refuses the value.
+    :param node: name of the node, with its namespace.
+    :param name: name of the parameter; None: all parameters are printed.
+    :param value: the new value, as YAML; None: the value is not changed.
+    :param ros_args: the command line, with the name of the command.
+    :returns: the exit code, 0.
+    :raises UsageError: if the value is not a value of a parameter.
+    :raises CommandError: if there is no such node or parameter, if the node refuses the value, or
+        if it does not respond.
     """
-    with spinning_node('param', ros_args) as ours:
-        parameters = Parameters(ours, f'/{node.removeprefix("/")}')
+    with spinning_node('param', ros_args) as local_node:
+        parameters = Parameters(local_node, f'/{node.removeprefix("/")}')
         if name is None:
             names = parameters.names()
-            for known, known_value in zip(names, parameters.get(names)):
-                print(f'{known}: {_shown(known_value)}')
+            for each_name, each_value in zip(names, parameters.get(names)):
+                print(f'{each_name}: {_value_text(each_value)}')
             return 0
         if value is not None:
             parameters.set(name, value)
-        print(_shown(*parameters.get([name])))
+        print(_value_text(*parameters.get([name])))
     return 0
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
+    """
+    Run the command; see `--help`.
+
+    :param args: the command line without the name of the command; None: that of the process.
+    :returns: the exit code.
+    """
     parser = Parser(
-        'param', 'List the parameters of a node that runs, print one, or set one.',
+        'param', 'List the parameters of a running node, print one, or set one.',
         'examples: param dummy_arm\n          param dummy_arm rate\n'
         '          param dummy_arm joint_1.speed -0.5')
-    parser.add_argument('node', help='the name of the node, with its namespace')
-    parser.add_argument('name', nargs='?', help='the parameter; without it all are listed')
-    parser.add_argument('value', nargs='?', help='what it is set to, as YAML')
+    parser.add_argument('node', help='name of the node, with its namespace')
+    parser.add_argument('name', nargs='?', help='name of the parameter (default: all)')
+    parser.add_argument('value', nargs='?', help='the new value, as YAML')
     return run(parser, command, args)

@@ -1,4 +1,4 @@
-"""The command `static_transform_publisher`: a transform that holds at all times, on /tf_static."""
+"""The command `static_transform_publisher`: publish one transform on /tf_static."""
 
 import argparse
 from collections.abc import Sequence
@@ -19,27 +19,29 @@ from dummy_arm.tf.rotations import quaternion_from_euler
 TRANSLATION = ('x', 'y', 'z')
 QUATERNION = ('qx', 'qy', 'qz', 'qw')
 EULER = ('roll', 'pitch', 'yaw')
-#: The old style has the angles in another order than the flags.
+#: The arguments of the old style before the frames; tf2 has the angles in this order.
 OLD_EULER = (*TRANSLATION, 'yaw', 'pitch', 'roll')
 OLD_QUATERNION = (*TRANSLATION, *QUATERNION)
-#: How far the squared length of a quaternion may be from 1, as in tf2.
+#: The squared length of a quaternion must differ from 1 by less than this, as in tf2.
 _TOLERANCE = 0.01
 _CHARACTERS = string.ascii_letters + string.digits
 
 
 class StaticTransformPublisher(Node):
-    """Publishes one transform, latched, and tells it by read-only parameters."""
+    """A node that publishes one latched transform and has its values as read-only parameters."""
 
     def __init__(self, translation: Sequence[float], rotation: Sequence[float], frame_id: str,
                  child_frame_id: str, is_old_style: bool = False) -> None:
         """
-        Publish.
+        Create the node and publish the transform.
 
         :param translation: x, y, z (m).
-        :param rotation: x, y, z, w, of length 1.
-        :param is_old_style: whether to tell that the arguments are.
+        :param rotation: quaternion x, y, z, w of length 1.
+        :param frame_id: the parent frame.
+        :param child_frame_id: the child frame.
+        :param is_old_style: whether to warn that old-style arguments are deprecated.
         """
-        # So that several can run side by side.
+        # The random name, as in tf2, lets several of these nodes run at the same time.
         tail = ''.join(secrets.choice(_CHARACTERS) for _ in range(16))
         super().__init__(f'static_transform_publisher_{tail}')
         if is_old_style:
@@ -73,13 +75,17 @@ def command(translation: Sequence[float], rotation: Sequence[float], frame_id: s
             child_frame_id: str, *, is_old_style: bool = False, ros_args: Sequence[str] = ()
             ) -> int:
     """
-    Publish the pose of a child frame in a frame until it is told to stop.
+    Publish the pose of a child frame in its parent until Ctrl-C or SIGTERM.
 
     :param translation: x, y, z (m).
-    :param rotation: x, y, z, w; made to be of length 1 if it is nearly.
+    :param rotation: quaternion x, y, z, w; normalised if its length is nearly 1.
+    :param frame_id: the parent frame.
+    :param child_frame_id: the child frame.
+    :param is_old_style: whether to warn that old-style arguments are deprecated.
+    :param ros_args: the command line, with the name of the command.
     :returns: the exit code.
-    :raises UsageError: when the frames are the same or one has no name, or the quaternion is none
-        of a rotation.
+    :raises UsageError: if a frame has no name, if the two frames are the same, or if the length of
+        the quaternion is not 1.
     """
     for name, what in (frame_id, 'Frame id'), (child_frame_id, 'Child frame id'):
         if not name.removeprefix('/'):
@@ -89,7 +95,7 @@ def command(translation: Sequence[float], rotation: Sequence[float], frame_id: s
                          f"'{child_frame_id}': a frame cannot be its own parent")
     length = hypot(*rotation)
     if length == 0.0:
-        raise UsageError('the quaternion 0 0 0 0 is no rotation; that of none is 0 0 0 1')
+        raise UsageError('the quaternion 0 0 0 0 is not a rotation; the identity is 0 0 0 1')
     unit = [value / length for value in rotation]
     if abs(length * length - 1.0) >= _TOLERANCE:
         raise UsageError(
@@ -99,9 +105,20 @@ def command(translation: Sequence[float], rotation: Sequence[float], frame_id: s
         translation, unit, frame_id, child_frame_id, is_old_style), ros_args)
 
 
-def parsed(old_style: list[str], ros_args: Sequence[str], frame_id: Optional[str],
+def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Optional[str],
            child_frame_id: Optional[str], **flags: Optional[float]) -> int:
-    """Call `command` with what was given by flags, or in the old style, without any name."""
+    """
+    Call `command` with the values of the flags or of the old-style arguments.
+
+    :param old_style: the arguments without a flag.
+    :param ros_args: the command line, with the name of the command.
+    :param frame_id: the parent frame; None: not given by a flag.
+    :param child_frame_id: the child frame; None: not given by a flag.
+    :param flags: the values of x, y, z (m), qx, qy, qz, qw, roll, pitch and yaw (rad); None: not
+        given by a flag.
+    :returns: the exit code.
+    :raises UsageError: as `command`, or if the arguments are incomplete or contradict each other.
+    """
     given = [name for name, value in flags.items() if value is not None]
     if old_style:
         if given or frame_id is not None or child_frame_id is not None:
@@ -135,24 +152,33 @@ def parsed(old_style: list[str], ros_args: Sequence[str], frame_id: Optional[str
 
 
 def make_parser() -> Parser:
-    """Make the parser of the command line."""
+    """
+    Create the parser of the command line.
+
+    :returns: the parser.
+    """
     parser = Parser(
-        'static_transform_publisher', 'Publish a transform that holds at all times, on '
-        '/tf_static, until Ctrl-C. Angles are in radians.',
+        'static_transform_publisher', 'Publish a static transform on /tf_static until '
+        'Ctrl-C. Angles are in radians.',
         'example: static_transform_publisher --z 0.5 --yaw -1.57 --frame-id map --child-frame-id '
         'camera\n\nold style, deprecated: x y z yaw pitch roll frame_id child_frame_id, or\n'
         'x y z qx qy qz qw frame_id child_frame_id',
         usage='static_transform_publisher [options] --frame-id FRAME --child-frame-id FRAME')
-    for names, what in ((TRANSLATION, 'translation (m)'), (QUATERNION, 'of the quaternion'),
-                        (EULER, 'angle about {} (rad)')):
+    for names, what in ((TRANSLATION, 'translation along {} (m)'),
+                        (QUATERNION, '{} of the quaternion'), (EULER, 'angle about {} (rad)')):
         for name, axis in zip(names, 'xyzw'):
             parser.add_argument(f'--{name}', type=number, help=what.format(axis))
-    parser.add_argument('--frame-id', help='the frame in which the other is')
-    parser.add_argument('--child-frame-id', help='the frame that is placed')
+    parser.add_argument('--frame-id', help='the parent frame')
+    parser.add_argument('--child-frame-id', help='the child frame, whose pose is published')
     parser.add_argument('old_style', nargs='*', help=argparse.SUPPRESS)
     return parser
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
-    return run(make_parser(), parsed, args)
+    """
+    Run the command; see `--help`.
+
+    :param args: the command line without the name of the command; None: that of the process.
+    :returns: the exit code.
+    """
+    return run(make_parser(), run_with_options, args)

@@ -1,4 +1,4 @@
-"""The command `tf2_echo`: the transform between two frames, printed again and again."""
+"""The command `tf2_echo`: the transform between two frames, printed repeatedly."""
 
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
@@ -17,32 +17,38 @@ from dummy_arm.tf.rotations import euler_from_quaternion
 
 RATE = 1.0  # Hz
 PRECISION = 3
-_MOST_DIGITS = 17
-_BETWEEN_WORDS = 1.0  # s
-_BETWEEN_LOOKS = 0.05  # s
+_MAX_DIGITS = 17
+#: The intervals of log lines and of lookups while the transform is not available (s).
+_LOG_PERIOD, _LOOKUP_PERIOD = 1.0, 0.05
+#: Decimal arithmetic that raises an exception instead of rounding.
 _EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
 
 
 def format_transform(transform: Transform, precision: int = PRECISION) -> str:
     """
-    Write a transform as tf2 does, but for its nanoseconds, gimbal lock and negative zeros.
+    Format a transform as tf2_echo of tf2_ros prints it.
 
-    :param precision: digits after the point.
+    Three things differ: nanoseconds have leading zeros, angles are right at gimbal lock, and zeros
+    are not negative.
+
+    :param transform: the transform.
+    :param precision: the number of digits after the point.
+    :returns: the lines.
     """
     roll_pitch_yaw = euler_from_quaternion(transform.rotation)
     lines = [
         f'At time {transform.stamp // SECOND}.{transform.stamp % SECOND:09d}',
-        f'- Translation: {_listed(transform.translation, precision)}',
-        f'- Rotation: in Quaternion {_listed(transform.rotation, precision)}',
-        f'- Rotation: in RPY (radian) {_listed(roll_pitch_yaw, precision)}',
-        f'- Rotation: in RPY (degree) {_listed([*map(degrees, roll_pitch_yaw)], precision)}',
+        f'- Translation: {_bracketed(transform.translation, precision)}',
+        f'- Rotation: in Quaternion {_bracketed(transform.rotation, precision)}',
+        f'- Rotation: in RPY (radian) {_bracketed(roll_pitch_yaw, precision)}',
+        f'- Rotation: in RPY (degree) {_bracketed([*map(degrees, roll_pitch_yaw)], precision)}',
         '- Matrix:']
     lines += [''.join(f' {fixed_point(value, precision):>{precision + 3}}' for value in row)
               for row in transform.matrix().tolist()]
     return '\n'.join(lines)
 
 
-def _listed(values: Sequence[float], precision: int) -> str:
+def _bracketed(values: Sequence[float], precision: int) -> str:
     return f'[{", ".join(fixed_point(value, precision) for value in values)}]'
 
 
@@ -51,18 +57,27 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
             once: bool = False, bag: Optional[str] = None, namespace: str = '',
             partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
     """
-    Print the transform that takes data from the target frame to the source frame.
+    Print the pose of the target frame in the source frame.
 
-    :param echo_rate: how often (Hz); None: once a second. That, or:
-    :param rate: the same.
-    :param time: of the transform (ns); 0: the latest.
-    :param precision: digits after the point.
-    :param once: end when it was printed.
-    :param bag: what to read instead of listening; it is printed once. With namespace and partial
-        as `dummy_arm.tf.bag.read` has them.
+    tf2_echo names the frames the other way round than lookup_transform: the transform takes data
+    from its target frame to its source frame.
+
+    :param source_frame: the frame in which the pose is expressed.
+    :param target_frame: the frame whose pose is printed.
+    :param echo_rate: how often the transform is printed (Hz); None: see `rate`.
+    :param rate: the same, as an option; None: once a second. At most one of both may be set.
+    :param time: time of the transform (ns); 0: the latest time for which every edge on the path
+        has data.
+    :param precision: the number of digits after the point, from 0 to 17.
+    :param once: end after the transform was printed once.
+    :param bag: the bag from which the transform is read and printed once; None: subscribe to /tf
+        and /tf_static.
+    :param namespace: the namespace of the topics in the bag.
+    :param partial: read a damaged bag as far as possible.
+    :param ros_args: the command line, of which ROS reads its arguments.
     :returns: the exit code.
-    :raises UsageError: when there is no frame, or a number is impossible.
-    :raises CommandError: when a bag cannot be read, or does not have it.
+    :raises UsageError: if a frame has no name, or a number is out of range.
+    :raises CommandError: if the bag cannot be read, or does not contain the transform.
     """
     source_frame, target_frame = (name.removeprefix('/') for name in (source_frame, target_frame))
     if not source_frame or not target_frame:
@@ -71,12 +86,12 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
     if len(rates) == 2:
         raise UsageError('the rate is given twice')
     if bag is not None and rates:
-        raise UsageError('of a bag, a transform is printed once: leave out the rate')
+        raise UsageError('with --bag, the transform is printed once: leave out the rate')
     hertz = rates[0] if rates else RATE
     if hertz <= 0.0:
         raise UsageError(f'the rate must be more than 0 Hz, got {hertz:g}')
-    if not 0 <= precision <= _MOST_DIGITS:
-        raise UsageError(f'the precision must be from 0 to {_MOST_DIGITS} digits, got {precision}')
+    if not 0 <= precision <= _MAX_DIGITS:
+        raise UsageError(f'the precision must be from 0 to {_MAX_DIGITS} digits, got {precision}')
     if buffer := read_bag(bag, namespace, partial):
         try:
             transform = buffer.lookup_transform(source_frame, target_frame, time)
@@ -94,74 +109,84 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
     from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
     with spinning_node('tf2_echo', ros_args) as node:
-        listening = FrameListener(node)
-        while why := listening.why_no_transform(source_frame, target_frame, time):
+        frame_listener = FrameListener(node)
+        buffer = frame_listener.buffer
+        while why := frame_listener.why_no_transform(source_frame, target_frame, time):
             node.get_logger().info(
                 f'Waiting for transform {logged(source_frame)} ->  {logged(target_frame)}: '
                 f'{visible_lines(why)}')
-            next_word = monotonic() + _BETWEEN_WORDS
-            while monotonic() < next_word and not listening.buffer.can_transform(
+            next_log = monotonic() + _LOG_PERIOD
+            while monotonic() < next_log and not buffer.can_transform(
                     source_frame, target_frame, Time(nanoseconds=time)):
-                sleep(_BETWEEN_LOOKS)
+                sleep(_LOOKUP_PERIOD)
         while True:
             try:
-                print(format_transform(Transform.from_message(listening.buffer.lookup_transform(
+                print(format_transform(Transform.from_message(buffer.lookup_transform(
                     source_frame, target_frame, Time(nanoseconds=time))), precision))
                 if once:
                     return 0
             except TransformException as error:
-                frames = listening.buffer.all_frames_as_string()
+                frames = buffer.all_frames_as_string()
                 print(visible_lines(
-                    f'Failure at {listening.now() / SECOND:.3f}\nException thrown:{error}\n'
+                    f'Failure at {frame_listener.now() / SECOND:.3f}\nException thrown:{error}\n'
                     f'The current list of frames is:\n{frames}'))
             sleep(1.0 / hertz)
 
 
 def seconds(text: str) -> int:
     """
-    Read a time of an argument (s), exactly to the ns.
+    Convert a command-line argument to a time, without rounding.
 
-    :raises argparse.ArgumentTypeError: when it is none, or finer than that.
+    :param text: the time (s).
+    :returns: the time (ns).
+    :raises argparse.ArgumentTypeError: if the text is not a time, or is not a whole number of ns.
     """
     try:
         time = _EXACT.multiply(_EXACT.create_decimal(text.replace('_', '?')), SECOND)
         if not 0 <= time < 2**63 or time != int(time):
             raise ValueError
     except (ArithmeticError, ValueError):
-        raise ArgumentTypeError(f'{text!r} must be a time in s, not negative, with at most 9 '
+        raise ArgumentTypeError(f'{text!r} must be a time in s, at least 0, with at most 9 '
                                 'digits after the point') from None
     return int(time)
 
 
 def digits(text: str) -> int:
     """
-    Read a number of digits of an argument.
+    Convert a command-line argument to a number of digits.
 
-    :raises argparse.ArgumentTypeError: when it is none.
+    :param text: the number.
+    :returns: the number; it may be out of range.
+    :raises argparse.ArgumentTypeError: if the text is not a whole number.
     """
     value = number(text)
     if value != int(value):
-        raise ArgumentTypeError(f'{text!r} is no whole number')
+        raise ArgumentTypeError(f'{text!r} is not a whole number')
     return int(value)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
+    """
+    Run the command; see `--help`.
+
+    :param args: the command line without the name of the command; None: that of the process.
+    :returns: the exit code.
+    """
     parser = Parser(
-        'tf2_echo', 'Print the transform to get data from target_frame into source_frame, again '
-        'and again.',
+        'tf2_echo', 'Repeatedly print the transform to get data from target_frame into '
+        'source_frame: the pose of target_frame in source_frame.',
         'examples: tf2_echo map base_link\n          tf2_echo map base_link 10\n'
         '          tf2_echo map base_link --once -p 6\n'
         '          tf2_echo --bag robot.mcap map base_link -t 1795204940.25')
     parser.add_argument('source_frame')
     parser.add_argument('target_frame')
     parser.add_argument('echo_rate', nargs='?', type=number, metavar='rate',
-                        help=f'how often (Hz; default: {RATE:g})')
-    parser.add_argument('-r', '--rate', type=number, help='the same')
+                        help=f'how often to print it (Hz; default: {RATE:g})')
+    parser.add_argument('-r', '--rate', type=number, help='the same, as an option')
     parser.add_argument('-t', '--time', type=seconds, default=0,
-                        help='of the transform (s; default: 0, the latest)')
+                        help='time of the transform (s; default: 0, the latest)')
     parser.add_argument('-p', '--precision', type=digits, default=PRECISION, metavar='DIGITS',
-                        help='after the point (default: %(default)s)')
-    parser.add_argument('--once', action='store_true', help='print it once')
+                        help='digits after the point (default: %(default)s)')
+    parser.add_argument('--once', action='store_true', help='print it once, then exit')
     add_bag_options(parser)
     return run(parser, command, args)

@@ -1,11 +1,11 @@
-"""The command `tf2_monitor`: how often and how late transforms come in, again and again."""
+"""The command `tf2_monitor`: rates and delays of received transforms, printed repeatedly."""
 
 from collections.abc import Iterator, Sequence
 from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.cli.parser import Parser, run, UsageError
 from dummy_arm.cli.signals import sleep
-from dummy_arm.inspection.terminal import column, padded, show, width, wrapped
+from dummy_arm.inspection.terminal import column_width, padded, show, width, wrapped
 from dummy_arm.inspection.traffic import Delays, Stream, summarize, Traffic, WINDOW
 from dummy_arm.tf import TransformException
 from dummy_arm.tf.formatting import SECOND, shortened, visible
@@ -13,34 +13,40 @@ from dummy_arm.tf.formatting import SECOND, shortened, visible
 if TYPE_CHECKING:
     from dummy_arm.inspection.frame_listener import FrameListener
 
-_SAMPLES = 20
-_REFRESH = 1.0  # s
+#: The interval of outputs (s), and how often messages are collected in it.
+_REFRESH, _SAMPLES = 1.0, 20
 
 
 class Chain:
-    """The way between two frames, and how old its newest transform is in the course of time."""
+    """The path between two frames, and the age of its newest transform over time."""
 
-    def __init__(self, listening: 'FrameListener', ends: tuple[str, str]) -> None:
+    def __init__(self, frame_listener: 'FrameListener', ends: tuple[str, str]) -> None:
         """
-        Begin to look.
+        Create the chain, without samples.
 
-        :param ends: the frames.
+        :param frame_listener: the source of the transforms.
+        :param ends: the first and the last frame.
         """
-        self._listening, self.ends = listening, ends
-        self._ages, self._latest = Delays(), 0
-        #: The newest common time at the last look; and, where time was set back, that of before.
-        self._common = self._stale = 0
+        self._frame_listener, self.ends = frame_listener, ends
+        self._ages = Delays()
+        #: The time of the last sample (ns).
+        self._latest = 0
+        #: The latest common time of the frames at the last sample (ns); 0 if all edges are static.
+        self._common = 0
+        #: After a jump back in time: the common time before it, until the buffer is cleared.
+        self._stale = 0
 
     def sample(self) -> None:
-        """Look how old the newest transform is, if there is any that moves."""
-        now, before = self._listening.now(), self._latest
+        """Add the age of the newest transform to the statistics, unless all edges are static."""
+        now, before = self._frame_listener.now(), self._latest
         self._latest = now
-        if now < before - SECOND:  # time was set back
+        if now < before - SECOND:
             self._ages.clear()
             self._stale = self._common
         try:
-            self._common = self._listening.buffer.get_latest_common_time(*self.ends).nanoseconds
-        except TransformException:  # which `lines` tells
+            buffer = self._frame_listener.buffer
+            self._common = buffer.get_latest_common_time(*self.ends).nanoseconds
+        except TransformException:  # `lines` reports it
             return
         if self._stale and self._common >= self._stale:  # the buffer is not cleared yet
             return
@@ -49,29 +55,38 @@ class Chain:
             self._ages.add(now, now - self._common)
 
     def frames(self) -> list[str]:
-        """List the frames; none while they are not connected."""
+        """
+        Return the names of the frames on the path.
+
+        :returns: the names, from the first to the last; none while the ends are not connected.
+        """
         first, last = self.ends
         try:
-            return self._listening.buffer.chain(last, first)
+            return self._frame_listener.buffer.chain(last, first)
         except TransformException:
             return []
 
     def lines(self) -> list[str]:
-        """Tell it."""
+        """
+        Return the text about the path: its frames and its delay, or why it does not exist.
+
+        :returns: the lines.
+        """
         first, last = self.ends
-        if why := self._listening.why_no_transform(first, last):
+        if why := self._frame_listener.why_no_transform(first, last):
             return wrapped(visible(f'Waiting for transform {first} ->  {last}: {why}'))
-        age = summarize([self._ages], self._listening.now())
+        age = summarize([self._ages], self._frame_listener.now())
         return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',
-                'Net delay     none: nothing moves' if age is None else
+                'Net delay     none: all transforms are static' if age is None else
                 f'Net delay     avg = {age.average_delay:.6f} s: max = {age.maximum_delay:.6f} s']
 
 
 def format_streams(streams: Sequence[Stream]) -> list[str]:
     """
-    Tell what came in.
+    Format the tables of frames and nodes, and the warnings about frames with several publishers.
 
-    :param streams: of frames and nodes, and then of nodes.
+    :param streams: the streams, in the order of `Traffic.streams`.
+    :returns: the lines.
     """
     frames = [stream for stream in streams if stream.frame]
     nodes = [stream for stream in streams if not stream.frame]
@@ -87,22 +102,22 @@ def format_streams(streams: Sequence[Stream]) -> list[str]:
         *_table('All Broadcasters:', 'node', nodes)]
 
 
-def _table(title: str, of_senders: str, streams: Sequence[Stream]) -> Iterator[str]:
+def _table(title: str, node_title: str, streams: Sequence[Stream]) -> Iterator[str]:
     names = [f'  {shortened(stream.frame)}' for stream in streams]
-    columns = column([len(title), *map(width, names)])
-    yield f'{title:<{columns}}{"rate":>11}{"average delay":>16}{"max delay":>14}  {of_senders}'
+    columns = column_width([len(title), *map(width, names)])
+    yield f'{title:<{columns}}{"rate":>11}{"average delay":>16}{"max delay":>14}  {node_title}'
     for name, stream in zip(names, streams):
-        yield (f'{padded(name, columns)}{_told(stream)}  '
+        yield (f'{padded(name, columns)}{_rate_and_delays(stream)}  '
                f'{shortened(stream.node)}{"" if stream.is_present else " (gone)"}')
 
 
-def _told(stream: Stream) -> str:
-    """Tell of a stream, in 41 columns or more."""
+def _rate_and_delays(stream: Stream) -> str:
+    """Return the middle cells of a line of the table, of 41 columns or more."""
     if stream.is_static:
         return f'{"static":>11}{"":30}'
     if stream.summary is None:
-        heard = '' if stream.silence is None else f'last heard {stream.silence:.1f} s ago'
-        return f'{heard:>41}'
+        last = '' if stream.silence is None else f'last received {stream.silence:.1f} s ago'
+        return f'{last:>41}'
     rate, average, maximum = stream.summary
     hertz = '?' if rate is None else f'{rate:.1f}'
     return f'{hertz:>8} Hz {average:13.6f} s {maximum:11.6f} s'
@@ -111,46 +126,49 @@ def _told(stream: Stream) -> str:
 def command(source_frame: Optional[str] = None, target_frame: Optional[str] = None, *,
             ros_args: Sequence[str] = ()) -> int:
     """
-    Print what comes in, until Ctrl-C.
+    Print the rates and delays of received transforms every second, until Ctrl-C.
 
-    :param source_frame: with target_frame, what is on the way between these.
+    :param source_frame: the first frame of the path that is monitored; None: all frames.
+    :param target_frame: the last frame of this path.
+    :param ros_args: the command line, of which ROS reads its arguments.
     :returns: the exit code.
-    :raises UsageError: when there is only one frame, or one without name.
+    :raises UsageError: if only one frame is given, or a name is empty.
     """
     ends = tuple(name.removeprefix('/') for name in (source_frame, target_frame)
                  if name is not None)
     if len(ends) == 1 or not all(ends):
-        raise UsageError('give two frames, or none for all')
+        raise UsageError('give two frames, or none to monitor all frames')
     from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
     with spinning_node('tf2_monitor', ros_args) as node:
         traffic = Traffic(lambda: int(node.get_clock().now().nanoseconds))
-        listening = FrameListener(node)
-        chain = Chain(listening, (ends[0], ends[1])) if len(ends) == 2 else None
+        frame_listener = FrameListener(node)
+        chain = Chain(frame_listener, (ends[0], ends[1])) if len(ends) == 2 else None
         while True:
             dropped = 0
             for _ in range(_SAMPLES):
-                messages, too_many = listening.listener.received()
+                messages, newly_dropped = frame_listener.publisher_listener.received()
                 traffic.observe(messages)
-                dropped += too_many
+                dropped += newly_dropped
                 if chain is not None:
                     chain.sample()
                 sleep(_REFRESH / _SAMPLES)
-            show(_results(listening, traffic, chain, dropped))
+            show(_results(frame_listener, traffic, chain, dropped))
 
 
-def _results(listening: 'FrameListener', traffic: Traffic, chain: Optional[Chain],
+def _results(frame_listener: 'FrameListener', traffic: Traffic, chain: Optional[Chain],
              dropped: int) -> list[str]:
-    streams = traffic.streams(listening.listener.names_of, listening.listener.present)
+    listener = frame_listener.publisher_listener
+    streams = traffic.streams(listener.names_of, listener.present)
     if not streams:
-        return wrapped(f'nothing yet. {listening.why_no_frames()}')
+        return wrapped(f'No transform has been received yet. {frame_listener.why_no_frames()}')
     ends = 'all frames' if chain is None else ' to '.join(map(shortened, chain.ends))
     lines = [f'RESULTS: for {ends}, over the last {WINDOW} s']
-    if not listening.now():
-        lines += wrapped('Warning: use_sim_time is set, but nothing comes in on /clock: there are '
-                         'no delays')
+    if not frame_listener.now():
+        lines += wrapped('Warning: use_sim_time is set, but no message has arrived on /clock: '
+                         'delays are not known')
     if dropped:
-        lines += wrapped(f'Warning: {dropped} messages came too fast to be counted')
+        lines += wrapped(f'Warning: {dropped} messages arrived too fast to be counted')
     if chain is not None:
         lines += chain.lines()
         if names := chain.frames():
@@ -161,10 +179,15 @@ def _results(listening: 'FrameListener', traffic: Traffic, chain: Optional[Chain
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
+    """
+    Run the command; see `--help`.
+
+    :param args: the command line without the name of the command; None: that of the process.
+    :returns: the exit code.
+    """
     parser = Parser(
-        'tf2_monitor', 'Print how often and how late the transforms of each frame and of each '
-        'node come in; with two frames, of those on the way between them, and its net delay.',
+        'tf2_monitor', 'Print the rate and the delay of the transforms of each frame and each '
+        'node every second; with two frames, only on the path between them, with its net delay.',
         'examples: tf2_monitor\n          tf2_monitor map end_effector')
     parser.add_argument('source_frame', nargs='?')
     parser.add_argument('target_frame', nargs='?')

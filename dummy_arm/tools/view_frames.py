@@ -1,4 +1,4 @@
-"""The command `view_frames`: the tree of all frames, drawn into a file or in the terminal."""
+"""The command `view_frames`: the tree of all frames, drawn to a file or in the terminal."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -14,30 +14,36 @@ from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import check_signals, sleep
 from dummy_arm.inspection.forest import Forest, frequency
 from dummy_arm.inspection.graph import as_dot, draw, DrawingError
-from dummy_arm.inspection.terminal import column, height, padded, show, width, wrapped
+from dummy_arm.inspection.terminal import column_width, height, padded, show, width, wrapped
 from dummy_arm.tf import Frame
-from dummy_arm.tf.formatting import display, in_seconds, shortened, suggest_names, visible
+from dummy_arm.tf.formatting import display_time, in_seconds, shortened, suggest_names, visible
 
 if TYPE_CHECKING:
     from dummy_arm.inspection.frame_listener import FrameListener
 
+#: The formats of drawings.
 FORMATS = ('.pdf', '.svg', '.png')
+#: Endings that are refused; to any other ending, as of `v1.2`, .pdf is appended.
 OTHER_FORMATS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
-MOST = 2000  #: frames in a drawing; of more, nothing could be read, and some take minutes
-WAIT = 5.0  # s
-_LONGEST = 1e9  # s
-_REFRESH = 1.0  # s
+#: The largest number of frames in a drawing. A larger one is not legible, and can take minutes.
+MAX_FRAMES = 2000
+#: The default and the largest time to listen (s).
+DEFAULT_WAIT, _LONGEST = 5.0, 1e9
+#: The interval at which --watch prints the tree (s).
+_REFRESH = 1.0
 
 
-def format_tree(forest: Forest, now: int, most: Optional[int] = None) -> list[str]:
+def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> list[str]:
     """
-    Draw the trees of frames, with rates, ages and senders.
+    Draw the trees of frames as text, with rates, ages and publishers.
 
-    :param now: the time from which ages count (ns).
-    :param most: how many lines to draw; None: all.
+    :param forest: the frames.
+    :param now: the time at which ages are zero (ns).
+    :param max_lines: the largest number of lines; None: all.
+    :returns: the lines.
     """
     rows = []
-    for branches, name, frame in islice(forest.lines(), most):
+    for branches, name, frame in islice(forest.lines(), max_lines):
         rate = age = ''
         if frame is not None and not frame.is_static:
             hertz = frequency(frame)
@@ -45,9 +51,9 @@ def format_tree(forest: Forest, now: int, most: Optional[int] = None) -> list[st
             age = f'{in_seconds(now - frame.latest):.3f} s old'
         rows.append((branches, shortened(name), 'static' if frame and frame.is_static else rate,
                      age, shortened(frame.authority) if frame else ''))
-    columns = column(len(branches) + width(name) for branches, name, *_ in rows)
-    return [f'{branches}{padded(name, columns - len(branches))}  {rate:>9}  {age:>13}  {sender}'
-            .rstrip() for branches, name, rate, age, sender in rows]
+    columns = column_width(len(branches) + width(name) for branches, name, *_ in rows)
+    return [f'{branches}{padded(name, columns - len(branches))}  {rate:>9}  {age:>13}  {publisher}'
+            .rstrip() for branches, name, rate, age, publisher in rows]
 
 
 def command(output: str = 'frames', wait_time: Optional[float] = None, text: bool = False,
@@ -55,25 +61,28 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
             partial: bool = False, root: Optional[str] = None, *,
             ros_args: Sequence[str] = ()) -> int:
     """
-    Listen for a while or read a bag, and draw what there is.
+    Listen to transforms for some time or read a bag, and draw the tree of frames.
 
-    :param output: the file, which ends in .pdf, .svg or .png, else .pdf is added; what was drawn
-        is written beside it, to a file that ends in .gv.
+    :param output: the file of the drawing. Its ending says the format: .pdf, .svg or .png; .pdf is
+        appended to a name without them. The graph is written beside it, as a .gv file.
     :param wait_time: how long to listen (s); None: 5 s.
-    :param text: print the trees instead.
-    :param watch: print them again and again, until Ctrl-C.
-    :param bag: what to read instead; with namespace and partial as `dummy_arm.tf.bag.read` has
-        them. Times and ages count to the newest transform in it.
-    :param root: draw or print only this frame and those below it.
+    :param text: print the tree instead of drawing it.
+    :param watch: print the tree every second, until Ctrl-C.
+    :param bag: the bag that is read; None: listen. Ages are relative to the newest transform of
+        the bag.
+    :param namespace: the namespace of the topics in the bag.
+    :param partial: read a damaged bag as far as possible.
+    :param root: draw or print only this frame and its descendants; None: all frames.
+    :param ros_args: the command line, of which ROS reads its arguments.
     :returns: the exit code.
-    :raises UsageError: when the time is not positive, there is no name of a file or of the root,
-        or a bag should be listened to.
-    :raises CommandError: when nothing was heard, a bag cannot be read, there is no such root, or a
-        file cannot be drawn or written.
+    :raises UsageError: if the time is out of range, the name of the file or the root is invalid,
+        or `watch` or `wait_time` is set for a bag.
+    :raises CommandError: if no transform was received, the bag cannot be read, the root does not
+        exist, or a file cannot be drawn or written.
     """
     if bag is not None and (watch or wait_time is not None):
         raise UsageError('a bag is read, not listened to: leave out --watch and --wait-time (-t)')
-    seconds = WAIT if wait_time is None else wait_time
+    seconds = DEFAULT_WAIT if wait_time is None else wait_time
     if not 0.0 < seconds <= _LONGEST:
         raise UsageError(f'the time to listen must be more than 0 s, and at most {_LONGEST:g} s, '
                          f'got {seconds:g}')
@@ -85,7 +94,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
         frames = buffer.frames()
         now = max(frame.latest for frame in frames)
     else:
-        frames, now = _heard(seconds, watch, root, ros_args)
+        frames, now = _listen(seconds, watch, root, ros_args)
     forest = _forest(frames, root)
     for loop in forest.loops:
         print(f'view_frames: warning: these frames form a loop: '
@@ -101,43 +110,43 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     return 0
 
 
-def _heard(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str]
-           ) -> tuple[list[Frame], int]:
-    """Listen for a while; tell the frames, and the time (ns)."""
+def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str]
+            ) -> tuple[list[Frame], int]:
+    """Listen for some time; return the frames, and the time (ns)."""
     from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
     with spinning_node('view_frames', ros_args) as node:
-        listening = FrameListener(node, max(10.0, seconds))
+        frame_listener = FrameListener(node, max(10.0, seconds))
         while watch:
-            _show(listening, root)
+            _show(frame_listener, root)
             sleep(_REFRESH)
         wait(seconds, 'listening to /tf and /tf_static')
-        frames = listening.frames()
+        frames = frame_listener.frames()
         if not frames:
-            raise CommandError(
-                f'nothing was heard within {seconds:g} s. {listening.why_no_frames()}')
-        return frames, listening.now()
+            raise CommandError(f'no transform was received within {seconds:g} s. '
+                               f'{frame_listener.why_no_frames()}')
+        return frames, frame_listener.now()
 
 
-def _show(listening: 'FrameListener', root: Optional[str]) -> None:
-    """Show the trees that there are now."""
-    frames = listening.frames()
+def _show(frame_listener: 'FrameListener', root: Optional[str]) -> None:
+    """Show the current tree in the terminal."""
+    frames = frame_listener.frames()
     if not frames:
-        show(wrapped(f'nothing yet. {listening.why_no_frames()}'))
+        show(wrapped(f'No transform has been received yet. {frame_listener.why_no_frames()}'))
         return
     try:
         forest = _forest(frames, root)
-    except CommandError as error:  # the root may come yet
-        show(wrapped(f'nothing yet: {error}'))
+    except CommandError as error:  # the root may be published later
+        show(wrapped(f'waiting for the root: {error}'))
     else:
-        show(format_tree(forest, listening.now(), height()), forest.line_count)
+        show(format_tree(forest, frame_listener.now(), height()), forest.line_count)
 
 
 def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
     """
-    Find the trees of frames, or that of a root.
+    Return the trees of frames, or only the tree of a root.
 
-    :raises CommandError: when there is no such root.
+    :raises CommandError: if the root does not exist.
     """
     forest = Forest(frames)
     if root is None:
@@ -149,42 +158,48 @@ def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
 
 def output_path(output: str) -> Path:
     """
-    Give the path of the file that is drawn, with .pdf added unless it tells another form.
+    Return the path of the file of the drawing.
 
-    :raises UsageError: when that is no name of a file that can be drawn.
-    :raises CommandError: when its directory cannot be written to.
+    :param output: the path; .pdf is appended unless it ends in .pdf, .svg or .png.
+    :returns: the path with its ending.
+    :raises UsageError: if it is not the name of a file, or has the ending of another format.
+    :raises CommandError: if its directory is not writable.
     """
     path = Path(output)
     if path.name in ('', '..') or output.endswith('/'):
-        raise UsageError(f'{output!r} is no name of a file')
+        raise UsageError(f'{output!r} is not a file name')
     if path.suffix.lower() in OTHER_FORMATS:
-        raise UsageError(f'{output!r} must end in {", ".join(FORMATS)}, or in none of the endings '
-                         'of files: then .pdf is added')
+        raise UsageError(f'{output!r} must end in {", ".join(FORMATS)}, or have no file '
+                         'extension: then .pdf is added')
     if path.suffix.lower() not in FORMATS:
         path = path.with_name(f'{path.name}.pdf')
     if not os.access(path.parent, os.W_OK):
-        raise CommandError(f'cannot write {path}: {path.parent} is no directory, or read-only')
+        raise CommandError(f'cannot write {path}: {path.parent} is not a writable directory')
     return path
 
 
 def save(forest: Forest, now: int, path: Path) -> None:
     """
-    Draw frames into a file, and write what was drawn beside it.
+    Draw frames to a file, and write their graph to a .gv file beside it.
 
-    :param now: the time that the drawing tells (ns).
-    :raises CommandError: when one of them cannot be drawn or written.
+    If the drawing fails, the .gv file is written all the same.
+
+    :param forest: the frames.
+    :param now: the time that is shown as the time of recording (ns).
+    :param path: the file of the drawing, which ends in .pdf, .svg or .png.
+    :raises CommandError: if the frames cannot be drawn, or a file cannot be written.
     """
-    dot, beside = as_dot(forest, now), path.with_suffix('.gv')
+    dot, dot_path = as_dot(forest, now), path.with_suffix('.gv')
     try:
-        if (count := len(forest.names)) > MOST:
-            raise CommandError(f'{count} frames are too many to draw; the limit is {MOST}: draw '
-                               'a part, by --root FRAME, or print the tree, by --text')
-        drawn = draw(dot, path.suffix[1:].lower(), check_signals)
+        if (count := len(forest.names)) > MAX_FRAMES:
+            raise CommandError(f'{count} frames are too many to draw; the limit is {MAX_FRAMES}: '
+                               'draw a part with --root FRAME, or print the tree with --text')
+        drawing = draw(dot, path.suffix[1:].lower(), check_signals)
     except (CommandError, DrawingError) as error:
-        write(beside, dot.encode())
-        raise CommandError(f'{error}; wrote {beside}') from None
-    write(path, drawn)
-    write(beside, dot.encode())
+        write(dot_path, dot.encode())
+        raise CommandError(f'{error}; wrote {dot_path}') from None
+    write(path, drawing)
+    write(dot_path, dot.encode())
 
 
 def _summary(forest: Forest) -> str:
@@ -194,21 +209,23 @@ def _summary(forest: Forest) -> str:
 
 
 def _span(forest: Forest, now: int) -> str:
-    """Tell of what time frames are, and to what time (ns) their ages count."""
-    moving = [frame for frame in forest.frames.values() if not frame.is_static]
-    if not moving:
-        return 'all is static'
-    begin, end = min(frame.oldest for frame in moving), max(frame.latest for frame in moving)
-    counted = 'the end' if end == now else f'the end of the bag, {display(now)} s'
-    return (f'from {display(begin)} s to {display(end)} s, {in_seconds(end - begin):.3f} s; '
-            f'ages count to {counted}')
+    """Return the line about the span of dynamic transforms and the time of age zero, now (ns)."""
+    dynamic = [frame for frame in forest.frames.values() if not frame.is_static]
+    if not dynamic:
+        return 'all transforms are static'
+    begin, end = min(frame.oldest for frame in dynamic), max(frame.latest for frame in dynamic)
+    reference = 'the end' if end == now else f'the end of the bag, {display_time(now)} s'
+    return (f'from {display_time(begin)} s to {display_time(end)} s, '
+            f'{in_seconds(end - begin):.3f} s; ages are relative to {reference}')
 
 
 def write(path: Path, data: bytes) -> None:
     """
-    Write a file, whole or not at all.
+    Write a file completely, or leave it unchanged.
 
-    :raises CommandError: when that cannot be done.
+    :param path: the file.
+    :param data: its content.
+    :raises CommandError: if it cannot be written.
     """
     part = path.with_name(f'.{path.name}.{os.getpid()}')
     try:
@@ -222,22 +239,28 @@ def write(path: Path, data: bytes) -> None:
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
+    """
+    Run the command; see `--help`.
+
+    :param args: the command line without the name of the command; None: that of the process.
+    :returns: the exit code.
+    """
     parser = Parser(
-        'view_frames', 'Listen to /tf and /tf_static, or read a bag, and draw the tree of the '
-        'frames into frames.pdf (and frames.gv).',
+        'view_frames', 'Listen to /tf and /tf_static, or read a bag, and draw the tree of frames '
+        'to frames.pdf (and frames.gv).',
         'examples: view_frames\n          view_frames -t 10 -o robot.svg\n'
         '          view_frames --watch --root base_link\n'
         '          view_frames --bag robot.mcap')
     parser.add_argument('-t', '--wait-time', type=number, metavar='SECONDS',
-                        help=f'how long to listen (default: {WAIT:g})')
+                        help=f'how long to listen (s; default: {DEFAULT_WAIT:g})')
     parser.add_argument('-o', '--output', default='frames', metavar='NAME',
-                        help='the file; .svg and .png at its end say how to draw, else it is .pdf')
+                        help='the file of the drawing, which ends in .pdf, .svg or .png; .pdf '
+                             'is added to other names (default: %(default)s)')
     parser.add_argument('--text', action='store_true',
-                        help='print the tree, with rates, ages and senders, and write no file')
+                        help='print the tree with rates, ages and publishers, and write no file')
     parser.add_argument('--watch', action='store_true',
-                        help='print the tree again and again, until Ctrl-C')
+                        help='print the tree every second, until Ctrl-C')
     parser.add_argument('--root', metavar='FRAME',
-                        help='draw or print only this frame and those below it')
+                        help='draw or print only this frame and its descendants')
     add_bag_options(parser)
     return run(parser, command, args)

@@ -1,4 +1,4 @@
-"""The command `web_view`: the frames, live in the browser."""
+"""The command `web_view`: a live view of the frames in the browser."""
 
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
@@ -15,23 +15,25 @@ if TYPE_CHECKING:
     from dummy_arm.view.source import Source
 
 HOST = '127.0.0.1'
-_BETWEEN_UPDATES = 1 / 30  # s
 _LAST_PORT = 65535
-_UNSEEN = 0.5  # s, between updates while nobody looks
+#: The intervals of updates with and without a client (s).
+_UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 
 
 def command(host: str = HOST, port: Optional[int] = None, bag: Optional[str] = None,
             namespace: str = '', partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
     """
-    Show the frames in a page, until Ctrl-C.
+    Show the frames on a web page, until Ctrl-C.
 
-    :param host: the address at which it is served.
-    :param port: the port there; None: 8080, or the next that is free.
-    :param bag: what is played instead of listening; with namespace and partial as
-        `dummy_arm.tf.bag.read` has them.
+    :param host: the address at which the page is served.
+    :param port: its port; None: 8080, or the next free one.
+    :param bag: the bag that is played; None: show /tf and /tf_static.
+    :param namespace: the namespace of the topics in the bag.
+    :param partial: read a damaged bag as far as possible.
+    :param ros_args: the command line, of which ROS reads its arguments.
     :returns: the exit code.
-    :raises UsageError: when there is no such address.
-    :raises CommandError: when the port is taken or needs root, or a bag cannot be read.
+    :raises UsageError: if this machine does not have the address.
+    :raises CommandError: if the port is taken or needs root, or the bag cannot be read.
     """
     if buffer := read_bag(bag, namespace, partial):
         from dummy_arm.view.source import BagSource
@@ -50,34 +52,41 @@ def _show(source: 'Source', host: str, port: Optional[int]) -> None:
     with serve(host, port) as server:
         view = View(source, server)
         while True:
-            begin = monotonic()
+            start = monotonic()
             view.update()
-            pause = _BETWEEN_UPDATES if server.get_clients() else _UNSEEN
-            sleep(max(0.0, begin + pause - monotonic()))
+            pause = _UPDATE_PERIOD if server.get_clients() else _IDLE_PERIOD
+            sleep(max(0.0, start + pause - monotonic()))
 
 
 def port_number(text: str) -> int:
     """
-    Read a port of an argument.
+    Convert a command-line argument to a port.
 
-    :raises argparse.ArgumentTypeError: when it is not one.
+    :param text: the number of the port.
+    :returns: the port.
+    :raises argparse.ArgumentTypeError: if the text is not a number from 1 to 65535.
     """
     if not (re.fullmatch('[0-9]{1,5}', text) and 1 <= int(text) <= _LAST_PORT):
-        raise ArgumentTypeError(f'{text!r} is no port: that is a number from 1 to {_LAST_PORT}')
+        raise ArgumentTypeError(f'a port must be a number from 1 to {_LAST_PORT}, got {text!r}')
     return int(text)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """Run the command; see `--help`."""
+    """
+    Run the command; see `--help`.
+
+    :param args: the command line without the name of the command; None: that of the process.
+    :returns: the exit code.
+    """
     parser = Parser(
-        'web_view', 'Show the frames that are on /tf and /tf_static, or in a bag, in a page for '
-        'the browser.',
+        'web_view', 'Show the frames of /tf and /tf_static, or of a bag, on a page in the '
+        'browser.',
         'examples: web_view\n          web_view --port 8090\n          web_view --bag robot.mcap')
     parser.add_argument('--host', default=HOST, metavar='ADDRESS',
-                        help='serve the page at this address of the machine; 0.0.0.0: at all that '
-                             'it has (default: %(default)s, for this machine only)')
+                        help='serve the page at this address of the machine; 0.0.0.0: at all its '
+                             'addresses (default: %(default)s, for this machine only)')
     parser.add_argument('--port', type=port_number, metavar='N',
                         help='serve it at this port, from 1 to 65535 (default: 8080, or the next '
-                             'that is free)')
+                             'free one)')
     add_bag_options(parser)
     return run(parser, command, args)

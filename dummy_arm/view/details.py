@@ -1,4 +1,4 @@
-"""The texts of the panel, in HTML: about all frames, and about one."""
+"""The texts of the panel, as HTML: an overview of all frames and the details of one."""
 
 from collections.abc import Iterable
 from html import escape
@@ -15,65 +15,75 @@ from dummy_arm.view.rods import TIMEOUT
 from dummy_arm.view.snapshot import REACH, Snapshot
 from dummy_arm.view.source import Source
 
-_SILENT = 1.0  # s
-_MOST = 5  # names in a list
+#: The rate of a frame without a new stamp for longer than this is not shown (s).
+_SILENT = 1.0
+#: The largest number of names in a list.
+_MAX_NAMES = 5
 _STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
           'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
 
 
 def overview(snapshot: Snapshot, source: Source, fixed: str = '') -> str:
     """
-    Tell how many frames there are, and what is wrong.
+    Return the overview: the number of frames, and every problem with them.
 
-    :param fixed: in which they should be shown; '': in any.
+    :param snapshot: the frames that are shown.
+    :param source: the source of the frames.
+    :param fixed: the fixed frame that a viewer has chosen; '' if none was chosen.
+    :returns: HTML.
     """
-    gone = [name for name, age in zip(snapshot.names, snapshot.ages.tolist()) if age >= TIMEOUT]
-    alive = len(snapshot.names) - len(gone)
+    timed_out = [name for name, age in zip(snapshot.names, snapshot.ages.tolist())
+                 if age >= TIMEOUT]
+    alive = len(snapshot.names) - len(timed_out)
     name = _text(source.name)
     lines = [f'{name}: {alive} frame{"" if alive == 1 else "s"}' if snapshot.names else
-             f'{name}: nothing yet. {_text(source.why_no_frames())}']
-    if gone:
-        lines.append(f'not shown, since nothing was heard of them or on the way to them for '
-                     f'{TIMEOUT:g} s: {comma_list(gone, _MOST, _text)}')
+             f'{name}: no frames yet. {_text(source.why_no_frames())}']
+    if timed_out:
+        lines.append(f'not shown, since they or a frame on the path to them had no new transform '
+                     f'for {TIMEOUT:g} s: {comma_list(timed_out, _MAX_NAMES, _text)}')
     if fixed not in ('', snapshot.fixed):
-        lines.append(f'{_text(fixed)} is not there')
+        lines.append(f'the fixed frame {_text(fixed)} is not available')
     if len(snapshot.trees) > 1:
         others = [name for name in snapshot.trees if name != snapshot.fixed]
         lines.append(f'not connected to {_text(snapshot.fixed)}: '
-                     f'{comma_list(others, _MOST, _text)}')
-    if far := [name for name in snapshot.far if name not in {*gone}]:
+                     f'{comma_list(others, _MAX_NAMES, _text)}')
+    if far := [name for name in snapshot.far if name not in {*timed_out}]:
         lines.append(f'more than {REACH:,.0f} m away, drawn at that distance: '
-                     f'{comma_list(far, _MOST, _text)}')
+                     f'{comma_list(far, _MAX_NAMES, _text)}')
     if snapshot.not_finite:
         lines.append('not shown, since the translation is not finite: '
-                     f'{comma_list(snapshot.not_finite, _MOST, _text)}')
+                     f'{comma_list(snapshot.not_finite, _MAX_NAMES, _text)}')
     lines += [f'in a loop: {" → ".join(map(_text, [*loop, loop[0]]))}' for loop in snapshot.loops]
     return f'<div style="{_STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
 
 
 def details(snapshot: Snapshot, name: str, source: Source) -> str:
     """
-    Tell where a frame is, and how it is published.
+    Return the details of one frame: its poses, its rate and delay, and its publisher.
 
-    :param name: of the frame; '' or not shown: there is nothing to tell.
+    :param snapshot: the frames that are shown.
+    :param name: the name of the frame; '' for none. The text says so if it is not shown.
+    :param source: the source of the frames.
+    :returns: HTML.
     """
     if name not in snapshot.names:
-        text = f'{_text(name)} is not there.' if name else 'Click a frame, or choose one.'
+        text = f'{_text(name)} is not available.' if name else 'Click a frame, or choose one.'
         return f'<div style="{_STYLE}" data-text="details">{text}</div>'
     i = snapshot.names.index(name)
     frame = snapshot.frames.get(name)
     target, _ = snapshot.anchor_of(name)
     rows = ''
     if frame is None:
-        rows += _title('parent', '', 'no parent: a root')
+        rows += _title('parent', '', 'no parent: this is a root')
     else:
-        rows += _title('parent', frame.parent, 'in its parent')
+        rows += _title('parent', frame.parent, 'pose in the parent')
         translations, rotations, known = source.buffer.lookup_transforms(
             frame.parent, name, [frame.latest])
-        if known[0]:  # else it was forgotten since it was shown
+        if known[0]:  # the buffer may have dropped the sample since the snapshot
             rows += _pose('parent', frame.latest, translations[0], rotations[0])
     if frame is None or frame.parent != target:
-        rows += _title('fixed', target, 'in the fixed frame' if target == snapshot.fixed else 'in')
+        rows += _title('fixed', target, 'pose in the fixed frame' if target == snapshot.fixed else
+                       'pose in the root')
         rows += _pose('fixed', snapshot.stamps[i], snapshot.poses[i, :3], snapshot.poses[i, 3:])
     if frame is not None:
         rows += _published(frame, snapshot.silences[name], source)
@@ -81,34 +91,34 @@ def details(snapshot: Snapshot, name: str, source: Source) -> str:
 
 
 def _published(frame: Frame, silence: float, source: Source) -> str:
-    """Tell how a frame is published."""
+    """Return the rows about the publication of a frame."""
     publication = source.publication(frame)
     rows = _title('', '', 'published')
     if frame.is_static:
         rows += _row('rate', 'rate', 'static')
     else:
-        rows += _row('rate', 'rate', f'silent for {silence:.0f} s' if silence > _SILENT else
+        rows += _row('rate', 'rate', f'no update for {silence:.0f} s' if silence > _SILENT else
                      'not known' if publication.rate is None else f'{publication.rate:.1f} Hz')
         rows += _row('delay', 'delay', 'not known' if publication.delay is None else
                      f'{publication.delay * 1e3:.2f} ms')
-    return rows + _row('publisher', 'by', publication.publisher)
+    return rows + _row('publisher', 'publisher', publication.publisher)
 
 
-def _pose(where: str, stamp: int, translation: NDArray[np.float64],
+def _pose(prefix: str, stamp: int, translation: NDArray[np.float64],
           rotation: NDArray[np.float64]) -> str:
-    """Write a pose; its rotation twice."""
+    """Return the rows of a pose, with the rotation as a quaternion and as roll, pitch, yaw."""
     quaternion = (*rotation.tolist(),)
     angles = [degrees(angle) for angle in euler_from_quaternion(quaternion)]
     return ''.join((
-        _row(f'{where}-time', 'at', f'{stamp // SECOND}.{stamp % SECOND:09d} s' if stamp else
+        _row(f'{prefix}-time', 'time', f'{stamp // SECOND}.{stamp % SECOND:09d} s' if stamp else
              'all times'),
-        _row(f'{where}-translation', 'x y z (m)', _numbers(translation.tolist(), 3)),
-        _row(f'{where}-quaternion', 'quaternion', _numbers(quaternion, 4)),
-        _row(f'{where}-rpy', 'RPY (°)', _numbers(angles, 2))))
+        _row(f'{prefix}-translation', 'position (m)', _numbers(translation.tolist(), 3)),
+        _row(f'{prefix}-quaternion', 'orientation', _numbers(quaternion, 4)),
+        _row(f'{prefix}-rpy', 'RPY (°)', _numbers(angles, 2))))
 
 
 def _title(key: str, name: str, text: str) -> str:
-    """Write a row above others; a name after its text, if there is one."""
+    """Return a heading row: a text, and the name of a frame in bold (may be empty)."""
     return (f'<tr><td colspan="2" style="padding-top: .4em">{text} '
             f'<b data-value="{key}">{_text(name)}</b></td></tr>')
 

@@ -1,4 +1,4 @@
-"""The panel beside the scene; all who look share it."""
+"""The panel beside the scene, which all viewers share."""
 
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterable
@@ -11,19 +11,28 @@ from dummy_arm.view.scene import NAMES_AT_ONCE
 from dummy_arm.view.snapshot import Snapshot
 
 _NONE = '(none)'
-_SIZES = 0.02, 2.0  # m
-_TIME_STEP = 0.01  # s
+#: The shortest and the longest axis (m).
+_SIZES = 0.02, 2.0
+#: The step of the time slider (s).
+_TIME_STEP = 0.01
 
 
 class FrameChoice:
     """
-    A choice of a frame; until somebody has chosen, it follows what is proposed.
+    A dropdown of frames; until a viewer has chosen one, it shows the proposal of the program.
 
-    What is chosen is noted as it comes in; what the dropdown shows may be overwritten just then.
+    The choice is stored in the callback, since `set_options` may overwrite the value of the
+    dropdown before it is read.
     """
 
     def __init__(self, gui: viser.GuiApi, label: str, hint: str) -> None:
-        """Begin with no frame to choose."""
+        """
+        Create the dropdown, without frames.
+
+        :param gui: the panel of viser to which it is added.
+        :param label: its label.
+        :param hint: the text that the page shows when the pointer is on it.
+        """
         self._dropdown = gui.add_dropdown(label, (_NONE,), hint=hint)
         self._dropdown.on_update(self._on_update)
         self._chosen: Optional[str] = None
@@ -35,43 +44,50 @@ class FrameChoice:
 
     @property
     def name(self) -> str:
-        """The frame; '' where there is none."""
+        """The chosen or proposed frame; '' if there is none."""
         return self._proposal if self._chosen is None else self._chosen
 
     @property
     def chosen(self) -> str:
-        """The frame that somebody has chosen; '' where nobody has."""
+        """The frame that a viewer has chosen; '' if no viewer has, or the choice is no frame."""
         return self._chosen or ''
 
     def choose(self, name: str) -> None:
-        """Choose a frame, as by hand."""
+        """
+        Choose a frame, as if a viewer had selected it in the dropdown.
+
+        :param name: the name of the frame, or the dropdown's entry for no frame.
+        """
         self._chosen = '' if name == _NONE else name
 
     def set_options(self, names: Iterable[str], proposal: str) -> None:
         """
-        Have more frames to choose from; those before stay, for they may come back.
+        Add frames to the dropdown; earlier ones stay, since they may be published again.
 
-        :param proposal: what is taken until somebody chooses; '': none.
+        :param names: the names of the frames.
+        :param proposal: the frame to use until a viewer chooses one; '' for none.
         """
         self._proposal = proposal
-        before = self._dropdown.options
-        if new := {*names}.difference(before):
-            self._dropdown.options = (_NONE, *sorted(new.union(before[1:])))
+        options = self._dropdown.options
+        if new := {*names}.difference(options):
+            self._dropdown.options = (_NONE, *sorted(new.union(options[1:])))
         shown = self.name or _NONE
         if self._dropdown.value != shown and shown in self._dropdown.options:
             self._dropdown.value = shown
 
 
 class Panel:
-    """Controls and texts."""
+    """The controls and texts of the page."""
 
     def __init__(self, gui: viser.GuiApi, length: float,
                  look_at_all: Callable[[viser.ClientHandle], Awaitable[object]]) -> None:
         """
-        Make it.
+        Create the controls.
 
-        :param length: of the time that can be chosen (s); 0: none can.
-        :param look_at_all: turns somebody's camera to all frames.
+        :param gui: the panel of viser.
+        :param length: the length of the time slider (s); 0 hides it.
+        :param look_at_all: coroutine function that moves the camera of a client so that all
+            frames are visible.
         """
         self._overview = gui.add_html('')
         self._pause = gui.add_checkbox('Pause', False)
@@ -80,15 +96,16 @@ class Panel:
         self._time = gui.add_slider('Time (s)', 0.0, self._length, _TIME_STEP, 0.0,
                                     visible=length > 0.0)
         self._time.on_update(self._on_time)
-        self.fixed = FrameChoice(gui, 'Fixed frame', 'the frame in which all are shown')
-        self._size = gui.add_slider('Axis size (m)', *_SIZES, 0.02, 0.16)
-        self._names = gui.add_checkbox('Names', True)
+        self.fixed = FrameChoice(gui, 'Fixed frame', 'the frame in which the others are shown')
+        self._size = gui.add_slider('Axis length (m)', *_SIZES, 0.02, 0.16)
+        self._names = gui.add_checkbox('Show names', True)
         self._names.on_update(self._on_names)
         self._names_chosen: Optional[bool] = None
-        self.trail = FrameChoice(gui, 'Trail of', 'the frame whose path is drawn')
-        self.selected = FrameChoice(gui, 'Frame', 'the frame that is told of; or click it')
+        self.trail = FrameChoice(gui, 'Trail of', 'the frame whose recent path is drawn')
+        self.selected = FrameChoice(
+            gui, 'Frame', 'the frame whose details are shown; a click on its axes selects it, too')
         self._details = gui.add_html('')
-        button = gui.add_button('Look at all')
+        button = gui.add_button('Focus on all frames')
         button.on_click(self._on_look_at_all)
         self._look_at_all = look_at_all
 
@@ -106,7 +123,7 @@ class Panel:
 
     @property
     def is_paused(self) -> bool:
-        """Whether nothing shall move."""
+        """Whether the view is paused."""
         return bool(self._pause.value)
 
     @property
@@ -120,15 +137,29 @@ class Panel:
         return bool(self._names.value)
 
     def take_requested_time(self) -> Optional[float]:
-        """Tell which time somebody has chosen since the last call (s)."""
+        """
+        Return the time that a viewer has requested since the last call.
+
+        :returns: seconds after the start of the bag; None if no viewer has requested one.
+        """
         return self._requested_time.popleft() if self._requested_time else None
 
     def show_time(self, position: float) -> None:
-        """Show where the time is (s)."""
+        """
+        Set the time slider.
+
+        :param position: seconds after the start of the bag.
+        """
         self._time.value = round(position, 2)
 
     def set_frames(self, snapshot: Snapshot) -> None:
-        """Have the frames to choose from that are shown."""
+        """
+        Add the frames of a snapshot to the dropdowns, and set the checkbox of the names.
+
+        Until a viewer has used the checkbox, names are shown if there are few frames.
+
+        :param snapshot: the frames that are shown.
+        """
         self.fixed.set_options(snapshot.names, snapshot.fixed)
         self.trail.set_options(snapshot.names, snapshot.deepest)
         self.selected.set_options(snapshot.names, snapshot.deepest)
@@ -136,11 +167,16 @@ class Panel:
         self._names.value = few if self._names_chosen is None else self._names_chosen
 
     def show_texts(self, overview: str, details: str) -> None:
-        """Show texts, in HTML."""
+        """
+        Show the texts.
+
+        :param overview: the text about all frames, as HTML.
+        :param details: the text about the selected frame, as HTML.
+        """
         self._overview.content, self._details.content = overview, details
 
 
 def _within(value: Any, smallest: float, largest: float) -> float:
-    """Read a number of a control; while it is typed, it may be anything."""
+    """Clamp the value of a control, which may be any number while a viewer types it."""
     number = float(value)
     return min(max(number, smallest), largest) if isfinite(number) else smallest

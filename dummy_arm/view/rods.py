@@ -1,4 +1,4 @@
-"""The rods that frames are drawn as: three axes each, and a line to the parent."""
+"""The rods by which a frame is drawn: its three axes, and a line to its parent."""
 
 from typing import NamedTuple
 
@@ -8,29 +8,29 @@ from numpy.typing import NDArray
 from dummy_arm.tf.rotations import quaternion_multiply
 from dummy_arm.view.snapshot import Snapshot
 
-#: After so long without news a frame is gone (s); rviz's Frame Timeout.
+#: A frame of this age is not drawn any more (s); the "Frame Timeout" of rviz2.
 TIMEOUT = 15.0
 _HALF = np.sqrt(0.5)
-#: Which turn takes z to an axis (x, y, z, w); and its colour.
+#: For each axis: the quaternion (x, y, z, w) that rotates z to it, and its colour.
 _AXES = (
     ((0.0, _HALF, 0.0, _HALF), (200, 0, 0)),
     ((-_HALF, 0.0, 0.0, _HALF), (0, 130, 0)),
     ((0.0, 0.0, 0.0, 1.0), (0, 40, 210)))
-#: For each axis the matrix by which a quaternion (a row) is multiplied to be turned by it first.
+#: For each axis: the (4, 4) matrix M for which q @ M is the product q * turn of quaternions.
 _TURNS = [np.array([quaternion_multiply(unit, turn) for unit in np.eye(4)]) for turn, _ in _AXES]
 _LINE = (205, 135, 0)
 _GREY = 178
-_AXIS_RADIUS, _LINE_RADIUS = 0.05, 0.025
+_AXIS_RADIUS, _LINE_RADIUS = 0.05, 0.025  # of the length of an axis
 
 
 class Rods(NamedTuple):
     """
-    Cylinders of length 1 along z and radius 1, placed, turned and scaled.
+    The poses, scales and colours of cylinders; unscaled, one has radius 1 and length 1 along z.
 
-    Of n frames there are 4 n: the x axes of all, the y axes, the z axes, the lines to the parents.
+    n frames have 4 n of them: all x axes, all y axes, all z axes, and all lines to the parents.
     """
 
-    positions: NDArray[np.float32]  #: (4 n, 3): of the lower ends (m)
+    positions: NDArray[np.float32]  #: (4 n, 3): x, y, z of the ends at z = 0 (m)
     wxyzs: NDArray[np.float32]  #: (4 n, 4): quaternions w, x, y, z
     scales: NDArray[np.float32]  #: (4 n, 3): radius, radius, length (m)
     colors: NDArray[np.uint8]  #: (4 n, 3): red, green, blue
@@ -38,10 +38,12 @@ class Rods(NamedTuple):
 
 def rods(snapshot: Snapshot, size: float, selected: str = '') -> Rods:
     """
-    Draw frames.
+    Compute the rods of all frames.
 
+    :param snapshot: the frames.
     :param size: the length of an axis (m).
-    :param selected: the name of a frame that is drawn thicker.
+    :param selected: the name of a frame whose axes are drawn thicker; '' for none.
+    :returns: the rods, in the order of the frames of the snapshot.
     """
     count = len(snapshot.names)
     translations, rotations = snapshot.points, snapshot.poses[:, 3:]
@@ -68,22 +70,23 @@ def rods(snapshot: Snapshot, size: float, selected: str = '') -> Rods:
 
 def fading(ages: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
-    Compute how far frames have faded, as rviz does, by thirds of the timeout.
+    Compute how far frames have faded, by thirds of the timeout, as in rviz2.
 
-    In the first they are as they were, in the second they turn grey, and in the last they dwindle
-    away: were they to be transparent, as in rviz, the browser would make all rods anew each time.
+    In the first third a frame keeps its look, in the second it turns grey, and in the last it gets
+    thinner until it disappears. rviz2 makes it transparent instead; for that, the browser would
+    have to create all rods again each time.
 
-    :param ages: (n,): how long nothing was heard of them (s).
-    :returns: their colourfulness and thickness, (n,) each: 1 at first, 0 at last.
+    :param ages: (n,): the ages of the frames (s), as in `Snapshot`.
+    :returns: colourfulness and thickness of the frames, (n,) each, from 1 (new) to 0 (timed out).
     """
     thirds = ages / (TIMEOUT / 3)
     return np.clip(2.0 - thirds, 0.0, 1.0), np.clip(3.0 - thirds, 0.0, 1.0)
 
 
 def _turns_to(vectors: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the shortest turns that take z to vectors of some lengths; (n, 4): x, y, z, w."""
+    """Compute the quaternions x, y, z, w (n, 4) of the shortest rotations of z to the vectors."""
     x, y, z = (vectors / np.where(lengths > 0.0, lengths, 1.0)[:, None]).T
     turns = np.column_stack([-y, x, np.zeros(len(z)), 1.0 + z])
-    turns[turns[:, 3] < 1e-9] = 1.0, 0.0, 0.0, 0.0  # to -z: about any axis
+    turns[turns[:, 3] < 1e-9] = 1.0, 0.0, 0.0, 0.0  # -z: half a turn about x
     unit: NDArray[np.float64] = turns / np.linalg.norm(turns, axis=1)[:, None]
     return unit

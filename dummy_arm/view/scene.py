@@ -1,4 +1,4 @@
-"""The scene: frames as axes, joined by lines, with names; a trail; on a grid."""
+"""The scene: a grid, the frames as axes with names and lines to their parents, and a trail."""
 
 from collections.abc import Iterable
 from threading import Lock
@@ -14,28 +14,41 @@ from dummy_arm.view.rods import Rods, rods, TIMEOUT
 from dummy_arm.view.server import Server
 from dummy_arm.view.snapshot import Snapshot
 
-#: So many names are moved at once at most; with more, each in its turn.
+#: The largest number of names that one update moves; if there are more, they are moved in turn.
 NAMES_AT_ONCE = 50
-_LONGEST_NAME = 40
-_SIDES = 8
+_LONGEST_NAME = 40  # characters
+_SIDES = 8  # of a cylinder
 _GRID, _CELL = 10.0, 0.5  # m
 _GRID_COLOUR = (215, 215, 215)
 _TRAIL_WIDTH = 3.0  # pixels
 _TRAIL_COLOUR, _TRAIL_FADED = (200, 60, 200), (235, 205, 235)
-_NEAR = 0.34  # axes; what is static and closer to its parent than this has its name beside that's
-_SMALLEST_VIEW = 0.5  # m
-_DIRECTION = np.array([0.55, -0.7, 0.45])  # from the middle of the frames to the camera
-_FAR = 1000.0  # m; or that many times the farthest
-_ANGLE = 0.8  # rad, that the camera sees from top to bottom
-_DISTANCE = 4.4  # times the farthest frame from the middle
-_ASIDE = 0.14  # of that, to the right: what is there is behind the panel
+#: A static frame that is closer to its parent than this shares the label of the parent, since the
+#: two names would overlap (lengths of an axis).
+_NEAR = 0.34
+#: The smallest radius of the sphere that the camera shows (m).
+_SMALLEST_VIEW = 0.5
+#: The direction from the middle of the frames to the camera.
+_DIRECTION = np.array([0.55, -0.7, 0.45])
+#: The distance up to which the camera sees: in metres, or in radii of the sphere if that is more.
+_FAR = 1000.0
+#: The vertical field of view of the camera (rad).
+_ANGLE = 0.8
+#: The distance of the camera from the middle, in radii of the sphere.
+_DISTANCE = 4.4
+#: How far the camera is shifted to the right, as a fraction of its horizontal distance: the panel
+#: covers the right side of the page.
+_ASIDE = 0.14
 
 
 class Scene:
-    """What is seen of frames, by all who look."""
+    """The three-dimensional view of the frames, which all viewers share."""
 
     def __init__(self, server: Server) -> None:
-        """Begin with a grid."""
+        """
+        Create the scene with a grid and no frames.
+
+        :param server: the server of the page.
+        """
         self._scene, self._server = server.scene, server
         self._scene.add_line_segments('/grid', _grid(), _GRID_COLOUR, thickness=1.0,
                                       thickness_units='screen')
@@ -44,34 +57,49 @@ class Scene:
         self._names: list[viser.LabelHandle] = []
         self._texts: list[str] = []
         self._next_name = 0
-        self._snapshot: list[str] = []
+        #: The names of the frames in the order of the rods, by which a click finds its frame.
+        self._frame_names: list[str] = []
         self._clicked = ''
         self._lock = Lock()
 
     def show(self, snapshot: Snapshot, size: float, selected: str, with_names: bool,
              trail: NDArray[np.float64]) -> None:
         """
-        Show frames in place of those before.
+        Show the frames of a snapshot in place of the earlier ones.
 
+        :param snapshot: the frames.
         :param size: the length of an axis (m).
-        :param selected: the frame that stands out.
-        :param trail: lines, (m, 2, 3) (m).
+        :param selected: the frame whose axes are drawn thicker; '' for none.
+        :param with_names: whether the names of the frames are shown.
+        :param trail: (m, 2, 3): the start and the end of each line of the trail, x, y, z (m).
         """
         with self._server.atomic():
             with self._lock:
-                self._snapshot = snapshot.names
+                self._frame_names = snapshot.names
             self._show_rods(rods(snapshot, size, selected))
             self._show_names(snapshot, size, with_names)
             self._show_trail(trail)
 
     def take_click(self) -> str:
-        """Tell which frame was clicked since the last time; '' when none was."""
+        """
+        Return the frame that was clicked since the last call.
+
+        :returns: the name of the frame; '' if none was clicked.
+        """
         with self._lock:
             clicked, self._clicked = self._clicked, ''
         return clicked
 
     def look_at(self, snapshot: Snapshot, clients: Iterable[viser.ClientHandle]) -> None:
-        """Turn somebody's camera to all frames, and that to which everybody's can be reset."""
+        """
+        Move cameras so that all frames are visible.
+
+        The initial camera, to which viewers can reset theirs, is moved as well. Frames that have
+        timed out do not count; if no others are left, the cameras stay.
+
+        :param snapshot: the frames.
+        :param clients: the clients whose cameras are moved.
+        """
         points = snapshot.points[snapshot.ages < TIMEOUT]
         if not len(points):
             return
@@ -103,8 +131,8 @@ class Scene:
 
     async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedMeshHandle]') -> None:
         with self._lock:
-            if event.instance_index is not None and self._snapshot:
-                self._clicked = self._snapshot[event.instance_index % len(self._snapshot)]
+            if event.instance_index is not None and self._frame_names:
+                self._clicked = self._frame_names[event.instance_index % len(self._frame_names)]
 
     def _show_names(self, snapshot: Snapshot, size: float, with_names: bool) -> None:
         texts = _texts(snapshot, size) if with_names else []
@@ -120,13 +148,13 @@ class Scene:
                 label.visible = bool(text)
                 if text:
                     label.text, label.position = text, positions[i]
-        there = [i for i, text in enumerate(self._texts) if text]
-        turn = there
-        if len(there) > NAMES_AT_ONCE:
-            begin = self._next_name % len(there)
-            turn = (there[begin:] + there[:begin])[:NAMES_AT_ONCE]
+        visible_labels = [i for i, text in enumerate(self._texts) if text]
+        moved = visible_labels
+        if len(visible_labels) > NAMES_AT_ONCE:
+            begin = self._next_name % len(visible_labels)
+            moved = (visible_labels[begin:] + visible_labels[:begin])[:NAMES_AT_ONCE]
             self._next_name = begin + NAMES_AT_ONCE
-        for i in turn:
+        for i in moved:
             self._names[i].position = positions[i]
 
     def _show_trail(self, lines: NDArray[np.float64]) -> None:
@@ -146,7 +174,11 @@ class Scene:
 
 
 def _grid() -> NDArray[np.float64]:
-    """Draw a grid in the plane of x and y; viser's own takes most of the time without a GPU."""
+    """
+    Return the lines of a grid in the plane of x and y, (m, 2, 3) (m).
+
+    Without a GPU, viser's own grid takes most of the time in which the page is drawn.
+    """
     half = _GRID / 2
     places = np.arange(-half, half + _CELL / 2, _CELL)
     along_y = np.array([[(x, -half, 0.0), (x, half, 0.0)] for x in places])
@@ -154,19 +186,19 @@ def _grid() -> NDArray[np.float64]:
 
 
 def _texts(snapshot: Snapshot, size: float) -> list[str]:
-    """Write the names of frames; of several that are at one place, beside the first of them."""
+    """Return the text of each frame's label; frames that are near each other share the first."""
     texts = ['' if age >= TIMEOUT else _cut(visible(name))
              for name, age in zip(snapshot.names, snapshot.ages.tolist())]
-    beside = list(range(len(texts)))
+    label_of = list(range(len(texts)))
     for i, (name, parent) in enumerate(zip(snapshot.names, snapshot.parents)):
         if (parent >= 0 and snapshot.frames[name].is_static and texts[i] and texts[parent]
                 and np.linalg.norm(snapshot.points[i] - snapshot.points[parent]) < _NEAR * size):
-            beside[i] = parent
+            label_of[i] = parent
     for i, text in enumerate(texts):
-        if beside[i] != i:
-            first = beside[i]
-            while beside[first] != first:
-                first = beside[first]
+        if label_of[i] != i:
+            first = label_of[i]
+            while label_of[first] != first:
+                first = label_of[first]
             texts[first], texts[i] = f'{texts[first]}, {text}', ''
     return texts
 

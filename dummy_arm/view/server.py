@@ -1,4 +1,4 @@
-"""The server of the page: viser's, on an address of this machine, and not_finite else."""
+"""The server of the page: viser, restricted to the messages and requests of its own page."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,17 +22,20 @@ from dummy_arm.view.viser_private import (
 if TYPE_CHECKING:
     from websockets import Headers
 
+#: The port that is tried first if none is given.
 PORT = 8080
-_MOST_PORTS = 100
-_DEFAULT_PORT = 80  # of http
-#: The messages of the page that are needed: the panel, a camera (the first makes somebody a client
-#: of viser's), a click. What else it can send, as an upload, has no use here.
+#: The number of ports that are tried.
+_MAX_PORTS = 100
+#: The port of an http URL without a port.
+_HTTP_PORT = 80
+#: The messages that the page needs to send: a change in the panel, the pose of a camera (viser
+#: registers a client by the first one), a click. All others, such as uploads, are refused.
 _MESSAGES = GuiUpdateMessage, ViewerCameraMessage, SceneNodeClickMessage
 
 
 class Server(GuardedServer):
     """
-    A server whose viewers can look at the scene and use the panel, and nothing else.
+    A server whose viewers can only look at the scene and use the panel.
 
     Only pages that it has served itself can connect to it.
     """
@@ -41,18 +44,28 @@ class Server(GuardedServer):
         """
         Start the server.
 
-        :param listening: the socket at which it serves.
-        :raises CommandError: when requests would not be checked.
+        :param listening: the listening socket at which it serves.
+        :raises CommandError: if this version of viser would not check requests.
         """
         self._is_loopback = ip_address(listening.getsockname()[0]).is_loopback
         super().__init__(listening)
 
     def why_refused(self, headers: 'Headers') -> str:
-        """Return why a request with these headers is refused; '' if it is not."""
+        """
+        Return why a request is refused.
+
+        :param headers: the headers of the request.
+        :returns: one line; '' if the request is accepted.
+        """
         return why_refused(headers, self._is_loopback)
 
     def accepts(self, data: Union[bytes, str]) -> bool:
-        """Return True if a message is one that the page sends, with values that it can have."""
+        """
+        Return True if a message is one that the page needs to send, with valid values.
+
+        :param data: the message as received.
+        :returns: whether it is passed on to viser.
+        """
         message = message_of(data, _MESSAGES)
         if isinstance(message, ViewerCameraMessage):
             return all(map(isfinite, (
@@ -63,7 +76,7 @@ class Server(GuardedServer):
         return message is not None
 
     def _can_set(self, uuid: str, updates: dict[str, Any]) -> bool:
-        """Return True if an update is a value that a control of the panel can have."""
+        """Return True if an update sets only the value of a control, to one that it can have."""
         control = self.control(uuid)
         if control is None or updates.keys() != {'value'}:
             return False
@@ -77,14 +90,15 @@ class Server(GuardedServer):
 @contextmanager
 def serve(host: str, port: Optional[int] = None) -> Iterator[Server]:
     """
-    Serve a page from here to the end of the block; print where on stdout.
+    Context manager: serve a page until the end of the block, and print its address on stdout.
 
-    :param host: a name or address of this machine.
-    :param port: from 1 to 65535; None: 8080, or the next that is free.
-    :raises UsageError: when there is no such address here.
-    :raises CommandError: when the port or, without one, all ports are taken, or it needs root.
+    :param host: a host name or address of this machine.
+    :param port: from 1 to 65535; None: 8080, or the next port that is free.
+    :returns: the server.
+    :raises UsageError: if this machine has no such address.
+    :raises CommandError: if the port, or every port that is tried, is in use, or needs root.
     """
-    listening = _listening(host, port)
+    listening = _listening_socket(host, port)
     server = Server(listening)
     try:
         server.gui.configure_theme(show_share_button=False)
@@ -96,27 +110,30 @@ def serve(host: str, port: Optional[int] = None) -> Iterator[Server]:
 
 def why_refused(headers: 'Headers', is_loopback: bool) -> str:
     """
-    Return why a request is refused; '' if it is not.
+    Return why a request is refused.
 
     Any page in the browser can send requests to a server of this machine. The browser then sends
-    the origin of that page, or, where a foreign name resolves to this machine (DNS rebinding),
-    that name as the host.
+    the origin of that page. If a foreign name resolves to this machine (DNS rebinding), the
+    browser sends that name as the host.
 
+    :param headers: the headers of the request.
     :param is_loopback: whether the page is served to this machine only.
+    :returns: one line; '' if the request is accepted.
     """
     hosts, origins = headers.get_all('Host'), headers.get_all('Origin')
     if len(hosts) != 1 or len(origins) > 1:
-        return (f'a request has one Host header and at most one Origin header, not {len(hosts)} '
-                f'and {len(origins)}')
+        return ('a request must have one Host header and at most one Origin header, got '
+                f'{len(hosts)} and {len(origins)}')
     own = f'http://{hosts[0]}'
     try:
         scheme, name, port = _origin(own)
         if origins and _origin(origins[0]) != (scheme, name, port):
-            return f'for pages of {own!r} only, not of {origins[0]!r}'
+            return f'only pages of {own!r} can connect, not pages of {origins[0]!r}'
     except ValueError:
         return f'malformed Host or Origin header: {", ".join(map(repr, [*hosts, *origins]))}'
     if is_loopback and not _is_of_this_machine(name):
-        return f'for this machine only, by localhost or 127.0.0.1, not {hosts[0]!r}'
+        return ('the page is served to this machine only, as localhost or 127.0.0.1, not as '
+                f'{hosts[0]!r}')
     return ''
 
 
@@ -124,13 +141,13 @@ def _origin(url: str) -> tuple[str, str, int]:
     """
     Return the scheme, the name and the port of an origin, in lower case.
 
-    :raises ValueError: when it is malformed, or has more than these.
+    :raises ValueError: if it is malformed, or has more parts than these.
     """
     parts = urlsplit(url)
     if not parts.hostname or parts.username is not None or url.lower() != (
             f'{parts.scheme}://{parts.netloc}'.lower()):
         raise ValueError(url)
-    return parts.scheme, parts.hostname, _DEFAULT_PORT if parts.port is None else parts.port
+    return parts.scheme, parts.hostname, _HTTP_PORT if parts.port is None else parts.port
 
 
 def _is_of_this_machine(name: str) -> bool:
@@ -141,20 +158,26 @@ def _is_of_this_machine(name: str) -> bool:
 
 
 def address_lines(address: str, port: int) -> list[str]:
-    """Tell where to look, and who can."""
+    """
+    Return the lines that are printed about the address of the page.
+
+    :param address: the IP address at which it is served.
+    :param port: its port.
+    :returns: the URL to open; and, if other machines can reach it, a line that says so.
+    """
     ip = ip_address(address)
     place = 'localhost' if ip.is_unspecified else f'[{ip}]' if ip.version == 6 else str(ip)
     lines = [f'look at http://{place}:{port}']
     if not ip.is_loopback:
-        lines.append(f'whoever reaches port {port} of {socket.gethostname()} can look, and use '
-                     'the panel')
+        lines.append(f'everybody who can reach port {port} of {socket.gethostname()} can look at '
+                     'the page and use the panel')
     return lines
 
 
-def _listening(host: str, port: Optional[int]) -> socket.socket:
-    """Open the socket for `serve`, with the port given or the first one free."""
+def _listening_socket(host: str, port: Optional[int]) -> socket.socket:
+    """Open the socket for `serve`, at the given port or at the first free one."""
     family, address = _address(host)
-    ports = range(PORT, PORT + _MOST_PORTS) if port is None else (port,)
+    ports = range(PORT, PORT + _MAX_PORTS) if port is None else (port,)
     for each in ports:
         try:
             return socket.create_server((address, each), family=family)
@@ -162,26 +185,26 @@ def _listening(host: str, port: Optional[int]) -> socket.socket:
             if error.errno == errno.EACCES:
                 raise CommandError(
                     f'cannot serve at port {each} of {address}: {os.strerror(errno.EACCES)}; '
-                    '--port takes a port from 1024 on without root') from None
+                    'without root, --port must be at least 1024') from None
             if error.errno != errno.EADDRINUSE:
                 raise UsageError(
                     f'cannot serve at {address}: {os.strerror(error.errno or 0)}; --host takes an '
-                    'address of this machine, as 127.0.0.1') from None
+                    'address of this machine, such as 127.0.0.1') from None
     if port is None:
-        raise CommandError(f'the ports {ports[0]} to {ports[-1]} of {address} are all taken: end '
-                           'what has them, or choose another: --port N')
-    raise CommandError(f'port {port} of {address} is taken: end what has it, choose another, or '
-                       'leave out --port, for the next that is free')
+        raise CommandError(f'ports {ports[0]} to {ports[-1]} of {address} are all in use: end a '
+                           'program that uses one, or choose another port with --port N')
+    raise CommandError(f'port {port} of {address} is in use: end the program that uses it, choose '
+                       'another port, or leave out --port to take the next free one')
 
 
 def _address(host: str) -> tuple[socket.AddressFamily, str]:
-    """Find the address of a name."""
+    """Resolve a host name; IPv4 is preferred."""
     try:
         found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM) if host else []
     except (OSError, UnicodeError):
         found = []
     if not found:
-        raise UsageError(f'{host!r} is no address: --host takes one of this machine, as '
-                         '127.0.0.1, or 0.0.0.0 for all that it has')
+        raise UsageError(f'{host!r} is not a known host or address: --host takes an address of '
+                         'this machine, such as 127.0.0.1, or 0.0.0.0 for all of its addresses')
     family, *_, (address, *_) = min(found, key=lambda each: each[0] != socket.AF_INET)
     return family, str(address)

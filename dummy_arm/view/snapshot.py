@@ -1,4 +1,4 @@
-"""What is shown of the frames of a buffer: where each is, below which, and how old that is."""
+"""A snapshot of the frames of a buffer: where each is drawn, its parent, and its age."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -14,7 +14,7 @@ from dummy_arm.tf import Frame, Transform
 from dummy_arm.tf.formatting import in_seconds
 from dummy_arm.view.source import AnyBuffer
 
-#: How far apart the roots of trees are shown that nothing connects (m, along -y).
+#: The distance between the roots of trees that are not connected (m, along -y).
 SPACING = 2.0
 #: Frames beyond this distance from the fixed frame are drawn at this distance (m). A browser
 #: computes in float32, in which much larger numbers are infinite.
@@ -24,48 +24,63 @@ _Value = TypeVar('_Value')
 
 
 class Snapshot(NamedTuple):
-    """The frames at a time, those of the tree with the fixed frame first."""
+    """
+    The frames at one time, those of the tree with the fixed frame first.
 
-    fixed: str  #: the frame in which the poses are; '' where there is none
-    names: list[str]
-    parents: list[int]  #: the index of each one's parent; -1 of a root
-    poses: NDArray[np.float64]  #: (n, 7): x, y, z (m) and the rotation's x, y, z, w, in the frame
-    #: that its tree is placed by
-    points: NDArray[np.float64]  #: (n, 3): where it is drawn: x, y, z (m), at most `REACH` away
-    stamps: list[int]  #: of these (ns); 0 where all is static
-    ages: NDArray[np.float64]  #: (n,): for how long it has not moved as it may have (s), since
-    #: nothing was heard of it, or of another on the way to the frame that its tree is placed by
-    silences: dict[str, float]  #: for how long nothing was heard of each one (s); 0 where static
-    frames: dict[str, Frame]  #: what is known of those with a parent
-    trees: dict[str, float]  #: the frame that each tree is placed by, and its y (m)
-    deepest: str  #: in the tree of the fixed frame, that which is farthest from the root; or ''
-    loops: list[list[str]]  #: frames that cannot be shown, since each is below the other
-    far: list[str]  #: those that are drawn nearer than they are
-    not_finite: list[str]  #: those that cannot be shown, since their translation is not finite
+    Each tree is placed by one frame, its anchor: the fixed frame in its own tree, and the root in
+    every other tree.
+    """
+
+    fixed: str  #: the fixed frame; '' if there are no frames
+    names: list[str]  #: n names, of the frames that are shown
+    parents: list[int]  #: the index of each frame's parent; -1 for a root
+    poses: NDArray[np.float64]  #: (n, 7): x, y, z (m), quaternion x, y, z, w, in the anchor
+    points: NDArray[np.float64]  #: (n, 3): x, y, z in the scene (m), at most `REACH` away
+    stamps: list[int]  #: the times of the poses (ns); 0 if the whole path is static
+    ages: NDArray[np.float64]  #: (n,): seconds since the oldest update among the frame and its
+    #: ancestors up to the tree's anchor; static frames do not count
+    silences: dict[str, float]  #: by frame: seconds since its last new stamp; 0 if it is static
+    frames: dict[str, Frame]  #: the frames that have a parent, by name
+    trees: dict[str, float]  #: by the anchor of each tree: its y in the scene (m)
+    deepest: str  #: the frame of the fixed frame's tree with most ancestors; '' if there is none
+    loops: list[list[str]]  #: the names of the frames of each loop; these frames are not shown
+    far: list[str]  #: the frames that are drawn closer than they are, since they are out of reach
+    not_finite: list[str]  #: the frames that are not shown, since their translation is not finite
 
     def anchor_of(self, name: str) -> tuple[str, float]:
-        """Tell by which frame the tree of a frame is placed, and its y (m)."""
-        for above in _upwards(name, self.frames):
-            if above in self.trees:
-                return above, self.trees[above]
+        """
+        Return the anchor of the tree in which a frame is.
+
+        :param name: the name of the frame.
+        :returns: the anchor, and its y in the scene (m).
+        """
+        for ancestor in _self_and_ancestors(name, self.frames):
+            if ancestor in self.trees:
+                return ancestor, self.trees[ancestor]
         return self.fixed, 0.0
 
 
 class FrameWatcher:
-    """Looks at the frames of a buffer again and again."""
+    """Takes snapshots of the frames of a buffer, and notes when each frame was last updated."""
 
     def __init__(self, buffer: AnyBuffer) -> None:
-        """Begin; nothing was heard so far."""
+        """
+        Create a watcher that has not seen any frame.
+
+        :param buffer: the buffer whose frames are watched.
+        """
         self._buffer = buffer
-        #: The newest stamp of each frame (ns), and when it came (s).
-        self._heard: dict[str, tuple[int, float]] = {}
+        #: The newest stamp of each frame (ns), and when it was first seen (s, monotonic clock).
+        self._updates: dict[str, tuple[int, float]] = {}
 
     def snapshot(self, fixed: str = '', until: int = 0) -> Snapshot:
         """
-        Look at the frames.
+        Take a snapshot of the frames.
 
-        :param fixed: the frame in which they are shown; '' or unknown: the root of most frames.
-        :param until: the time at which (ns), as in a bag; 0: now.
+        :param fixed: the fixed frame; if it is '', unknown, or in or below a loop, the root of the
+            largest tree is used instead.
+        :param until: the time of the snapshot (ns), as in a bag; 0: the latest time.
+        :returns: the snapshot.
         """
         with self._buffer.fetched():
             return self._snapshot(fixed, until)
@@ -73,31 +88,31 @@ class FrameWatcher:
     def _snapshot(self, fixed: str, until: int) -> Snapshot:
         forest = Forest(self._buffer.frames(until))
         frames = forest.frames
-        tops = _from_above(frames, {root: root for root in forest.roots}, lambda _, top: top)
-        if fixed not in tops:
-            counts = Counter(tops.values())
+        root_of = _descend(frames, {root: root for root in forest.roots}, lambda _, root: root)
+        if fixed not in root_of:
+            counts = Counter(root_of.values())
             fixed = max(counts, key=counts.__getitem__, default='')
         trees = {fixed: 0.0} if fixed else {}
         for root in forest.roots:
-            if root != tops.get(fixed):
+            if root != root_of.get(fixed):
                 trees[root] = -SPACING * len(trees)
         placed: dict[str, Transform] = {}
-        heights: list[float] = []
+        offsets: list[float] = []
         not_finite: list[str] = []
         for y, tree in zip(trees.values(), self._buffer.lookup_all(trees, until)):
             placed |= {name: transform for name, transform in tree.items()
                        if all(map(isfinite, transform.translation))}
             not_finite += [name for name in tree if name not in placed]
-            heights += [y] * (len(placed) - len(heights))
+            offsets += [y] * (len(placed) - len(offsets))
         index = {name: i for i, name in enumerate(placed)}
         poses = np.array([(*transform.translation, *transform.rotation)
                           for transform in placed.values()]).reshape(-1, 7)
         places = poses[:, :3].copy()
-        places[:, 1] += heights
+        places[:, 1] += offsets
         points = within_reach(places)
         silences = {name: self._silence(frame, until) for name, frame in frames.items()}
         ages = _ages(frames, trees, silences)
-        depths = _from_above(frames, {tops.get(fixed, ''): 0}, lambda _, depth: depth + 1)
+        depths = _descend(frames, {root_of.get(fixed, ''): 0}, lambda _, depth: depth + 1)
         return Snapshot(
             fixed, [*placed],
             [index.get(frames[name].parent, -1) if name in frames else -1 for name in placed],
@@ -109,71 +124,81 @@ class FrameWatcher:
             not_finite)
 
     def _silence(self, frame: Frame, until: int) -> float:
-        """Compute how long nothing was heard of a frame (s)."""
+        """Return the time since the last new stamp of a frame (s)."""
         if frame.is_static:
             return 0.0
         if until:
             return in_seconds(until - frame.latest)
         now = monotonic()
-        stamp, since = self._heard.get(frame.name, (None, now))
+        stamp, since = self._updates.get(frame.name, (None, now))
         if stamp != frame.latest:
-            self._heard[frame.name] = frame.latest, now
+            self._updates[frame.name] = frame.latest, now
             return 0.0
         return now - since
 
 
 def within_reach(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Move what is farther than `REACH` from the origin to that distance, in the same direction.
+    Move points that are farther than `REACH` from the origin to that distance.
 
     :param points: (..., 3): x, y, z (m), finite.
+    :returns: (..., 3): the points, in the same directions.
     """
     largest = np.abs(points).max(axis=-1, keepdims=True, initial=1.0)
     ratios = np.linalg.norm(points / largest, axis=-1, keepdims=True)  # no square overflows
-    near: NDArray[np.float64] = points * np.minimum(
+    clipped: NDArray[np.float64] = points * np.minimum(
         1.0, REACH / largest / np.maximum(ratios, 1.0))
-    return near
+    return clipped
 
 
 def _ages(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, float]
           ) -> dict[str, float]:
-    """Compute for how long frames have not moved as they may have (s)."""
+    """
+    Compute the ages of frames (s), as in `Snapshot`, from the anchors of the trees.
+
+    The poses in the anchor depend on each transform between the frame and the anchor, so the age
+    of a frame is the longest silence on that path. The anchor itself has no such path: its age is
+    its own silence, or, of a root, the shortest silence of its children.
+    """
     ages: dict[str, float] = {}
-    for target in trees:
+    for anchor in trees:
         age = 0.0
-        for name in _upwards(target, frames):
+        for name in _self_and_ancestors(anchor, frames):
             ages[name] = age
             age = max(age, silences.get(name, 0.0))
-    ages = _from_above(frames, ages, lambda name, age: max(age, silences[name]))
+    ages = _descend(frames, ages, lambda name, age: max(age, silences[name]))
     children: dict[str, float] = {}
     for name, frame in frames.items():
         children[frame.parent] = min(silences[name], children.get(frame.parent, np.inf))
-    for target in trees:
-        ages[target] = silences.get(target, children.get(target, 0.0))
+    for anchor in trees:
+        ages[anchor] = silences.get(anchor, children.get(anchor, 0.0))
     return ages
 
 
-def _from_above(frames: dict[str, Frame], known: dict[str, _Value],
-                below: Callable[[str, _Value], _Value]) -> dict[str, _Value]:
+def _descend(frames: dict[str, Frame], known: dict[str, _Value],
+             child_value: Callable[[str, _Value], _Value]) -> dict[str, _Value]:
     """
-    Compute a value for all frames below those of which it is known.
+    Compute a value for all descendants of the frames whose values are known.
 
-    :param below: computes that of a frame from its parent's.
+    :param frames: the frames that have a parent, by name.
+    :param known: the known values, by frame.
+    :param child_value: computes the value of a frame from its name and the value of its parent.
+    :returns: the values by frame, the known ones included.
     """
     values = dict(known)
     for name in frames:
-        way: dict[str, None] = {}
-        while name in frames and name not in values and name not in way:
-            way[name] = None
+        path: dict[str, None] = {}
+        while name in frames and name not in values and name not in path:
+            path[name] = None
             name = frames[name].parent
         if name in values:
-            for each in reversed(way):
-                values[each] = below(each, values[frames[each].parent])
+            for child in reversed(path):
+                values[child] = child_value(child, values[frames[child].parent])
     return values
 
 
-def _upwards(name: str, frames: dict[str, Frame]) -> Iterator[str]:
-    """Follow the parents of a frame, from itself on; in a loop, once round."""
+def _self_and_ancestors(name: str, frames: dict[str, Frame]) -> Iterator[str]:
+    """Yield a frame, its parent, and so on up to the root; in a loop, each frame once."""
     seen = set()
     while name not in seen:
         yield name

@@ -1,4 +1,4 @@
-"""What can be looked at: a bag that is played, or what a node receives."""
+"""The sources of the frames that are shown: a bag that is played, or the topics of a node."""
 
 from collections.abc import Iterable
 from time import monotonic
@@ -16,51 +16,51 @@ if TYPE_CHECKING:
 
 #: The buffer of a bag, or of a node.
 AnyBuffer = Union[BufferCore, 'Buffer']
-#: A stamp that is farther from most others is not of the same recording (ns).
+#: A stamp that is farther than this from the median does not belong to the recording (ns).
 _FAR = 24 * 3600 * SECOND
-#: How long transforms of a node are kept, and how long a trail is (s).
+#: How long a live buffer keeps transforms, and the length of a trail (s).
 LENGTH = 20
 
 
 class Player:
-    """Goes through the time of a bag, as fast as it was recorded, to its end."""
+    """The playback clock of a bag: it runs as fast as the bag was recorded, to its end."""
 
     def __init__(self, frames: Iterable[Frame]) -> None:
         """
-        Stand at the begin.
+        Create a player at the start of the bag.
 
-        :param frames: what the bag has.
+        :param frames: the frames of the bag.
         """
-        moving = [frame for frame in frames if not frame.is_static and frame.oldest > 0]
-        self._begin = min(_without_strays([frame.oldest for frame in moving]))
-        self._end = max(self._begin, *_without_strays([frame.latest for frame in moving]))
+        dynamic = [frame for frame in frames if not frame.is_static and frame.oldest > 0]
+        self._begin = min(_without_outliers([frame.oldest for frame in dynamic]))
+        self._end = max(self._begin, *_without_outliers([frame.latest for frame in dynamic]))
         self._position, self._last = 0, monotonic()
 
     @property
     def length(self) -> float:
-        """How long the bag is (s); 0 where nothing moves."""
+        """The length of the bag (s); 0 if it has no dynamic frames."""
         return (self._end - self._begin) / SECOND
 
     @property
     def position(self) -> float:
-        """How long after the begin it is (s)."""
+        """The current time, from the start of the bag (s)."""
         return self._position / SECOND
 
     @property
     def time(self) -> int:
-        """What time it is (ns)."""
+        """The current time, as in the stamps of the bag (ns)."""
         return self._begin + self._position
 
     @property
     def is_at_end(self) -> bool:
-        """Whether there is nothing more."""
+        """Whether the end of the bag is reached."""
         return self.time >= self._end
 
     def advance(self, plays: bool) -> None:
         """
-        Go on, by the time since the last call.
+        Advance by the time since the last call; from the end, go back to the start.
 
-        :param plays: whether it goes on at all; at the end it begins anew.
+        :param plays: False if the player is paused: then the time does not change.
         """
         now = monotonic()
         passed, self._last = now - self._last, now
@@ -69,78 +69,121 @@ class Player:
                                  self._position + round(passed * SECOND))
 
     def seek(self, position: float) -> None:
-        """Go to a time after the begin (s)."""
+        """
+        Go to a time.
+
+        :param position: seconds after the start of the bag; clamped to its length.
+        """
         self._position = min(max(0, round(position * SECOND)), self._end - self._begin)
 
 
-def _without_strays(stamps: list[int]) -> list[int]:
-    """Leave out the stamps that are far from the middle one, as those before the clock was set."""
+def _without_outliers(stamps: list[int]) -> list[int]:
+    """
+    Return the stamps that are near the median; [1] if there are no stamps.
+
+    A node that published before its clock was set leaves stamps that are years off.
+    """
     if not stamps:
         return [1]
-    middle = sorted(stamps)[len(stamps) // 2]
-    return [stamp for stamp in stamps if abs(stamp - middle) < _FAR]
+    median = sorted(stamps)[len(stamps) // 2]
+    return [stamp for stamp in stamps if abs(stamp - median) < _FAR]
 
 
 class Publication(NamedTuple):
     """How a frame is published."""
 
-    rate: Optional[float]  #: Hz; None: not known
-    delay: Optional[float]  #: the average from the stamp to the reception (s); None: not known
-    publisher: str
+    rate: Optional[float]  #: Hz; None if it is not known
+    delay: Optional[float]  #: the average time from stamp to reception (s); None if not known
+    publisher: str  #: the names of the nodes that publish it, or the authority
 
 
 class Source(Protocol):
-    """What frames come from."""
+    """The source of the frames that are shown."""
 
-    name: str
+    name: str  #: as shown in the panel
     buffer: AnyBuffer
-    player: Optional[Player]  #: the time of a bag; None: it is now
+    player: Optional[Player]  #: the playback clock of a bag; None if the frames are live
 
     def publication(self, frame: Frame) -> Publication:
-        """Tell how a frame is published."""
+        """
+        Return how a frame is published.
+
+        :param frame: the frame.
+        :returns: its rate, delay and publisher.
+        """
 
     def why_no_frames(self) -> str:
-        """Tell what may be the reason that there is no frame."""
+        """
+        Return the likely reason that there are no frames.
+
+        :returns: one or more sentences.
+        """
 
 
 class BagSource:
     """A bag that is played."""
 
     def __init__(self, buffer: BufferCore, name: str) -> None:
-        """Stand at its begin."""
+        """
+        Create a source that plays a bag from its start.
+
+        :param buffer: the buffer with all transforms of the bag.
+        :param name: the name of the bag.
+        """
         self.buffer: AnyBuffer = buffer
         self.name = name
         self.player: Optional[Player] = Player(buffer.frames())
 
     def publication(self, frame: Frame) -> Publication:
-        """Tell what was recorded."""
+        """
+        Return how a frame was published, as far as the bag tells.
+
+        :param frame: the frame.
+        :returns: its rate and publisher; a buffer does not keep the times of reception.
+        """
         return Publication(frequency(frame), None, frame.authority)
 
     def why_no_frames(self) -> str:
-        """Tell that they come."""
-        return 'There is none yet at this time of the bag.'
+        """
+        Return the reason that there are no frames.
+
+        :returns: one sentence.
+        """
+        return 'The bag has no transforms up to this time.'
 
 
 class LiveSource:
-    """What is on /tf and /tf_static."""
+    """The frames on /tf and /tf_static."""
 
     def __init__(self, node: 'Node') -> None:
-        """Begin to listen."""
+        """
+        Start to listen to /tf and /tf_static.
+
+        :param node: the node that subscribes.
+        """
         from dummy_arm.inspection.frame_listener import FrameListener
         self.name = '/tf and /tf_static'
         self.player: Optional[Player] = None
-        self._asked = ''
+        #: The frame whose rate and delay are measured.
+        self._measured_frame = ''
         self._traffic: Optional[Traffic] = None
-        self._listening = FrameListener(node, LENGTH)
-        self.buffer: AnyBuffer = self._listening.buffer
+        self._frame_listener = FrameListener(node, LENGTH)
+        self.buffer: AnyBuffer = self._frame_listener.buffer
 
     def publication(self, frame: Frame) -> Publication:
-        """Tell how a frame is published; rate and delay since it was first asked for."""
-        listener = self._listening.listener
+        """
+        Return how a frame is published.
+
+        The rate and the delay of one frame at a time are measured, from the first call for it on.
+
+        :param frame: the frame.
+        :returns: its rate, delay and publishers.
+        """
+        listener = self._frame_listener.publisher_listener
         messages, _ = listener.received()
-        if self._traffic is None or frame.name != self._asked:
-            self._asked = frame.name
-            self._traffic = Traffic(self._listening.now, frame.name)
+        if self._traffic is None or frame.name != self._measured_frame:
+            self._measured_frame = frame.name
+            self._traffic = Traffic(self._frame_listener.now, frame.name)
         else:
             self._traffic.observe(messages)
         publisher = listener.names_of([frame.authority])[frame.authority]
@@ -148,11 +191,16 @@ class LiveSource:
                    if stream.frame == frame.name and stream.is_present]
         summary = next((stream.summary for stream in streams if stream.node == publisher), None)
         if len(streams) > 1:
-            publisher = f'{" and ".join(stream.node for stream in streams)}: more than one'
+            nodes = ' and '.join(stream.node for stream in streams)
+            publisher = f'{nodes} (more than one publisher)'
         if summary is None:
             return Publication(None, None, publisher)
         return Publication(summary.rate, summary.average_delay, publisher)
 
     def why_no_frames(self) -> str:
-        """Tell what may be the reason that nothing was heard."""
-        return self._listening.why_no_frames()
+        """
+        Return the likely reason that no transforms have arrived.
+
+        :returns: one or more sentences.
+        """
+        return self._frame_listener.why_no_frames()

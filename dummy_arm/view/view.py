@@ -1,4 +1,4 @@
-"""What is seen: brought up to date again and again, as those who look have chosen."""
+"""The page: the scene and the panel, updated from a source and from the viewers' choices."""
 
 from time import monotonic
 from typing import Optional
@@ -16,40 +16,50 @@ from dummy_arm.view.server import Server
 from dummy_arm.view.snapshot import FrameWatcher, Snapshot, within_reach
 from dummy_arm.view.source import AnyBuffer, LENGTH, Source
 
-_BETWEEN_TEXTS = 0.2  # s
-_SETTLING = 1.0  # s, until the frames that come first have all come
+#: The shortest time between two updates of the texts (s).
+_TEXT_PERIOD = 0.2
+#: The time from the first frame to the moment when the cameras are moved (s): by then the other
+#: frames have arrived, too.
+_SETTLING = 1.0
+#: The time between two points of a trail (ns).
 _TRAIL_STEP = SECOND // 20
+#: A longer time without a point is filled from the buffer (ns).
 _TRAIL_GAP = 4 * _TRAIL_STEP
 
 
 class Trail:
-    """Draws the path of a frame again and again; what was drawn before stays as it is."""
+    """The recent path of a frame; each update adds to the points that are there already."""
 
     def __init__(self, buffer: AnyBuffer) -> None:
-        """Begin with no frame."""
-        self._buffer = buffer
-        self._begin('', '')
+        """
+        Create a trail without points.
 
-    def _begin(self, target: str, frame: str) -> None:
-        self._of = target, frame
+        :param buffer: the buffer from which gaps in the trail are filled.
+        """
+        self._buffer = buffer
+        self._restart('', '')
+
+    def _restart(self, target: str, frame: str) -> None:
+        self._frames = target, frame
         self._times = np.empty(0, np.int64)
         self._points = np.empty((0, 3))
 
     def draw(self, target: str, frame: str, end: int, point: NDArray[np.float64]
              ) -> NDArray[np.float64]:
         """
-        Draw the path of a frame.
+        Compute the path of a frame over the last `LENGTH` seconds.
 
-        :param target: the frame in which it is drawn.
-        :param end: its last time (ns).
-        :param point: where it is then, (3,): x, y, z (m).
-        :returns: (m, 2, 3): lines from point to point (m), the oldest first; without those to
-            times at which nothing is known.
+        :param target: the frame in which the path is expressed.
+        :param frame: the frame whose path it is.
+        :param end: the time of the last point (ns).
+        :param point: (3,): the position of the frame at that time, x, y, z (m).
+        :returns: (m, 2, 3): the start and the end of each line, x, y, z (m), the oldest first;
+            without the lines to times that have no transform.
         """
         first = max(1, end - LENGTH * SECOND)
         last = max(self._times[-1:].tolist(), default=first)
-        if self._of != (target, frame) or last > max(end, first):  # time was set back
-            self._begin(target, frame)
+        if self._frames != (target, frame) or last > max(end, first):  # time was set back
+            self._restart(target, frame)
             last = first
         if end - last > _TRAIL_GAP:
             times = np.arange(max(first, last + 1), end, _TRAIL_STEP, dtype=np.int64)
@@ -67,10 +77,15 @@ class Trail:
 
 
 class View:
-    """A page of frames."""
+    """The page of a source: its scene and its panel."""
 
     def __init__(self, source: Source, server: Server) -> None:
-        """Make the page; `update` fills it."""
+        """
+        Create the page; `update` fills it.
+
+        :param source: the source of the frames.
+        :param server: the server of the page.
+        """
         self._source, self._player = source, source.player
         self._watcher = FrameWatcher(source.buffer)
         self._snapshot, self._fixed = self._watcher.snapshot(), ''
@@ -79,17 +94,20 @@ class View:
                             self._look_at_all)
         server.on_client_connect(self._look_at_all)
         self._trail = Trail(source.buffer)
-        #: What it was drawn of, and its lines.
-        self._trail_of: tuple[Optional[Snapshot], str] = None, ''
+        #: The snapshot and the frame for which `_lines`, the lines of the trail, were computed.
+        self._trail_key: tuple[Optional[Snapshot], str] = None, ''
         self._lines = np.empty((0, 2, 3))
+        #: The earliest time of the next update of the texts (s, monotonic clock).
         self._next_texts = 0.0
-        self._texts_of: tuple[Optional[Snapshot], tuple[str, str]] = None, ('', '')
-        #: When those who came before the frames are turned to them.
+        #: The snapshot, the chosen fixed frame and the selected frame of the texts that are shown.
+        self._texts_key: tuple[Optional[Snapshot], tuple[str, str]] = None, ('', '')
+        #: When to move the cameras of the clients that were there before the frames (s, monotonic
+        #: clock); None until there are frames, infinite afterwards.
         self._turn_at: Optional[float] = None
         self._server = server
 
     def update(self) -> None:
-        """Show what there is now."""
+        """Read the source and the panel, and update the page."""
         panel, now = self._panel, monotonic()
         until = self._advance() if self._player else 0
         fixed = panel.fixed.chosen
@@ -106,44 +124,44 @@ class View:
         self._turn_cameras(now)
 
     def _advance(self) -> int:
-        """Go on in a bag; tell the time (ns)."""
-        player, sought = self._player, self._panel.take_requested_time()
+        """Advance the player of a bag, and return its time (ns)."""
+        player, requested = self._player, self._panel.take_requested_time()
         assert player is not None
         player.advance(not self._panel.is_paused)
-        if sought is not None:
-            player.seek(sought)
+        if requested is not None:
+            player.seek(requested)
         self._panel.show_time(player.position)
         return player.time
 
     def _draw_trail(self, name: str) -> None:
-        """Draw the path of a frame, unless that is drawn already."""
+        """Update the lines of the trail if the snapshot or the frame has changed."""
         snapshot = self._snapshot
-        if snapshot is self._trail_of[0] and name == self._trail_of[1]:
+        if snapshot is self._trail_key[0] and name == self._trail_key[1]:
             return
-        self._trail_of, self._lines = (snapshot, name), np.empty((0, 2, 3))
+        self._trail_key, self._lines = (snapshot, name), np.empty((0, 2, 3))
         if name in snapshot.names:
             i = snapshot.names.index(name)
-            target, y = snapshot.anchor_of(name)
+            anchor, y = snapshot.anchor_of(name)
             if snapshot.ages[i] < TIMEOUT:
                 self._lines = within_reach(np.array([0.0, y, 0.0]) + self._trail.draw(
-                    target, name, snapshot.stamps[i], snapshot.poses[i, :3]))
+                    anchor, name, snapshot.stamps[i], snapshot.poses[i, :3]))
 
     def _update_texts(self, now: float, fixed: str, selected: str) -> None:
-        """Tell of the frames, now and then, unless that is told already."""
-        snapshot, before = self._snapshot, self._texts_of
-        is_new = snapshot is not before[0] or (fixed, selected) != before[1]
+        """Update the texts if something has changed, but not more often than `_TEXT_PERIOD`."""
+        snapshot, key = self._snapshot, self._texts_key
+        is_new = snapshot is not key[0] or (fixed, selected) != key[1]
         if is_new and now >= self._next_texts:
-            self._next_texts = now + _BETWEEN_TEXTS
-            self._texts_of = snapshot, (fixed, selected)
+            self._next_texts = now + _TEXT_PERIOD
+            self._texts_key = snapshot, (fixed, selected)
             self._panel.show_texts(overview(snapshot, self._source, fixed),
-                             details(snapshot, selected, self._source))
+                                   details(snapshot, selected, self._source))
 
     async def _look_at_all(self, client: viser.ClientHandle) -> None:
-        """Turn somebody's camera to all frames."""
+        """Move the camera of a client so that all frames are visible."""
         self._scene.look_at(self._snapshot, [client])
 
     def _turn_cameras(self, now: float) -> None:
-        """Turn the cameras of those who came before the frames, when all have been heard of."""
+        """Move the cameras of the clients that were there before the frames, once."""
         if self._turn_at is None and self._snapshot.names:
             self._turn_at = now + _SETTLING
         if self._turn_at is not None and now >= self._turn_at:

@@ -1,14 +1,15 @@
 """
-The server of viser with what is not public of viser and websockets, as of viser 1.1.
+A server of viser that checks requests and messages, by private parts of viser and websockets.
 
-test/test_viser_private.py has a test for each thing that this relies on:
+It is written for viser 1.1. test/test_viser_private.py has a test for each assumption:
 
-- `viser._messages`: the messages that the page sends, each a msgpack map with `type`, the name of
-  its class, and the fields of that; and those that turn a camera.
-- viser starts its server by `websockets.asyncio.server.serve`, found through its module, with
-  `process_request`, and takes `sock`, `create_connection` and `max_size`.
-- `gui._gui_input_handle_from_uuid` finds a control of the panel, and
-  `client._websock_connection.queue_message` sends to one viewer.
+- `viser._messages` has the messages that the page sends. Each is a msgpack map of `type`, the name
+  of its class, and the fields of that class. It also has the messages that move a camera.
+- viser starts its server with `websockets.asyncio.server.serve`, which it looks up in that module
+  for the call, and passes `process_request`. `serve` also takes `sock`, `create_connection` and
+  `max_size`.
+- `gui._gui_input_handle_from_uuid` maps a uuid to a control of the panel.
+- `client._websock_connection.queue_message` sends a message to one client.
 """
 
 from collections.abc import Callable, Iterable
@@ -27,7 +28,7 @@ from dummy_arm.cli.parser import CommandError
 __all__ = ['VISER', 'GuardedServer', 'GuiUpdateMessage', 'SceneNodeClickMessage',
            'ViewerCameraMessage', 'message_of']
 
-#: As in setup.py; bounded above, since what is not public of viser is used here.
+#: The requirement, as in setup.py; bounded above, since private parts of viser are used here.
 VISER = 'viser>=1.1,<1.2'
 
 try:
@@ -48,15 +49,17 @@ except ImportError as error:
     raise CommandError(f'viser, which makes the page, cannot be imported ({error}): '
                        f"pip install '{VISER}'") from None
 
-_LONGEST_MESSAGE = 2**16  # bytes; viser's own limit is 50 MB
+#: The size of the longest message from a client (bytes); viser's own limit is 50 MB.
+_LONGEST_MESSAGE = 2**16
 
 
 def message_of(data: Union[bytes, str], types: Iterable[type]) -> Any:
     """
-    Return the message that a viewer has sent.
+    Decode a message that a client has sent.
 
-    :param types: the types that it may have, of `viser._messages`.
-    :returns: None if it has another type, other fields, or fields of other types.
+    :param data: the message as received.
+    :param types: the types of `viser._messages` that are allowed.
+    :returns: the message; None if it has another type, other fields, or fields of other types.
     """
     if isinstance(data, str):
         return None
@@ -70,23 +73,28 @@ def message_of(data: Union[bytes, str], types: Iterable[type]) -> Any:
 
 
 class _Connection(websockets.asyncio.server.ServerConnection):
-    """A connection to a viewer, whose messages are checked before viser receives them."""
+    """A connection to a client, whose messages are checked before viser receives them."""
 
     def __init__(self, accepts: Callable[[Any], bool], *args: Any, **kwargs: Any) -> None:
         """
-        Make a connection, as websockets does.
+        Create a connection.
 
-        :param accepts: returns whether a message is received.
+        :param accepts: returns True if a message is passed on.
+        :param args: the positional arguments of the base class.
+        :param kwargs: the keyword arguments of the base class.
         """
         self._accepts = accepts
         super().__init__(*args, **kwargs)
 
     async def recv(self, decode: Optional[bool] = None) -> Any:
         """
-        Return the next message that is accepted.
+        Return the next message that is accepted, and drop the others.
 
-        The others are dropped, and the connection stays: were it closed, the page would connect
-        again and again for a message that does no harm.
+        The connection stays open: if it were closed, the page would connect again and again
+        because of a message that does no harm.
+
+        :param decode: as in the base class.
+        :returns: the message.
         """
         while True:
             message = await super().recv(decode)
@@ -95,32 +103,52 @@ class _Connection(websockets.asyncio.server.ServerConnection):
 
 
 class GuardedServer(viser.ViserServer):
-    """A server of viser that asks a subclass about each request and each message of a viewer."""
+    """A server of viser whose subclass decides about each request and each message of a client."""
 
     def __init__(self, listening: socket.socket) -> None:
         """
         Start the server.
 
-        :param listening: the socket at which it serves.
-        :raises CommandError: when requests would not be checked.
+        :param listening: the listening socket at which it serves.
+        :raises CommandError: if this version of viser would not check requests.
         """
-        rich.reconfigure(quiet=True)  # viser tells by it where it serves, and when it ends
-        warnings.filterwarnings('ignore', 'Queued a ')  # by viser, for who has just left
-        logging.getLogger('websockets').setLevel(logging.CRITICAL)  # of those who are no browser
+        # viser prints by rich where it serves and when it stops.
+        rich.reconfigure(quiet=True)
+        # viser warns of messages to a client that has just disconnected.
+        warnings.filterwarnings('ignore', 'Queued a ')
+        # websockets logs each malformed request as an error with a traceback.
+        logging.getLogger('websockets').setLevel(logging.CRITICAL)
         address, port, *_ = listening.getsockname()
         serve = websockets.asyncio.server.serve
         is_guarded = False
 
         def guarded(handler: Any, host: object = None, port: object = None, *,
                     process_request: Callable[..., Any], **kwargs: Any) -> Any:
+            """
+            Call `serve` with our socket, limit and checks.
+
+            :param handler: the handler of connections.
+            :param host: not used: the socket has it.
+            :param port: not used: the socket has it.
+            :param process_request: answers requests that are accepted.
+            :param kwargs: other arguments of `serve`.
+            :returns: the result of `serve`.
+            """
             nonlocal is_guarded
             is_guarded = True
 
             def process(connection: Any, request: Any) -> Any:
+                """
+                Answer a request, with status 403 if it is refused.
+
+                :param connection: the connection on which it has arrived.
+                :param request: the request.
+                :returns: the response; None to go on with the handshake of a WebSocket.
+                """
                 if why := self.why_refused(request.headers):
                     return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
                 return process_request(connection, request)
-            # Given a port, viser would take the next one where that is taken.
+            # With a port instead of the socket, viser would try the next one if it is in use.
             return serve(handler, **{
                 **kwargs, 'sock': listening, 'process_request': process,
                 'create_connection': partial(_Connection, self.accepts),
@@ -140,36 +168,50 @@ class GuardedServer(viser.ViserServer):
                 f"pip install '{VISER}'")
 
     def why_refused(self, headers: Any) -> str:
-        """Return why a request with these headers is refused; '' if it is not."""
+        """
+        Return why a request is refused.
+
+        :param headers: the headers of the request, as websockets has them.
+        :returns: one line; '' if the request is accepted.
+        """
         raise NotImplementedError
 
     def accepts(self, data: Union[bytes, str]) -> bool:
         """
-        Return True if a message of a viewer can be handed to viser.
+        Return True if a message of a client can be passed on to viser.
 
-        viser sets whatever attribute a message names, to whatever value it has, and prints a
-        traceback for a message that it cannot read.
+        viser itself sets any attribute that a message names to any value, and prints a traceback
+        for a message that it cannot read.
+
+        :param data: the message as received.
+        :returns: False if the message is dropped.
         """
         raise NotImplementedError
 
     def control(self, uuid: str) -> Any:
-        """Return a control of the panel; None if there is none of this uuid."""
-        if 'gui' not in vars(self):  # viser makes it after it has started to serve
+        """
+        Return a control of the panel.
+
+        :param uuid: the identifier that viser has given to the control.
+        :returns: the handle of the control; None if there is none with this uuid.
+        """
+        if 'gui' not in vars(self):  # viser starts to serve before it creates `gui`
             return None
         return self.gui._gui_input_handle_from_uuid.get(uuid)
 
     def turn_cameras(self, clients: Iterable[viser.ClientHandle], position: NDArray[np.float64],
                      look_at: NDArray[np.float64], fov: float, far: float) -> None:
         """
-        Turn the cameras of clients, and that to which every camera can be reset.
+        Move the cameras of clients, and the initial one to which viewers can reset theirs.
 
-        viser's own `client.camera` raises on some of what a client has told of its camera, as no
-        direction upwards; here this is not used.
+        viser's own `client.camera` is not used: it raises on some poses that a client can send,
+        such as an up direction of zero length.
 
-        :param position: (3,): x, y, z (m).
-        :param look_at: (3,): the point in the middle (m).
-        :param fov: the angle from top to bottom (rad).
-        :param far: the distance up to which it sees (m).
+        :param clients: the clients whose cameras are moved.
+        :param position: (3,): the position of the camera, x, y, z (m).
+        :param look_at: (3,): the point in the middle of the picture, x, y, z (m).
+        :param fov: the vertical field of view (rad).
+        :param far: the distance up to which the camera sees (m).
         """
         camera = self.initial_camera
         camera.position, camera.look_at, camera.fov, camera.far = position, look_at, fov, far
@@ -181,4 +223,8 @@ class GuardedServer(viser.ViserServer):
                 client._websock_connection.queue_message(message)
 
     def request_share_url(self, verbose: bool = True) -> None:
-        """Refuse; by viser's own, everybody who looks could open a tunnel."""
+        """
+        Do nothing: with viser's own method, every viewer could make the page public by a tunnel.
+
+        :param verbose: not used.
+        """

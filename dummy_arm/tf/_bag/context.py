@@ -1,4 +1,4 @@
-"""What a bag is, and what it has of TF, as reading it shows."""
+"""Kinds of bags, and what is shared while one is read: topics, damage, limits and progress."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,31 +9,34 @@ from dummy_arm.tf._bag.decompression import ZSTD
 from dummy_arm.tf._core.texts import abbreviated, comma_list, logged, visible
 from dummy_arm.tf._wire.streams import Encoding
 
-#: In place of the publisher, which only bags of ROS 1 have.
+#: The publisher if the bag does not record it: always in rosbag2.
 NOT_RECORDED = 'not recorded'
 _TYPES = 'tf2_msgs/msg/TFMessage', 'tf/msg/tfMessage'
+#: The number of topics, namespaces and damaged files that a text lists.
 _SHOWN = 10
-#: So many topics are kept, to be named.
-_MOST_TOPICS = 10_000
+#: The number of topics that are remembered for the text of an error.
+_MAX_TOPICS = 10_000
 #: The longest description of an error (characters).
-_LONGEST = 500
+_LONGEST_ERROR = 500
 
 _KINDS = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3', b'#ROSBAG V': '.bag'}
-#: What a bag is, for the texts of errors.
-WHAT = ('a bag is the directory that ros2 bag record makes, a file .mcap or .db3 in it, or a '
-        '.bag of ROS 1')
+#: The definition of a bag in the texts of errors.
+BAG_DEFINITION = ('a bag is a directory written by ros2 bag record, a .mcap or .db3 file in it, '
+                  'or a .bag file of ROS 1')
 
 
 class BagError(Exception):
-    """A bag cannot be read, or has no TF; the text says why, and what to do."""
+    """A bag cannot be read or has no transforms; the text says why, and what to do."""
 
 
 def kind_of(path: Path) -> str:
     """
-    Return what a bag is: 'dir', '.mcap', '.db3' or '.bag'; by its first bytes.
+    Return the kind of a bag, which for a file follows from its first bytes.
 
+    :param path: the bag.
+    :returns: 'dir', '.mcap', '.db3' or '.bag'.
     :raises BagError: if it is none of these.
-    :raises OSError: if it does not exist, or may not be read.
+    :raises OSError: if it does not exist or cannot be read.
     """
     if path.is_dir():
         return 'dir'
@@ -44,22 +47,23 @@ def kind_of(path: Path) -> str:
         if beginning.startswith(magic):
             return kind
     if beginning.startswith(ZSTD):
-        raise BagError(f'{path} is compressed as a file: give the directory that it lies in')
-    raise BagError(f'{path} is no bag: ' + (WHAT if beginning else 'it is empty'))
+        raise BagError(f'{path} is a compressed file: read the directory of its bag instead')
+    raise BagError(f'{path} is not a bag: ' + (BAG_DEFINITION if beginning else 'it is empty'))
 
 
 def refuse_special(path: Path) -> None:
     """
-    Refuse a pipe or a device, which might never end.
+    Raise an error for a pipe or a device, which might never end.
 
-    :raises BagError: if it is one.
+    :param path: the file; it need not exist.
+    :raises BagError: if it exists and is not a regular file.
     """
     if path.exists() and not path.is_file():
-        raise BagError(f'{path} is no bag: it is no regular file')
+        raise BagError(f'{path} is not a bag: it is not a regular file')
 
 
 class Stream(NamedTuple):
-    """Where messages come from, and how they are written."""
+    """The properties that the messages of a topic, of one publisher in ROS 1, have in common."""
 
     is_static: bool
     publisher: str
@@ -67,115 +71,138 @@ class Stream(NamedTuple):
 
 
 class BagContext:
-    """The topics of a bag, what is wrong with it, and how far it has been read."""
+    """The topics and the damage of a bag, and the progress of reading it."""
 
     def __init__(self, path: Path, namespace: str, partial: bool, max_bytes: int,
                  on_progress: Callable[[float], object]) -> None:
         """
-        Keep what is given.
+        Create the context of a bag of which nothing has been read yet.
 
         :param path: the bag.
-        :param namespace: of the topics.
-        :param partial: what is wrong is noted, not raised.
-        :param max_bytes: the largest size of a chunk or a message, decompressed (bytes).
-        :param on_progress: as `dummy_arm.tf.bag.read` has it.
+        :param namespace: the namespace of the topics `tf` and `tf_static`.
+        :param partial: whether damage is noted in `damage` instead of raised.
+        :param max_bytes: the largest size of a chunk or a message after decompression (bytes).
+        :param on_progress: as in `dummy_arm.tf.bag.read`.
         """
         self._path = path
         self._namespace = ''.join(f'/{part}' for part in namespace.split('/') if part)
         self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
         self._types: dict[str, str] = {}
         self._on_progress = on_progress
-        self._before, self._share, self._done = 0.0, 1.0, 0.0
-        #: What on_progress has raised; no handler of errors may take it for damage.
-        self._stopped: Optional[BaseException] = None
+        self._start, self._share, self._done = 0.0, 1.0, 0.0
+        #: The exception that on_progress has raised. It is not taken for damage of the bag.
+        self._raised: Optional[BaseException] = None
         self.partial = partial
         self.max_bytes = max_bytes
-        #: What is wrong with its files; of many things, the first.
+        #: Descriptions of the first `_SHOWN` faults in its files.
         self.damage: list[str] = []
 
     def stream(self, topic: str, msgtype: str, publisher: str, encoding: Encoding
                ) -> Optional[Stream]:
-        """Tell what the messages of a topic are; None: not TF of this namespace."""
+        """
+        Return the stream of a topic, and remember the topic.
+
+        :param topic: its name.
+        :param msgtype: the type of its messages, such as 'tf2_msgs/msg/TFMessage'.
+        :param publisher: the name of the node that published the messages.
+        :param encoding: how the messages are encoded.
+        :returns: the stream; None if these are not TF messages of the namespace.
+        """
         topic = f'/{topic.strip("/")}'
         is_static = self._is_static.get(topic)
-        if len(self._types) < _MOST_TOPICS or is_static is not None:
+        if len(self._types) < _MAX_TOPICS or is_static is not None:
             self._types[topic] = msgtype
         return None if is_static is None or msgtype not in _TYPES else Stream(
             is_static, publisher, encoding)
 
     def start_file(self, number: int, count: int) -> None:
         """
-        Go on to one of the files.
+        Report that reading of a file of the bag begins.
 
-        :param number: from 0 on.
-        :param count: how many there are.
+        :param number: the number of the file, from 0 on.
+        :param count: the number of files.
         """
-        self._before, self._share = number / count, 1 / count
+        self._start, self._share = number / count, 1 / count
         self.advance(0.0)
 
     def advance(self, part: float) -> None:
         """
-        Report how far the bag has been read.
+        Report the progress of reading the current file.
 
-        :param part: of the file, from 0 to 1.
+        :param part: the fraction of the file that has been read, from 0 to 1.
         """
-        self._done = self._before + part * self._share
+        self._done = self._start + part * self._share
         self.tick()
 
     def finish(self) -> None:
-        """Report that the bag has been read."""
+        """Report that the whole bag has been read."""
         self._done = 1.0
         self.tick()
 
     def tick(self) -> None:
-        """Call on_progress; raise what it raises, and then again each time."""
-        if self._stopped is None:
+        """Call on_progress; once it has raised, raise the same exception in each call."""
+        if self._raised is None:
             try:
                 self._on_progress(self._done)
                 return
             except BaseException as error:
-                self._stopped = error
-        raise self._stopped
+                self._raised = error
+        raise self._raised
 
     def handle_error(self, path: Path, error: Exception) -> None:
         """
-        Note what is wrong with a file.
+        Note that a file is damaged, or raise an error.
 
+        :param path: the file.
+        :param error: the error that reading the file has raised.
         :raises BagError: unless the bag is read as partial.
-        :raises ImportError: if that is the error: it is not the file's.
+        :raises ImportError: if this is the error: a library is missing, the file is not damaged.
         """
-        self.tick()  # the error may be what the callback has raised before
+        self.tick()  # if on_progress has raised, that is the cause: it is raised again
         if isinstance(error, ImportError):
             raise error
         if not self.partial:
-            if isinstance(error, BagError):  # about a file of the bag
+            if isinstance(error, BagError):  # its text names the file
                 raise error
             name = '' if path == self._path else f'{visible(path.name)}: '
             raise BagError(
-                f'{self._path} cannot be read: {name}{described(error)} If it is damaged or cut '
-                'off, partial (--partial) reads what is there') from None
+                f'{self._path} cannot be read: {name}{error_line(error)} If it is damaged or cut '
+                'off, partial=True (--partial) reads what is left') from None
         if len(self.damage) < _SHOWN:
-            self.damage.append(f'{visible(str(path))}: {described(error)}')
+            self.damage.append(f'{visible(str(path))}: {error_line(error)}')
 
     def why_no_tf(self) -> str:
-        """Tell what there is instead of TF."""
-        asked = ' or '.join(self._is_static)
+        """Return why no TF message was found: the topics or namespaces that the bag has."""
+        expected = ' or '.join(self._is_static)
         namespaces = {topic.rpartition('/')[0] for topic, msgtype in self._types.items()
                       if msgtype in _TYPES and re.search('/tf(_static)?$', topic)}
         others = sorted(namespaces - {self._namespace})
         if others == ['']:
-            return f'no TFMessage on {asked}, but without a namespace: leave it out'
+            return f'no TFMessage on {expected}, but without a namespace: omit the namespace'
         if others:
-            return (f'no TFMessage on {asked}, but in the namespace '
-                    f'{comma_list([logged(name) or "/" for name in others], _SHOWN)}: give it '
-                    '(--namespace)')
+            return (f'no TFMessage on {expected}, but in the namespace '
+                    f'{comma_list([logged(name) or "/" for name in others], _SHOWN)}: pass it as '
+                    'namespace (--namespace)')
         topics = sorted(f'{logged(topic)} ({logged(msgtype)})'
                         for topic, msgtype in self._types.items())
-        return (f'no tf2_msgs/msg/TFMessage on {asked}; its topics: '
+        return (f'no tf2_msgs/msg/TFMessage on {expected}; its topics: '
                 f'{comma_list(topics, _SHOWN) or "none"}')
 
 
-def described(error: Exception) -> str:
-    """Write an error in one line."""
+def error_line(error: Exception) -> str:
+    r"""
+    Return the text of an error in one line that ends with one period.
+
+    :param error: the error.
+    :returns: its text with single spaces for white space and control characters escaped, a long
+        one abbreviated; the name of its type if it has no text.
+
+    >>> error_line(ValueError('a record\n  ends too early'))
+    'a record ends too early.'
+    >>> error_line(ValueError('no topic \x1b[2J.'))
+    'no topic \\x1b[2J.'
+    >>> error_line(KeyError())
+    'KeyError.'
+    """
     text = visible(' '.join(str(error).split())) or type(error).__name__
-    return f'{abbreviated(text, _LONGEST).rstrip(".")}.'
+    return f'{abbreviated(text, _LONGEST_ERROR).rstrip(".")}.'

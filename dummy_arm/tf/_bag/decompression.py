@@ -2,8 +2,8 @@
 Decompression within limits.
 
 A few kilobytes can decompress to many gigabytes, and a size that a file declares may be wrong. So
-everything here is decompressed in pieces: their sum is compared with what is declared and with the
-limit of the caller, and the function `tick` of the caller, which may raise, is called before each.
+long data are decompressed in pieces. Their total size is compared with the declared size and with
+the caller's limit, and the caller's function `tick`, which may raise, is called before each piece.
 """
 
 from collections.abc import Callable, Iterator
@@ -14,16 +14,16 @@ import sys
 from typing import Any, BinaryIO, Optional, Union
 import zlib
 
-#: The first bytes of what zstd has compressed.
+#: The first bytes of data that are compressed by zstd.
 ZSTD = b'\x28\xb5\x2f\xfd'
-#: The size of a piece (bytes). Larger ones take longer: their memory is new each time.
+#: The size of a piece (bytes). Larger ones are slower: each gets new memory.
 PIECE = 2**18
-#: So much is read or decompressed in one go (bytes); bz2, the slowest, takes 0.1 s for it.
+#: At most this much is read or decompressed at once (bytes); bz2, the slowest, takes 0.1 s.
 _SHORT = 2**21
 
-#: What is longer than that comes as a bytearray, which grows in place.
+#: Data longer than `_SHORT` are a bytearray, which grows in place.
 Buffer = Union[bytes, bytearray]
-#: Is called again and again while something takes long; what it raises ends that.
+#: A function that is called repeatedly during a long operation, which ends if it raises.
 Tick = Callable[[], object]
 
 
@@ -32,23 +32,27 @@ class Oversized(Exception):
 
     def __init__(self, what: str, size: str, limit: int) -> None:
         """
-        Write the text of the error.
+        Create the error with its text.
 
-        :param what: the thing, and its size as it lies in the file.
-        :param size: how large it is when decompressed.
-        :param limit: how large it may be (bytes).
+        :param what: what is too large, such as 'a chunk of 512 bytes', with its size in the file.
+        :param size: its size after decompression (bytes), as text.
+        :param limit: the largest size that is allowed (bytes).
         """
         super().__init__(f'{what} takes {size} bytes, more than the limit of {limit}: if that is '
-                         'right, give bag.read a larger max_bytes')
+                         'expected, pass a larger max_bytes to bag.read')
 
 
 def pieces(source: BinaryIO, method: str, tick: Tick) -> Iterator[bytes]:
     """
-    Decompress a stream, in pieces of at most 256 KiB.
+    Decompress a file, in pieces of at most 256 KiB.
 
+    :param source: the file, at the start of the compressed data.
     :param method: 'zstd', 'lz4' or 'bz2'.
-    :raises EOFError: after the last piece, if the stream ends too early.
-    :raises Exception: of a type of the library's, if it is damaged.
+    :param tick: called before each piece; if it raises, that ends the decompression.
+    :returns: the pieces.
+    :raises EOFError: after the last piece, if the compressed data end too early.
+    :raises ValueError: if the method is another one.
+    :raises Exception: of a type of the library, if the data are damaged.
     """
     new = _decompressor(method)
     decompressor = new()
@@ -63,46 +67,50 @@ def pieces(source: BinaryIO, method: str, tick: Tick) -> Iterator[bytes]:
         elif decompressor.needs_input:
             data = source.read(PIECE)
             if not data:
-                raise EOFError('what is compressed in it ends too early')
+                raise EOFError('its compressed data end too early')
         if piece := decompressor.decompress(data, PIECE):
             yield piece
 
 
-def decompressed(data: Buffer, method: str, declared: Optional[int], limit: int,
+def decompress(data: Buffer, method: str, declared: Optional[int], limit: int,
                  what: str, tick: Tick) -> Buffer:
     """
     Decompress a chunk or a message.
 
-    :param method: 'zstd', 'lz4' or 'bz2'; anything else that is not empty is refused.
-    :param declared: its size (bytes), if the file tells it.
+    :param data: the compressed data.
+    :param method: 'zstd', 'lz4' or 'bz2'; '': the data are not compressed.
+    :param declared: the size after decompression (bytes) that the file declares; None: unknown.
     :param limit: the largest size that is allowed (bytes).
     :param what: 'chunk' or 'message', for the texts of errors.
-    :raises Oversized: if it is larger than the limit; if that is declared, before anything is
-        decompressed.
-    :raises ValueError: if its size is another than declared.
+    :param tick: as in `pieces`.
+    :returns: the decompressed data.
+    :raises Oversized: if the decompressed data are larger than the limit; if they are declared to
+        be, before anything is decompressed.
+    :raises ValueError: if the size differs from the declared one, or the method is unknown.
+    :raises Exception: as `pieces`, if the data are damaged.
     """
     if declared is not None and declared > limit:
         raise Oversized(_sized(what, data), str(declared), limit)
     if not method:
-        whole: Buffer = data
+        result: Buffer = data
     elif len(data) <= _SHORT and (short := _short(data, method, limit)) is not None:
-        whole = short
+        result = short
     else:
-        most = limit if declared is None else declared
-        whole = bytearray()
+        max_size = limit if declared is None else declared
+        result = bytearray()
         for piece in pieces(BytesIO(data), method, tick):
-            if len(whole) + len(piece) > most:
+            if len(result) + len(piece) > max_size:
                 if declared is None:
-                    raise Oversized(_sized(what, data), f'more than {most}', limit)
+                    raise Oversized(_sized(what, data), f'more than {max_size}', limit)
                 raise ValueError(f'{_sized(what, data)} takes more than the {declared} bytes that '
                                  'it declares')
-            whole += piece
-    if declared is not None and len(whole) != declared:
-        raise ValueError(f'{_sized(what, data)} takes {len(whole)} bytes, not the {declared} that '
-                         'it declares')
-    if len(whole) > limit:
-        raise Oversized(_sized(what, data), str(len(whole)), limit)
-    return whole
+            result += piece
+    if declared is not None and len(result) != declared:
+        raise ValueError(f'{_sized(what, data)} takes {len(result)} bytes, not the {declared} '
+                         'that it declares')
+    if len(result) > limit:
+        raise Oversized(_sized(what, data), str(len(result)), limit)
+    return result
 
 
 def _sized(what: str, data: Buffer) -> str:
@@ -110,14 +118,20 @@ def _sized(what: str, data: Buffer) -> str:
 
 
 def _short(data: Buffer, method: str, limit: int) -> Optional[bytes]:
-    """Decompress in one go; return None if it is too long for that."""
+    """Decompress data at once; return None if the result is longer than `_SHORT`."""
     decompressor = _decompressor(method)()
-    whole: bytes = decompressor.decompress(data, min(_SHORT, limit + 1))
-    return whole if decompressor.eof and not decompressor.unused_data else None
+    result: bytes = decompressor.decompress(data, min(_SHORT, limit + 1))
+    return result if decompressor.eof and not decompressor.unused_data else None
 
 
 def checksum(data: Buffer, tick: Tick) -> int:
-    """Return the CRC-32 of data."""
+    """
+    Compute a checksum.
+
+    :param data: the data.
+    :param tick: called repeatedly; if it raises, that ends the computation.
+    :returns: the CRC-32 of the data.
+    """
     crc = 0
     view = memoryview(data)
     for start in range(0, len(data), 8 * PIECE):
@@ -127,31 +141,44 @@ def checksum(data: Buffer, tick: Tick) -> int:
 
 
 def read(file: BinaryIO, size: int, tick: Tick) -> Buffer:
-    """Read so many bytes of a file, or what there is up to its end."""
+    """
+    Read bytes from a file.
+
+    :param file: the file.
+    :param size: the number of bytes.
+    :param tick: called repeatedly; if it raises, that ends the reading.
+    :returns: the bytes, fewer if the file ends before.
+    """
     if size <= _SHORT:
         return file.read(size)
-    whole = bytearray()
-    while len(whole) < size and (piece := file.read(min(PIECE, size - len(whole)))):
+    result = bytearray()
+    while len(result) < size and (piece := file.read(min(PIECE, size - len(result)))):
         tick()
-        whole += piece
-    return whole
+        result += piece
+    return result
 
 
-class Decompressed:
-    """A file that is compressed as a whole by zstd, read as if it were not."""
+class DecompressedFile:
+    """A file that is compressed as a whole by zstd, and decompressed while it is read."""
 
     def __init__(self, file: BinaryIO, tick: Tick) -> None:
         """
-        Keep the file.
+        Start at the beginning of the file.
 
-        :param file: is read as far as that is necessary.
+        :param file: the compressed file; it is read only as far as necessary.
+        :param tick: as in `pieces`.
         """
         self._pieces = pieces(file, 'zstd', tick)
         self._piece = b''
         self._start = 0
 
     def read(self, size: int) -> bytes:
-        """Read so many bytes, or what there is up to the end or the first damage."""
+        """
+        Read decompressed bytes.
+
+        :param size: the number of bytes.
+        :returns: the bytes, fewer if the file ends before or is damaged.
+        """
         data = self._piece[self._start:self._start + size]
         self._start += len(data)
         while len(data) < size and self._next():
@@ -161,6 +188,7 @@ class Decompressed:
         return data
 
     def _next(self) -> bool:
+        """Decompress the next piece; return False at the end and at the first damage."""
         try:
             self._piece = next(self._pieces, b'')
         except (EOFError, zstd().ZstdError):
@@ -170,13 +198,13 @@ class Decompressed:
 
 
 def zstd() -> Any:
-    """Return the module `compression.zstd`, or its backport where Python does not have it."""
+    """Return the module `compression.zstd`, or its backport before Python 3.14."""
     return import_module('compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd')
 
 
 @cache
 def _decompressor(method: str) -> Callable[[], Any]:
-    """Import a library when it is needed, and return its class."""
+    """Return a function that creates a decompressor; its library is imported only when needed."""
     if method == 'zstd':
         new: Callable[[], Any] = zstd().ZstdDecompressor
     elif method == 'lz4':
@@ -186,5 +214,5 @@ def _decompressor(method: str) -> Callable[[], Any]:
         import bz2
         new = bz2.BZ2Decompressor
     else:
-        raise ValueError(f'it is compressed by {method!r}; known are bz2, lz4 and zstd')
+        raise ValueError(f'its compression {method!r} is unknown; known are bz2, lz4 and zstd')
     return new

@@ -1,11 +1,13 @@
 """
-The messages of TF in a bag of ROS 1, one after the other: its index may be larger than they.
+The TF messages in a bag of ROS 1.
 
-A bag is `#ROSBAG V2.0`, a newline, and records. A record is a header and data, each with a uint32
-length before it. A header has fields, each a uint32 length, a name, `=` and a value.
+The bag is read sequentially, since its index may be larger than its TF messages.
 
-No length in a file is believed: each is compared with what is left of the file or chunk, and with
-`max_bytes`, before so much is read.
+A bag is `#ROSBAG V2.0`, a newline, and records. A record is a header and data, each after its
+uint32 length. A header has fields, each a uint32 length, a name, `=` and a value.
+
+A length in a file may be wrong: it is compared with the rest of the file or chunk and with
+`max_bytes` before that many bytes are read.
 """
 
 from collections.abc import Iterator
@@ -16,7 +18,7 @@ import struct
 from typing import BinaryIO, Optional
 
 from dummy_arm.tf._bag.context import BagContext, NOT_RECORDED, Stream
-from dummy_arm.tf._bag.decompression import Buffer, decompressed, Oversized, read
+from dummy_arm.tf._bag.decompression import Buffer, decompress, Oversized, read
 from dummy_arm.tf._wire import ros1
 
 _Records = Iterator[tuple[Stream, bytes]]
@@ -24,32 +26,35 @@ _Fields = dict[bytes, bytes]
 
 _MAGIC = b'#ROSBAG V2.0\n'
 _MESSAGE, _BAG, _CHUNK, _CONNECTION = b'\x02', b'\x03', b'\x05', b'\x07'
+#: Progress is reported every `_ADVANCE` records.
 _ADVANCE = 100
 _unpack_length = struct.Struct('<I').unpack_from
 
 
 class _CutOff(EOFError):
-    """A file or a chunk ends in the midst of a record."""
+    """A file or a chunk ends in the middle of a record."""
 
     def __init__(self) -> None:
-        super().__init__('it ends in the midst of a record')
+        super().__init__('it ends in the middle of a record')
 
 
 def records(path: Path, context: BagContext) -> _Records:
     """
-    Read the messages, in the order in which they lie in the file.
+    Yield the TF messages of a bag, in the order of the file.
 
-    :param context: learns what there is and, of a partial bag, what is wrong.
-    :raises Exception: of many types, where the file is damaged.
+    :param path: the .bag file.
+    :param context: the context of the bag; topics, progress and damage are reported to it.
+    :returns: the stream and the bytes of each message.
+    :raises Exception: of many types, if the file is damaged.
     """
     size = path.stat().st_size
     with path.open('rb') as file:
         if file.read(len(_MAGIC)) != _MAGIC:
             raise ValueError('its version is not 2.0')
         reader = _Reader(path, context, file, size)
-        fields, length = reader.head()
+        fields, length = reader.record_header()
         if fields[b'op'] != _BAG:
-            raise ValueError('it does not begin with the header of a bag')
+            raise ValueError('its first record is not the header of a bag')
         if fields.get(b'encryptor'):
             raise ValueError('it is encrypted')
         has_index = 0 < int.from_bytes(fields[b'index_pos'], 'little') <= size
@@ -68,19 +73,29 @@ def records(path: Path, context: BagContext) -> _Records:
 
 
 class _Reader:
-    """Reads the records of a file."""
+    """A reader of the records of a file."""
 
     def __init__(self, path: Path, context: BagContext, file: BinaryIO, size: int) -> None:
         """
-        Keep what is given.
+        Create a reader that starts at the current position of the file.
 
-        :param size: of the file (bytes).
+        :param path: the path of the file.
+        :param context: the context of the bag.
+        :param file: the file.
+        :param size: the size of the file (bytes).
         """
         self._path, self._context, self._file, self._size = path, context, file, size
         self._streams: dict[bytes, Optional[Stream]] = {}
 
-    def head(self) -> tuple[_Fields, int]:
-        """Read the header of a record, and the length of its data."""
+    def record_header(self) -> tuple[_Fields, int]:
+        """
+        Read the header of a record.
+
+        :returns: the fields of the header, and the length of the data that follow it (bytes).
+        :raises EOFError: if the file ends before the data.
+        :raises Oversized: if the header is larger than the limit.
+        :raises ValueError: if the header is damaged.
+        """
         file = self._file
         length = int.from_bytes(file.read(4), 'little')
         if length > self._size - file.tell():
@@ -94,8 +109,13 @@ class _Reader:
         return fields, int.from_bytes(data, 'little')
 
     def record(self) -> _Records:
-        """Read a record: a message, what is known of a connection, or a chunk of these."""
-        fields, size = self.head()
+        """
+        Read the next record; only messages, connections and chunks matter.
+
+        :returns: the stream and the bytes of each TF message in it.
+        :raises Exception: of many types, if it is damaged.
+        """
+        fields, size = self.record_header()
         kind = fields[b'op']
         if kind not in (_CHUNK, _CONNECTION) and not (
                 kind == _MESSAGE and self._streams.get(fields[b'conn'])):
@@ -107,26 +127,26 @@ class _Reader:
             self._file.seek(size, SEEK_CUR)
             return
         data = read(self._file, min(size, self._size - self._file.tell()), self._context.tick)
-        is_whole = len(data) == size
+        is_complete = len(data) == size
         if kind == _CHUNK:
             try:
-                yield from self._chunk(fields, data, is_whole)
+                yield from self._chunk(fields, data, is_complete)
             except Exception as error:
-                if not is_whole:
+                if not is_complete:
                     raise
                 self._context.handle_error(self._path, error)
-        if not is_whole:
+        if not is_complete:
             raise _CutOff
         if kind == _CONNECTION:
-            self._learn(fields, data)
+            self._add_connection(fields, data)
         elif kind == _MESSAGE and (stream := self._streams[fields[b'conn']]):
             yield stream, bytes(data)
 
-    def _chunk(self, fields: _Fields, data: Buffer, is_whole: bool) -> _Records:
-        """Read the records of a chunk."""
+    def _chunk(self, fields: _Fields, data: Buffer, is_complete: bool) -> _Records:
+        """Yield the TF messages of a chunk; note its connections."""
         method = fields[b'compression'].decode()
-        if is_whole or method != 'none':
-            data = decompressed(
+        if is_complete or method != 'none':
+            data = decompress(
                 data, '' if method == 'none' else method, _unpack_length(fields[b'size'])[0],
                 self._context.max_bytes, 'chunk', self._context.tick)
         position, end = 0, len(data)
@@ -146,22 +166,22 @@ class _Reader:
                 if stream := self._streams.get(fields[b'conn']):
                     yield stream, bytes(data[start + 4:position])
             elif kind == _CONNECTION:
-                self._learn(fields, data[start + 4:position])
+                self._add_connection(fields, data[start + 4:position])
             elif kind == _CHUNK:
-                raise ValueError('a chunk lies in a chunk')
+                raise ValueError('a chunk is inside another chunk')
 
-    def _learn(self, fields: _Fields, data: Buffer) -> None:
-        """Keep what there is to know of a connection."""
-        about = _fields(data)
-        msgtype = re.sub('^([^/]+)/([^/]+)$', r'\1/msg/\2', _text(about[b'type']))
+    def _add_connection(self, fields: _Fields, data: Buffer) -> None:
+        """Keep the stream of a connection, which is a topic of one publisher."""
+        properties = _fields(data)
+        msgtype = re.sub('^([^/]+)/([^/]+)$', r'\1/msg/\2', _text(properties[b'type']))
         self._streams[fields[b'conn']] = self._context.stream(
             _text(fields[b'topic']), msgtype,
-            _text(about.get(b'callerid', b'')) or NOT_RECORDED, ros1)
+            _text(properties.get(b'callerid', b'')) or NOT_RECORDED, ros1)
 
 
 def _fields(header: Buffer) -> _Fields:
     """
-    Read the fields of a header.
+    Parse the fields of a header.
 
     :raises ValueError: if it is damaged.
     """
@@ -169,12 +189,12 @@ def _fields(header: Buffer) -> _Fields:
     position, end = 0, len(header)
     while position < end:
         if position + 4 > end:
-            raise ValueError('a header of a record is damaged')
+            raise ValueError('the header of a record is damaged')
         start = position + 4
         position = start + _unpack_length(header, position)[0]
         name, found, value = bytes(header[start:position]).partition(b'=')
         if not found or position > end:
-            raise ValueError('a header of a record is damaged')
+            raise ValueError('the header of a record is damaged')
         fields[name] = value
     return fields
 

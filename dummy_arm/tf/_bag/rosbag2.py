@@ -1,22 +1,24 @@
 """
-The messages of TF in a bag of rosbag2: mcap or sqlite3, whole, cut off or damaged.
+The TF messages in a bag of rosbag2: mcap or sqlite3, complete, cut off or damaged.
 
-A bag is a directory with storage files and `metadata.yaml`, or one of the storage files. A bag
-that is read as a whole must have all that its metadata declare, and the first damage is an error.
-One that is read as partial may lack anything: every file is read from its beginning to its end,
-and what is damaged in it is skipped and noted.
+A bag is a directory with storage files and `metadata.yaml`, or one of the storage files. By
+default, all files that the metadata list must exist, and the first damage is an error. In a bag
+that is read as partial, anything may be missing: every file is read from beginning to end, and
+damaged parts are skipped and noted.
 
 The order of the messages:
 
-- Files come one after the other, as the metadata list them; without these, by their numbers.
-- mcap: chunks and the messages in them come by log time, for which the index at the end of the
-  file is read. Chunks without a message of TF are not even decompressed. Without an index, of a
-  partial bag, and of a file that is compressed as a whole, chunks come as they lie in the file,
-  and the messages in each by log time. Messages outside chunks come as they lie in the file.
-- sqlite3: by time; of a partial bag by id, which is the order in which they were written.
+- Files are read one after the other, in the order of the metadata; without metadata, and in a
+  partial bag, in the order of the numbers in their names.
+- mcap with an index at the end of the file: messages are ordered by log time. Chunks without TF
+  messages are not even decompressed.
+- mcap without an index, of a partial bag, or compressed as a whole: chunks are read in the order
+  of the file. The messages in a chunk are ordered by log time; those outside chunks are in the
+  order of the file.
+- sqlite3: by time; in a partial bag by id, which is the order of writing.
 
-No length in a file is believed: each is compared with what is left of the file or chunk, and with
-`max_bytes`, before so much is read.
+A length in a file may be wrong: it is compared with the rest of the file or chunk and with
+`max_bytes` before that many bytes are read.
 """
 
 from array import array
@@ -38,19 +40,19 @@ from typing import Any, BinaryIO, Optional
 import numpy as np
 
 from dummy_arm.tf._bag.context import (
+    BAG_DEFINITION,
     BagContext,
     BagError,
     kind_of,
     NOT_RECORDED,
     refuse_special,
     Stream,
-    WHAT,
 )
 from dummy_arm.tf._bag.decompression import (
     Buffer,
     checksum,
-    Decompressed,
-    decompressed,
+    decompress,
+    DecompressedFile,
     Oversized,
     PIECE,
     pieces,
@@ -64,14 +66,17 @@ from dummy_arm.tf._wire import cdr
 
 _Records = Iterator[tuple[Stream, bytes]]
 
+#: Progress is reported every `_ADVANCE` records or rows.
 _ADVANCE = 100
+#: The number of files that the text of an error lists.
 _SHOWN = 5
+#: The newest version of metadata.yaml that can be read.
 _NEWEST_VERSION = 9
 _LONGEST_METADATA = 10_000_000  # bytes
 
 
 class _CutOff(EOFError):
-    """A file ends in the midst of a record, or before its index."""
+    """A file ends in the middle of a record, or before its index."""
 
     def __init__(self) -> None:
         super().__init__('it ends too early')
@@ -79,12 +84,13 @@ class _CutOff(EOFError):
 
 def records(path: Path, context: BagContext) -> _Records:
     """
-    Read the messages of TF.
+    Yield the TF messages of a bag.
 
     :param path: the directory of a bag, or a storage file.
-    :param context: learns what there is, and what is wrong.
-    :raises BagError: if it is no bag; or is damaged, and not to be read as partial.
-    :raises OSError: if a file may not be read.
+    :param context: the context of the bag; topics, progress and damage are reported to it.
+    :returns: the stream and the bytes of each message.
+    :raises BagError: if the path is not a bag, or the bag is damaged and not read as partial.
+    :raises OSError: if a file cannot be read.
     """
     if path.is_dir():
         files, is_compressed = _files(path, context)
@@ -94,23 +100,24 @@ def records(path: Path, context: BagContext) -> _Records:
         context.start_file(number, len(files))
         try:
             yield from _records_of_file(file, context, is_compressed)
-        except Exception as error:  # of several libraries, and of many types
+        except Exception as error:  # several libraries raise errors of many types
             context.handle_error(file, error)
 
 
 def _records_of_file(path: Path, context: BagContext, is_compressed: Optional[bool]) -> _Records:
     """
-    Read a storage file.
+    Yield the TF messages of a storage file.
 
-    :param is_compressed: whether each message is, by the metadata of the bag; None: not known.
+    :param is_compressed: whether each message is compressed, by the metadata of the bag; None:
+        unknown.
     """
     refuse_special(path)
     with path.open('rb') as file:
-        is_packed = file.read(len(ZSTD)) == ZSTD
+        is_zstd = file.read(len(ZSTD)) == ZSTD
         file.seek(0)
-        if path.name.endswith('.mcap.zstd') if is_packed else kind_of(path) == '.mcap':
-            yield from _records_of_mcap(path, file, is_packed, context)
-        elif is_packed:
+        if path.name.endswith('.mcap.zstd') if is_zstd else kind_of(path) == '.mcap':
+            yield from _records_of_mcap(path, file, is_zstd, context)
+        elif is_zstd:
             with TemporaryDirectory() as directory:
                 whole = Path(directory, path.stem)
                 try:
@@ -126,18 +133,18 @@ def _write(parts: Iterator[Buffer], path: Path) -> None:
     """
     Write a temporary file.
 
-    :raises OSError: if it would take more than half of what is free.
+    :raises OSError: if it would take more than half of the free space.
     """
     directory = path.parent
-    most = shutil.disk_usage(directory).free // 2
+    max_size = shutil.disk_usage(directory).free // 2
     size = 0
     with path.open('wb') as file:
         for part in parts:
             size += len(part)
-            if size > most:
+            if size > max_size:
                 raise OSError(
-                    f'it takes more than {most} bytes in {directory.parent}, which is half of '
-                    'what is free there: set TMPDIR to a directory with more room')
+                    f'its temporary copy takes more than {max_size} bytes, half of the free space '
+                    f'in {directory.parent}: set TMPDIR to a directory with more space')
             file.write(part)
 
 
@@ -146,9 +153,9 @@ def _write(parts: Iterator[Buffer], path: Path) -> None:
 
 def _files(directory: Path, context: BagContext) -> tuple[list[Path], Optional[bool]]:
     """
-    List the storage files of a bag; and whether each message is compressed, None: not known.
+    Return the storage files of a bag, and whether each message is compressed (None: unknown).
 
-    :raises BagError: if there is no file, or one is missing in a bag that is read as a whole.
+    :raises BagError: if there is no file, or one is missing and the bag is not read as partial.
     """
     files = _storage_files(directory)
     metadata = directory / 'metadata.yaml'
@@ -157,12 +164,12 @@ def _files(directory: Path, context: BagContext) -> tuple[list[Path], Optional[b
         names = [visible(file.name) for file in files]
         if context.partial:
             logging.getLogger('dummy_arm.tf').warning(
-                '%s has no metadata.yaml; what is read of it: %s', directory, ', '.join(names))
+                '%s has no metadata.yaml; reading %s', directory, ', '.join(names))
             return files, None
         raise BagError(
-            f'{directory} has no metadata.yaml, which is written when a recording ends: name one '
-            f'of its files ({", ".join(names[:_SHOWN])}), or if they are one recording, mend it '
-            'by ros2 bag reindex or read it as partial (--partial)')
+            f'{directory} has no metadata.yaml, which is written when a recording ends: read one '
+            f'of its files ({", ".join(names[:_SHOWN])}), or if they are one recording, repair it '
+            'by ros2 bag reindex or read it with partial=True (--partial)')
     try:
         from ruamel.yaml import YAML
         information = YAML(typ='safe').load(_text(metadata))[
@@ -176,37 +183,37 @@ def _files(directory: Path, context: BagContext) -> tuple[list[Path], Optional[b
     if context.partial:
         return files, mode == 'message'
     if version > _NEWEST_VERSION:
-        raise BagError(f'{directory} cannot be read: its version is {version}, the newest that is '
-                       f'known {_NEWEST_VERSION}')
+        raise BagError(f'{directory} cannot be read: its version is {version}, the newest '
+                       f'supported version is {_NEWEST_VERSION}')
     if mode != 'none' and compression != 'zstd':
         raise BagError(f'{directory} cannot be read: its compression format is '
                        f'{visible(repr(compression))}, not zstd')
     if missing := [visible(file.name) for file in listed if not file.exists()]:
         raise BagError(
-            f'{directory} cannot be read: files are missing that its metadata.yaml names: '
-            f'{", ".join(missing[:_SHOWN])}; partial (--partial) reads the others')
+            f'{directory} cannot be read: files that its metadata.yaml lists are missing: '
+            f'{", ".join(missing[:_SHOWN])}; partial=True (--partial) reads the others')
     return listed, mode == 'message'
 
 
 def _storage_files(directory: Path) -> list[Path]:
     """
-    List the files with messages in a directory, in the order of their numbers.
+    Return the storage files in a directory, in the order of the numbers in their names.
 
     :raises BagError: if there is none.
     """
     files = [path for path in directory.iterdir()
              if re.search(r'\.(mcap|db3)(\.zstd)?$', path.name)]
     if not files:
-        raise BagError(f'{directory} is no bag: {WHAT}')
+        raise BagError(f'{directory} is not a bag: {BAG_DEFINITION}')
     return sorted(files, key=lambda path: [
         part.zfill(20) if part.isdigit() else part for part in re.split(r'(\d+)', path.name)])
 
 
 def _text(metadata: Path) -> str:
     """
-    Read metadata.
+    Return the text of a metadata.yaml.
 
-    :raises ValueError: if they are so long that to parse them would take minutes.
+    :raises ValueError: if it is so long that parsing it would take minutes.
     """
     with metadata.open('rb') as file:
         data = file.read(_LONGEST_METADATA + 1)
@@ -216,7 +223,7 @@ def _text(metadata: Path) -> str:
 
 
 def _declares_messages(metadata: str) -> Optional[bool]:
-    """Return whether metadata declare that each message is compressed; None: nothing declared."""
+    """Return whether metadata declare that each message is compressed; None if undeclared."""
     found = re.search(r'^ *compression_mode: *["\']?(\w*)', metadata, re.MULTILINE)
     return found[1].lower() == 'message' if found else None
 
@@ -225,43 +232,51 @@ def _declares_messages(metadata: str) -> Optional[bool]:
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX = 0x02, 0x03, 0x04, 0x05, 0x06, 0x08
-_END = 1 + 8 + 20 + len(_MAGIC)  # the footer and what follows
+_END = 1 + 8 + 20 + len(_MAGIC)  # the length of the footer and the magic bytes after it
 _unpack_head = struct.Struct('<BQ').unpack_from  # opcode, length
 _unpack_message = struct.Struct('<HIQQ').unpack_from  # channel, sequence, log and publish time
 _MESSAGE_HEAD = 22
-_unpack_chunk = struct.Struct('<QQQII').unpack_from  # times, size, CRC, length of the compression
+_unpack_chunk = struct.Struct('<QQQII').unpack_from  # times, size, CRC, length of the method
 _CHUNK_HEAD = 32
-_SHORTEST = {_MESSAGE: _MESSAGE_HEAD, _CHUNK: _CHUNK_HEAD + 8}
-_LONGEST_NAME = 16
+_SHORTEST_RECORD = {_MESSAGE: _MESSAGE_HEAD, _CHUNK: _CHUNK_HEAD + 8}
+_LONGEST_METHOD = 16  # the length of the name of a compression (bytes)
 _unpack_size = struct.Struct('<Q').unpack_from
-#: Messages that wait for others with an earlier log time take so much at most (bytes), with so
-#: much for each.
-_MOST_WAITING = 2**26
+#: The memory that messages take at most (bytes) while they wait for those with earlier log times.
+_MAX_WAITING = 2**26
+#: The memory that a message takes in addition to its bytes (bytes).
 _OVERHEAD = 200
 
 
 class _Source:
-    """The bytes of a file, from its beginning to its end."""
+    """A file that is read from its beginning to its end, and decompressed if necessary."""
 
     def __init__(self, file: BinaryIO, is_compressed: bool, tick: Tick) -> None:
         """
-        Keep the file.
+        Start at the beginning of the file.
 
-        :param is_compressed: as a whole, by zstd; it cannot be sought in, then.
+        :param file: the file.
+        :param is_compressed: whether the file as a whole is compressed by zstd. If so, `seek`
+            must not be called.
+        :param tick: called repeatedly; if it raises, that ends the reading.
         """
         self._file, self._tick = file, tick
-        self._stream: Any = Decompressed(file, tick) if is_compressed else file
+        self._stream: Any = DecompressedFile(file, tick) if is_compressed else file
         self.is_compressed = is_compressed
         self.size = os.fstat(file.fileno()).st_size
-        #: How much has been read (bytes), decompressed.
+        #: The position in the decompressed file (bytes).
         self.position = 0
 
     def part(self) -> float:
-        """Return how much of the file has been read, from 0 to 1."""
+        """Return the fraction of the file that has been read, from 0 to 1."""
         return self._file.tell() / max(1, self.size)
 
     def read(self, size: int) -> Buffer:
-        """Read so many bytes, or what there is up to the end."""
+        """
+        Read bytes.
+
+        :param size: the number of bytes.
+        :returns: the bytes, fewer if the file ends before.
+        """
         if not self.is_compressed:
             size = min(size, self.size - self.position)
         data = read(self._stream, size, self._tick)
@@ -270,8 +285,10 @@ class _Source:
 
     def exactly(self, size: int) -> Buffer:
         """
-        Read so many bytes.
+        Read an exact number of bytes.
 
+        :param size: the number of bytes.
+        :returns: the bytes.
         :raises EOFError: if there are fewer.
         """
         data = self.read(size)
@@ -281,8 +298,9 @@ class _Source:
 
     def skip(self, size: int) -> None:
         """
-        Go on behind so many bytes.
+        Skip bytes.
 
+        :param size: the number of bytes.
         :raises EOFError: if there are fewer.
         """
         if self.is_compressed:
@@ -294,9 +312,10 @@ class _Source:
 
     def seek(self, position: int) -> None:
         """
-        Go to a position; not in a compressed file.
+        Set the position in a file that is not compressed.
 
-        :raises EOFError: if it lies behind the end.
+        :param position: the position (bytes).
+        :raises EOFError: if it is beyond the end.
         """
         if position > self.size:
             raise _CutOff
@@ -304,39 +323,42 @@ class _Source:
         self.position = position
 
 
-def _records_of_mcap(path: Path, file: BinaryIO, is_packed: bool, context: BagContext) -> _Records:
-    source = _Source(file, is_packed, context.tick)
+def _records_of_mcap(path: Path, file: BinaryIO, is_zstd: bool, context: BagContext) -> _Records:
+    source = _Source(file, is_zstd, context.tick)
     if source.read(len(_MAGIC)) != _MAGIC:
-        raise ValueError('it does not begin as an mcap file')
+        raise ValueError('its first bytes are not those of an mcap file')
     reader = _McapReader(path, context, source)
-    if context.partial or is_packed or (chunks := reader.index()) is None:
+    if context.partial or is_zstd or (chunks := reader.index()) is None:
         return reader.sequential()
     return reader.indexed(chunks)
 
 
 class _McapReader:
-    """Reads the records of an mcap file."""
+    """A reader of the records of an mcap file."""
 
     def __init__(self, path: Path, context: BagContext, source: _Source) -> None:
         """
-        Keep what is given.
+        Create a reader that knows no channels.
 
-        :param source: of the file, behind its first bytes.
+        :param path: the path of the file.
+        :param context: the context of the bag.
+        :param source: the bytes of the file, after its magic bytes.
         """
         self._path, self._context, self._source = path, context, source
-        self._most = context.max_bytes
+        self._max_bytes = context.max_bytes
         self._types: dict[int, str] = {}
         self._streams: dict[int, Optional[Stream]] = {}
-        #: Channels whose messages are no TF, for sure.
-        self._others: set[int] = set()
+        #: Channels that certainly have no TF messages.
+        self._channels_without_tf: set[int] = set()
 
     def index(self) -> Optional[list[tuple[int, int]]]:
         """
-        Read the index, and what it has of channels.
+        Read the index at the end of the file, and the channels in it.
 
-        :returns: log time of the first message (ns) and position of the chunks that may have
-            messages of TF; None if there is no index.
+        :returns: log time of the first message (ns) and position (bytes) of each chunk that may
+            have TF messages, sorted; None if there is no index.
         :raises EOFError: if the file was cut off.
+        :raises Oversized: if the index is larger than the limit.
         :raises ValueError: if the index is damaged.
         """
         source = self._source
@@ -352,8 +374,8 @@ class _McapReader:
         if start == 0:
             source.seek(begin)
             return None
-        if end - start > self._most:
-            raise Oversized('its index', str(end - start), self._most)
+        if end - start > self._max_bytes:
+            raise Oversized('its index', str(end - start), self._max_bytes)
         source.seek(start)
         summary = source.exactly(end - start)
         if crc and checksum(summary + footer[:25], self._context.tick) != crc:
@@ -363,10 +385,10 @@ class _McapReader:
         if not chunks:
             return None
         return sorted((time, position) for time, position, channels in chunks
-                      if not channels or not self._others.issuperset(channels))
+                      if not channels or not self._channels_without_tf.issuperset(channels))
 
     def _chunks(self, summary: Buffer) -> Iterator[tuple[int, int, frozenset[int]]]:
-        """Yield the first log time, the position and the channels of every chunk."""
+        """Yield first log time (ns), position and channels of each chunk; note the channels."""
         from mcap.data_stream import ReadDataStream
         from mcap.records import ChunkIndex
         for kind, start, end in _split(summary, self._context.tick):
@@ -375,13 +397,17 @@ class _McapReader:
                 yield (index.message_start_time, index.chunk_start_offset,
                        frozenset(index.message_index_offsets))
             elif kind in (_SCHEMA, _CHANNEL):
-                self._learn(kind, summary[start:end])
+                self._add_definition(kind, summary[start:end])
 
     def indexed(self, chunks: list[tuple[int, int]]) -> _Records:
         """
-        Read chunks by their index; messages come by log time.
+        Yield the TF messages of indexed chunks, ordered by log time.
 
-        If chunks overlap by too much, messages come earlier than that.
+        If chunks overlap so much that more than `_MAX_WAITING` bytes of messages wait for earlier
+        ones, the first of the waiting messages are yielded too early.
+
+        :param chunks: as `index` returns them.
+        :returns: the stream and the bytes of each message.
         """
         waiting: list[tuple[int, int, Stream, bytes]] = []
         size = count = 0
@@ -395,7 +421,7 @@ class _McapReader:
                 count += 1
                 size += len(data) + _OVERHEAD
                 heappush(waiting, (time, count, stream, data))
-                while size > _MOST_WAITING:
+                while size > _MAX_WAITING:
                     _, _, stream, data = heappop(waiting)
                     size -= len(data) + _OVERHEAD
                     yield stream, data
@@ -407,12 +433,12 @@ class _McapReader:
     def _chunk_at(self, position: int) -> Iterator[tuple[int, Stream, bytes]]:
         self._source.seek(position)
         kind, length = _unpack_head(self._source.exactly(9))
-        if kind != _CHUNK or length < _SHORTEST[_CHUNK]:
-            raise ValueError('its index is wrong: no chunk lies where it has one')
+        if kind != _CHUNK or length < _SHORTEST_RECORD[_CHUNK]:
+            raise ValueError('its index is wrong: there is no chunk at a position that it lists')
         return self._chunk(length)
 
     def sequential(self) -> _Records:
-        """Read all records, as they lie in the file."""
+        """Yield the stream and the bytes of each TF message, in the order of the file."""
         source, number = self._source, 0
         while True:
             self._context.tick()
@@ -436,34 +462,34 @@ class _McapReader:
                 return
 
     def _record(self, kind: int, length: int) -> _Records:
-        """Read a record, or some of it."""
-        if length < _SHORTEST.get(kind, 0):
+        """Yield the TF messages of a record; the end of the record may be left unread."""
+        if length < _SHORTEST_RECORD.get(kind, 0):
             raise ValueError('a record ends too early')
         if kind == _CHUNK:
-            for _, of_tf, data in self._chunk(length):
-                yield of_tf, data
+            for _, stream, data in self._chunk(length):
+                yield stream, data
         elif kind == _MESSAGE:
             channel, _, _, _ = _unpack_message(self._source.exactly(_MESSAGE_HEAD))
-            if stream := self._streams.get(channel):
-                size = self._checked('a message', length - _MESSAGE_HEAD)
+            if tf_stream := self._streams.get(channel):
+                size = self._check_size('a message', length - _MESSAGE_HEAD)
                 message = self._message(self._source.exactly(size))
                 if message is not None:
-                    yield stream, message
+                    yield tf_stream, message
         elif kind in (_SCHEMA, _CHANNEL):
-            self._learn(kind, self._source.exactly(self._checked('a record', length)))
+            self._add_definition(kind, self._source.exactly(self._check_size('a record', length)))
 
-    def _checked(self, what: str, size: int) -> int:
+    def _check_size(self, what: str, size: int) -> int:
         """
-        Return a size.
+        Return a size, unless it is too large.
 
         :raises Oversized: if it is larger than the limit.
         """
-        if size > self._most:
-            raise Oversized(what, str(size), self._most)
+        if size > self._max_bytes:
+            raise Oversized(what, str(size), self._max_bytes)
         return size
 
-    def _learn(self, kind: int, record: Buffer) -> None:
-        """Keep what there is to know of a type or a channel."""
+    def _add_definition(self, kind: int, record: Buffer) -> None:
+        """Keep the type of a schema, or the stream of a channel."""
         from mcap.data_stream import ReadDataStream
         from mcap.records import Channel, Schema
         if kind == _SCHEMA:
@@ -475,39 +501,39 @@ class _McapReader:
         stream = self._context.stream(channel.topic, msgtype, NOT_RECORDED, cdr)
         self._streams[channel.id] = stream
         if not stream and channel.schema_id in self._types:
-            self._others.add(channel.id)
+            self._channels_without_tf.add(channel.id)
 
     def _chunk(self, length: int) -> Iterator[tuple[int, Stream, bytes]]:
         """
-        Read a chunk.
+        Yield log time (ns), stream and bytes of the TF messages of a chunk, by log time.
 
-        :returns: log time (ns), stream and bytes of its messages of TF, by log time.
+        :param length: the length of the record of the chunk (bytes).
         """
         source = self._source
-        _, _, size, crc, name = _unpack_chunk(source.exactly(_CHUNK_HEAD))
-        if name > min(_LONGEST_NAME, length - _SHORTEST[_CHUNK]):
-            raise ValueError('the head of a chunk is damaged')
-        method = source.exactly(name).decode()
-        (packed_size,) = _unpack_size(source.exactly(8))
-        if packed_size > length - _SHORTEST[_CHUNK] - name:
+        _, _, size, crc, method_length = _unpack_chunk(source.exactly(_CHUNK_HEAD))
+        if method_length > min(_LONGEST_METHOD, length - _SHORTEST_RECORD[_CHUNK]):
+            raise ValueError('the header of a chunk is damaged')
+        method = source.exactly(method_length).decode()
+        (compressed_size,) = _unpack_size(source.exactly(8))
+        if compressed_size > length - _SHORTEST_RECORD[_CHUNK] - method_length:
             raise ValueError('a chunk is larger than its record')
-        self._checked('a chunk', packed_size)
-        if size > self._most:
-            raise Oversized(f'a chunk of {packed_size} bytes', str(size), self._most)
-        data = source.read(packed_size)
-        is_whole = len(data) == packed_size
-        if is_whole:
-            data = decompressed(data, method, size, self._most, 'chunk', self._context.tick)
+        self._check_size('a chunk', compressed_size)
+        if size > self._max_bytes:
+            raise Oversized(f'a chunk of {compressed_size} bytes', str(size), self._max_bytes)
+        data = source.read(compressed_size)
+        is_complete = len(data) == compressed_size
+        if is_complete:
+            data = decompress(data, method, size, self._max_bytes, 'chunk', self._context.tick)
             if crc and checksum(data, self._context.tick) != crc:
                 raise ValueError('the checksum of a chunk is wrong')
         elif method or not self._context.partial:
             raise _CutOff
-        yield from self._messages(data, is_whole)
-        if not is_whole:
+        yield from self._messages(data, is_complete)
+        if not is_complete:
             raise _CutOff
 
-    def _messages(self, data: Buffer, is_whole: bool) -> Iterator[tuple[int, Stream, bytes]]:
-        """Read the records of a chunk; its messages are sorted by log time."""
+    def _messages(self, data: Buffer, is_complete: bool) -> Iterator[tuple[int, Stream, bytes]]:
+        """Yield log time (ns), stream and bytes of the TF messages in a chunk, by log time."""
         times, starts = array('Q'), array('Q')
         latest, is_ordered = 0, True
         try:
@@ -520,11 +546,11 @@ class _McapReader:
                         is_ordered = is_ordered and time >= latest
                         latest = time
                 elif kind in (_SCHEMA, _CHANNEL):
-                    self._learn(kind, data[start:end])
+                    self._add_definition(kind, data[start:end])
                 elif kind == _CHUNK:
-                    raise ValueError('a chunk lies in a chunk')
-        except Exception as error:  # of mcap, too
-            if is_whole:
+                    raise ValueError('a chunk is inside another chunk')
+        except Exception as error:  # the library mcap raises its own types
+            if is_complete:
                 self._context.handle_error(self._path, error)
         order: Any = range(len(times))
         if not is_ordered:
@@ -539,9 +565,11 @@ class _McapReader:
 
     def _message(self, data: Buffer) -> Optional[bytes]:
         """
-        Decompress a message if zstd has compressed it; nothing else begins like that.
+        Return the bytes of a message, decompressed if it is compressed by zstd.
 
-        :returns: None if that cannot be done.
+        No message in CDR begins with the magic bytes of zstd.
+
+        :returns: the bytes; None if they cannot be decompressed.
         """
         if data[:4] != ZSTD:
             return bytes(data)
@@ -550,10 +578,9 @@ class _McapReader:
 
 def _split(data: Buffer, tick: Tick) -> Iterator[tuple[int, int, int]]:
     """
-    Split data into records.
+    Yield opcode, start and end of the content of each record in data.
 
-    :returns: opcode, start and end of each.
-    :raises ValueError: if they do not end with the data.
+    :raises ValueError: if the last record does not end with the data, or a length is wrong.
     """
     end, size = 0, len(data)
     while end < size:
@@ -569,14 +596,14 @@ def _split(data: Buffer, tick: Tick) -> Iterator[tuple[int, int, int]]:
 
 
 def _encoded(msgtype: str, encoding: str) -> str:
-    """Return the type of messages, with their encoding if it is another than that of ROS 2."""
+    """Return a type of messages, with their encoding unless it is CDR."""
     return msgtype if encoding in ('cdr', '') else f'{msgtype} in {encoding}'
 
 
 def _decompressed(data: Buffer, path: Path, context: BagContext) -> Optional[bytes]:
-    """Decompress a message; return None if that cannot be done."""
+    """Decompress a message; note damage and return None if that fails."""
     try:
-        return bytes(decompressed(data, 'zstd', None, context.max_bytes, 'message',
+        return bytes(decompress(data, 'zstd', None, context.max_bytes, 'message',
                                   context.tick))
     except Exception as error:
         context.handle_error(path, error)
@@ -586,39 +613,43 @@ def _decompressed(data: Buffer, path: Path, context: BagContext) -> Optional[byt
 # sqlite3
 
 _LARGEST_ID = 2**63 - 1
-#: Rows have id, topic, length and data; NULL where those are too long.
+#: A row: id, topic, length (bytes) and data of a message. The data are None if they are too long.
 _Row = tuple[int, int, Optional[int], Optional[bytes]]
 _ROWS = ('SELECT id, topic_id, length(data), CASE WHEN topic_id IN ({topics}) AND '
-         'length(data) <= {most} THEN CAST(data AS BLOB) END FROM messages')
+         'length(data) <= {max_bytes} THEN CAST(data AS BLOB) END FROM messages')
 _SMALLEST_LIMIT = 2**20
 
 
 def _records_of_sqlite(path: Path, whole: Path, context: BagContext, is_compressed: Optional[bool]
                        ) -> _Records:
     """
-    Read a database.
+    Yield the TF messages of a database.
 
-    :param path: the file, for the texts of errors.
-    :param whole: the same, decompressed.
+    :param path: the path of the storage file, for the texts of errors.
+    :param whole: the path of the decompressed database.
     """
     log = path.with_name(f'{path.name}-wal')
     for other in log, path.with_name(f'{path.name}-shm'), path.with_name(f'{path.name}-journal'):
         refuse_special(other)
     has_log = log.exists() and log.stat().st_size > 0
     if has_log and not context.partial:
-        raise BagError(f'{path} was not closed when it was recorded, and {log.name} has what is '
-                       'not in it yet: read it as partial (--partial)')
+        raise BagError(f'{path} was not closed after recording, and {log.name} has data that '
+                       'are not in it yet: read it with partial=True (--partial)')
     with ExitStack() as stack:
         if context.partial:
-            whole = _whole_pages(whole, log, Path(stack.enter_context(TemporaryDirectory())),
-                                 context.tick)
+            directory = Path(stack.enter_context(TemporaryDirectory()))
+            whole = _without_incomplete_page(whole, log, directory, context.tick)
         uri = f'{whole.absolute().as_uri()}?mode=ro{"" if has_log else "&immutable=1"}'
         with closing(sqlite3.connect(uri, uri=True)) as database:
             yield from _SqliteReader(path, context, database, is_compressed).records()
 
 
-def _whole_pages(path: Path, log: Path, directory: Path, tick: Tick) -> Path:
-    """Leave out what a file has of its last page, where SQLite would read zeros for the rest."""
+def _without_incomplete_page(path: Path, log: Path, directory: Path, tick: Tick) -> Path:
+    """
+    Return the path of a database, or of a copy without its incomplete last page.
+
+    SQLite would read the missing rest of that page as zeros.
+    """
     with path.open('rb') as file:
         page_size = int.from_bytes(file.read(18)[16:], 'big')
         size = path.stat().st_size
@@ -642,38 +673,42 @@ def _parts(file: BinaryIO, tick: Tick) -> Iterator[Buffer]:
 
 
 class _SqliteReader:
-    """Reads the rows of a database."""
+    """A reader of the messages in a database."""
 
     def __init__(self, path: Path, context: BagContext, database: sqlite3.Connection,
                  is_compressed: Optional[bool]) -> None:
         """
-        Keep what is given.
+        Create a reader, and set the limits of the connection.
 
-        :param path: the file, for the texts of errors.
-        :param is_compressed: whether each message is; None: as the file itself or the metadata
-            beside it declare.
+        :param path: the path of the file, for the texts of errors.
+        :param context: the context of the bag.
+        :param database: a connection to the file.
+        :param is_compressed: whether each message is compressed; None: as metadata.yaml beside
+            the file, or the table `metadata` in it, declares.
         """
         self._path, self._context, self._database = path, context, database
-        self._most = context.max_bytes
-        database.set_progress_handler(self._is_stopped, 50_000)
+        self._max_bytes = context.max_bytes
+        database.set_progress_handler(self._must_stop, 50_000)
         database.text_factory = lambda data: data.decode(errors='replace')
-        if sys.version_info >= (3, 11):  # nor may it compute larger values
+        if sys.version_info >= (3, 11):  # also limits values that it computes
             database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(
-                2**31 - 1, max(self._most, _SMALLEST_LIMIT)))
+                2**31 - 1, max(self._max_bytes, _SMALLEST_LIMIT)))
         if context.partial:
-            database.execute('PRAGMA writable_schema = on')  # which lets it read a truncated file
-        self._is_compressed = self._declared() if is_compressed is None else is_compressed
+            database.execute('PRAGMA writable_schema = on')  # needed to read a truncated file
+        self._is_compressed = (
+            self._is_declared_compressed() if is_compressed is None else is_compressed)
 
     def records(self) -> _Records:
         """
-        Read the messages of TF.
+        Yield the stream and the bytes of each TF message.
 
         :raises sqlite3.Error: if the file is damaged.
+        :raises ValueError: if the database is not one of rosbag2.
         """
         tables = {name for (name,) in self._database.execute(
             "SELECT name FROM sqlite_master WHERE type = 'table'")}
         if missing := {'messages', 'topics'} - tables:
-            raise ValueError(f'it is the database of something else, missing tables: '
+            raise ValueError(f'it is not a database of rosbag2, missing tables: '
                              f'{", ".join(sorted(missing))}')
         streams = {int(key): self._context.stream(
             str(topic), _encoded(str(msgtype), str(encoding)), NOT_RECORDED, cdr)
@@ -682,23 +717,23 @@ class _SqliteReader:
         topics = ', '.join(str(key) for key, stream in streams.items() if stream)
         if not topics:
             return
-        query = _ROWS.format(topics=topics, most=self._most)
-        rows = self._recovered(query) if self._context.partial else self._database.execute(
+        query = _ROWS.format(topics=topics, max_bytes=self._max_bytes)
+        rows = self._recover(query) if self._context.partial else self._database.execute(
             f'{query} WHERE topic_id IN ({topics}) ORDER BY timestamp, id')
         first, count = self._ids()
-        most, has_no_loop_above = self._most, not self._is_compressed
+        max_bytes, is_plain = self._max_bytes, not self._is_compressed
         for number, (key, topic, length, data) in enumerate(rows):
             self._context.tick()
             if number % _ADVANCE == 0:
                 self._context.advance(min(1.0, max(0, key - first) / count))
             if stream := streams.get(topic):
-                if has_no_loop_above and data is not None and len(data) <= most:
+                if is_plain and data is not None and len(data) <= max_bytes:
                     yield stream, data
                 elif (message := self._message(length, data)) is not None:
                     yield stream, message
 
-    def _is_stopped(self) -> bool:
-        """Return whether the query that is under way shall end; the caller then calls `tick`."""
+    def _must_stop(self) -> bool:
+        """Return True if SQLite must end the query; its caller then calls `tick`, which raises."""
         try:
             self._context.tick()
         except BaseException:
@@ -707,22 +742,23 @@ class _SqliteReader:
 
     def _message(self, length: Optional[int], data: Optional[bytes]) -> Optional[bytes]:
         """Return the bytes of a message; None if it is too large, or cannot be decompressed."""
-        if max(length or 0, len(data or b'')) > self._most:
-            self._context.handle_error(self._path, Oversized('a message', str(length), self._most))
+        if max(length or 0, len(data or b'')) > self._max_bytes:
+            self._context.handle_error(
+                self._path, Oversized('a message', str(length), self._max_bytes))
             return None
-        if data is None:  # NULL is no message, as others that cannot be decoded
+        if data is None:  # NULL counts as a message that cannot be decoded
             return b''
         return _decompressed(data, self._path, self._context) if self._is_compressed else data
 
-    def _declared(self) -> bool:
-        """Return whether metadata, beside the file or in it, declare compressed messages."""
+    def _is_declared_compressed(self) -> bool:
+        """Return whether metadata beside the file or in it declare compressed messages."""
         metadata = self._path.with_name('metadata.yaml')
         refuse_special(metadata)
         if metadata.exists():
             text = _text(metadata)
             if self._path.name in text and (declared := _declares_messages(text)) is not None:
                 return declared
-        with suppress(sqlite3.DatabaseError):  # it has no such table, or that is damaged
+        with suppress(sqlite3.DatabaseError):  # there is no such table, or it is damaged
             for (text,) in self._database.execute(
                     'SELECT metadata FROM metadata WHERE length(metadata) < ? '
                     'ORDER BY id DESC LIMIT 1', (_LONGEST_METADATA,)):
@@ -730,7 +766,7 @@ class _SqliteReader:
         return False
 
     def _ids(self) -> tuple[int, int]:
-        """Return the smallest id, and how many there are if none is left out; 1, 1: not known."""
+        """Return the smallest id and the number of ids from it to the largest; 1, 1 if unknown."""
         try:
             ((first, last),) = self._database.execute('SELECT min(id), max(id) FROM messages')
         except sqlite3.DatabaseError:
@@ -738,14 +774,14 @@ class _SqliteReader:
             return 1, 1
         return (1, 1) if first is None else (first, last - first + 1)
 
-    def _recovered(self, query: str) -> Iterator[_Row]:
+    def _recover(self, query: str) -> Iterator[_Row]:
         """
-        Read the rows that can be read, by their ids; note how many others there are.
+        Yield the rows that can be read, by id; note how many rows are damaged.
 
-        :param query: for all rows.
+        :param query: the query for all rows, without conditions.
         """
         first: Optional[int] = self._ids()[0]
-        skipped, why = 0, ''
+        skipped, reason = 0, ''
         while first is not None and first <= _LARGEST_ID:
             try:
                 for row in self._database.execute(f'{query} WHERE id >= ? ORDER BY id', (first,)):
@@ -756,12 +792,12 @@ class _SqliteReader:
                 break
             except sqlite3.DatabaseError as error:
                 self._context.tick()
-                why = why or str(error)
-            try:  # Python 3.10 reads one row ahead: this one may be whole
-                row = self._row(query, first)
+                reason = reason or str(error)
+            try:  # Python 3.10 reads one row ahead: this row may be undamaged
+                row = self._read_row(query, first)
             except sqlite3.DatabaseError:
                 self._context.tick()
-                resumed = self._readable(query, first)
+                resumed = self._find_readable(query, first)
                 skipped += max(1, (resumed or first) - first)
                 first = resumed
             else:
@@ -769,15 +805,15 @@ class _SqliteReader:
                     break
                 yield row
                 first = row[0] + 1
-        if why:
+        if reason:
             least = 'at least ' if first is None else ''
             records = 'record' if skipped == 1 else 'records'
             self._context.handle_error(self._path, ValueError(
-                f'{why}; skipped {least}{skipped} damaged {records}'))
+                f'{reason}; skipped {least}{skipped} damaged {records}'))
 
-    def _row(self, query: str, first: int) -> Optional[_Row]:
+    def _read_row(self, query: str, first: int) -> Optional[_Row]:
         """
-        Read the first row from an id on.
+        Return the first row whose id is at least `first`; None if there is none.
 
         :raises sqlite3.DatabaseError: if it is damaged.
         """
@@ -787,14 +823,13 @@ class _SqliteReader:
             raise sqlite3.DatabaseError('its records are not in order')
         return row
 
-    def _readable(self, query: str, first: int) -> Optional[int]:
+    def _find_readable(self, query: str, first: int) -> Optional[int]:
         """
-        Find the next id from which rows can be read again.
+        Return the next id from which rows can be read again; None if there is none.
 
-        It is match_candidates for by steps that double, then by bisection, so that few queries do.
+        The search doubles its steps and then bisects, so that a few queries suffice.
 
-        :param first: an id from which they cannot be read.
-        :returns: None if there is none.
+        :param first: an id from which rows cannot be read.
         """
         step, bad = 1, first
         while not self._can_read(query, first + step):
@@ -811,9 +846,9 @@ class _SqliteReader:
         return good
 
     def _can_read(self, query: str, first: int) -> bool:
-        """Return whether the first row from an id on can be read, or there is none."""
+        """Return True if the first row whose id is at least `first` is undamaged or missing."""
         try:
-            self._row(query, first)
+            self._read_row(query, first)
         except sqlite3.DatabaseError:
             self._context.tick()
             return False

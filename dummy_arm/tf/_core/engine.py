@@ -1,79 +1,101 @@
 """
-What all buffers share: the lock, the sources, the data, and the threads that wait for data.
+The engine of all buffers: the lock, the sources, the data, and the threads that wait for data.
 
 Theory of operation
 ===================
 
-A buffer pulls. It has sources, such as the subscriptions of a listener, and takes what has arrived
-out of them whenever somebody looks up, and whenever a listener's thread calls `update`. So a
-lookup sees every message that has arrived, although the thread pauses while messages come in fast.
-`insert` and `set_transform` first pull, too, so that nothing overtakes what was sent before.
+Terms. An *edge* connects a child frame with its parent; a *path* is the edges between two frames.
+A *sample* is the pose of a child frame in its parent at one stamp. The *history* of a frame holds
+its samples in the order of their stamps. Stamps and times are integers of nanoseconds. In a
+lookup, time 0 means the latest time for which every edge on the path has data.
+
+Pulling. A buffer has *sources*, such as the subscriptions of a TransformListener. To *pull* means
+to take the messages that have arrived out of the sources and to insert their transforms;
+`Engine.update` does this. It is called at the start of every lookup, and by the thread of each
+listener. So a lookup uses every message that has arrived, although the listener's thread *pauses*
+while messages arrive fast: for up to 0.1 s, it leaves the messages of /tf in their queue. `insert`
+and `set_transform` pull first, too, so that their transform does not overtake a message that was
+sent before.
 
     source.take() -> batches -> Insertion -> History     under the lock, in any thread
-    lookup -> Lookups -> FrameTree -> Path -> pose      under the lock, in any thread
+    lookup -> Lookups -> FrameTree -> Path -> pose       under the lock, in any thread
 
-The trip of a message that has arrived on /tf, whose frames have come together before; a lookup
-that comes before the thread makes the same trip, from `Engine.update` on:
+A `Batch` has the poses of several messages with the same frames, which are inserted frame by
+frame. `Rows` are transforms that are inserted one by one: those of static messages, of messages
+whose combination of frames is new, and of messages with several stamps.
 
-    TransformListener._work     transform_listener.py   one round of the listener's thread
-    Engine.update               _core/engine.py         takes the lock, and asks the sources
-    SubscriptionSource.take     _ros/subscription.py    what has arrived on both topics
-    Topic.take                  _ros/subscription.py    the bytes of all messages in the queue
-    MessageReader.read          _wire/streams.py        messages to a `Batch`, or to `Rows`
-    key                         _wire/cdr.py            what the layout of a message is found by
-    _Layout.read                _wire/streams.py        the stamp and the poses
-    Insertion.insert_batches     _core/insertion.py      the batch, frame by frame
-    normalize_poses             _core/insertion.py      all rotations at once
-    History.append              _core/history.py        stamps and poses of one frame
+The trip of one message: a message arrives on /tf, and an earlier message had the same frames. The
+listener's thread then makes these calls. If a lookup comes before the thread, it makes the same
+calls, from `Engine.update` on.
 
-Only if a user has overridden a callback of the listener or a setter of the buffer, the listener's
-thread takes and decodes the messages, without the lock, and calls what is overridden.
+    TransformListener._work     transform_listener.py   does one round of the listener's thread
+    Engine.update               _core/engine.py         takes the lock, and pulls from each source
+    SubscriptionSource.take     _ros/subscription.py    takes what has arrived on both topics
+    Topic.take                  _ros/subscription.py    takes the messages of a queue, as bytes
+    MessageReader.read          _wire/streams.py        reads messages into a `Batch`, or `Rows`
+    key                         _wire/cdr.py            returns the key to the message's layout
+    _Layout.read                _wire/streams.py        reads the stamp and the poses
+    Insertion.insert_batches    _core/insertion.py      inserts the batch, frame by frame
+    normalize_poses             _core/insertion.py      normalises all rotations at once
+    History.append              _core/history.py        appends stamps and poses of one frame
 
-Threads. Each listener has one thread. It waits in a wait set of the middleware; when it wakes up,
-it calls `update`, and `after_insertion` if there is something new. Users' threads look up, insert
-and wait. A thread of `_ros/futures` ends futures whose time is up. Whoever ends a listener joins
-its thread for half a second at most, but not if it is that thread itself or holds the lock.
+There is one exception: if the user has overridden a callback of the listener or a setter of the
+buffer, the listener's thread takes and decodes the messages without the lock. It then calls the
+listener's callback, which calls the setter.
 
-The lock. A buffer has one lock, which is reentrant and, but for a fork, only taken by `with`.
-While it is held, no callback runs, nothing is logged or joined, and no other lock of this package
-is taken; in a block of `with buffer.fetched()`, that is the user's responsibility. A call in a
-thread that holds the lock already is nested: in such a block, or in a signal handler or weakref
-callback that interrupted a call of this buffer. It answers from the data as they are: it does not
-pull, and it does not wait. A signal handler may look up, but must not insert: it may have
-interrupted an insertion.
+Threads. Each listener has one thread. It waits in a wait set of the middleware. When it wakes up,
+it calls `update`; if there are new data, it also calls `after_insertion`. The users' threads look
+up, insert and wait. A thread of `_ros/futures` ends the futures whose timeout is over. Whoever
+ends a listener joins its thread for at most half a second; it does not join if it is that thread
+itself, or if it holds the lock.
+
+The lock. A buffer has one lock, which is reentrant. It is always taken by `with`, except for a
+fork. While it is held, no callback of a user runs, nothing is logged, no thread is joined, and no
+other lock of this package is taken. In a block of `with buffer.fetched()`, which holds the lock
+for the user, the user is responsible for that. A call is *nested* if its thread holds the lock
+already: a call in such a block, or in a signal handler or weakref callback that has interrupted
+another call of this buffer. A nested call uses the data as they are: it does not pull, and it does
+not wait. A signal handler may look up, but must not insert, since it may have interrupted an
+insertion.
 
 Ctrl-C. CPython raises KeyboardInterrupt in the main thread only, and there only after a call, at
-the start of a function and when a loop jumps back. `with` on a lock of C code is safe then. The
-statements of `History` that change several lists stand next to each other, with one call at most,
-the last. `Source.take` returns a list that the source keeps; `update` clears it after the
-insertion, so that what was interrupted is inserted once more by the next update. A sample that is
-there already is not inserted again.
+the start of a function, and when a loop jumps back. So `with` is safe on a lock that is written in
+C: nothing is raised between taking the lock and entering the block. In `History`, the statements
+that change several lists follow each other directly, and at most the last one contains a call.
+`Source.take` returns a list that the source keeps, and `update` clears the list after the
+insertion. If the insertion is interrupted, the next update therefore inserts the same batches
+again. A sample that is in the history already is not inserted again.
 
-Who wakes whom. Each insertion increments the generation.
-- A blocked lookup has a queue, into which each insertion puts the new generation. The lookup reads
-  generations and looks again only for one that is newer than its last look. It is a `SimpleQueue`,
-  since a KeyboardInterrupt inside a `Condition` can leave a lock held. It registers the queue
-  first, then wakes the sources, which ends a pause of the listener's thread, and then looks. In
-  this order it cannot miss anything: either the thread sees that somebody waits and does not
-  pause, or the look sees the data. It looks again every 0.2 s, since a shutdown of ROS wakes
-  nobody.
-- `after_insertion` completes futures, without the lock, since their callbacks are users' code. It
-  is called by the thread that has inserted by `set_transform`, and by the listener's thread
-  whenever the generation has changed. A lookup that pulls messages while futures wait wakes the
-  sources, so that the listener's thread does it.
-- The listener's thread wakes the executor that spins its node: at once when it has completed a
-  future, for new data at most ten times a second, since that costs 0.1 to 0.3 ms. The executor
-  of the buffer's node is woken for each future.
+Who wakes whom. The *generation* of a buffer is a number that each insertion increments. Three
+kinds of waiters are woken after an insertion:
 
-Shutdown. `remove_source` pulls once more, and drops the source. A blocked lookup that began while
-there was a source ends with its last error when there is none left, and when its context is shut
-down. Futures end by their timeout only, as in tf2_ros. The listener's thread ends when the
-listener is unregistered, its node is destroyed, its context is shut down or Python exits; at its
-end it removes its source and destroys the subscriptions.
+- A *blocked lookup* is one that waits, in its thread, for its transform. It has a queue, into
+  which each insertion puts the new generation. The lookup reads generations from the queue, and
+  tries again when one is newer than its last attempt. The queue is a `SimpleQueue`, because a
+  KeyboardInterrupt inside a `Condition` can leave a lock held. The lookup first registers its
+  queue, then wakes the sources, which ends a pause of the listener's thread, and then tries. With
+  this order it misses no data: either the thread sees that a lookup waits, and does not pause, or
+  the attempt finds the data. The lookup also tries every 0.2 s, because nothing wakes it when ROS
+  is shut down.
+- A *future*, which `wait_for_transform_async` returns, is completed by `after_insertion`. This is
+  called without the lock, because the callbacks of a future are users' code. It is called by the
+  thread that has inserted with `set_transform`, and by the listener's thread whenever the
+  generation has changed. If a lookup pulls messages while there are futures, it wakes the sources,
+  so that the listener's thread completes the futures.
+- The *executor* that spins the node of a listener is woken by the listener's thread: at once when
+  the thread has completed a future, and at most ten times a second for other new data, because
+  waking it costs 0.1 to 0.3 ms. The executor of the buffer's node is woken for each future.
 
-Fork. As in the module `logging`, the locks of all buffers are held while the process forks, so
-that no lock of the child is held by a thread that it does not have. The child has the data, but no
-sources, threads or futures; see `forking`.
+Shutdown. `remove_source` pulls for the last time, and removes the source. A blocked lookup raises
+its last error when the last source has been removed, if there was one at its start, or when the
+context of its buffer is shut down. Futures end only by their timeout, as in tf2_ros. The
+listener's thread ends when the listener is unregistered, when its node is destroyed, when its
+context is shut down, or when Python exits. At its end, it removes its source from the buffer and
+destroys the subscriptions.
+
+Fork. The locks of all buffers are held while the process forks, as the module `logging` does with
+its locks. Otherwise a lock of the child could be held by a thread that exists in the parent only.
+The child has the data, but no sources, threads or futures; see `forking`.
 """
 
 from array import array
@@ -98,38 +120,42 @@ from dummy_arm.tf._core.tree import FrameTree
 from dummy_arm.tf.exceptions import TransformException
 from dummy_arm.tf.transform import Transform
 
-_Answer = TypeVar('_Answer')
+_Result = TypeVar('_Result')
 
 _INT64 = 1 << 63
 
-#: A blocked lookup looks again after so long (s) without news.
-_STEP = 0.2
-#: The number of poses that are looked up before the lock is released.
+#: The longest time between two attempts of a blocked lookup (s).
+_RETRY_INTERVAL = 0.2
+#: The number of poses that are computed before the lock is released.
 _CHUNK = 2048
 
 
 class Source(Protocol):
-    """What a buffer pulls transforms from."""
+    """A source of transforms, from which a buffer pulls."""
 
     def take(self) -> list[BatchOrRows]:
         """
-        Return what has arrived, in a list that the source keeps; whoever inserts it clears it.
+        Return the transforms that have arrived, without blocking; called with the lock held.
 
-        It is called with the lock of the buffer held. It does not block.
+        :returns: a list that the source keeps. The buffer clears it after inserting its items;
+            what is still in it is returned again by the next call.
         """
 
     def wake(self) -> None:
-        """Have the thread of the source, if there is one, update the buffer now."""
+        """Make the thread of the source, if there is one, call `Engine.update` now."""
 
 
 class Engine:
-    """The data of a buffer, with what is common to all kinds of buffers."""
+    """The base class of all buffers: their data, and the methods that do not depend on ROS."""
 
     def __init__(self, cache_time: Any, max_frames: int, max_samples: Optional[int]) -> None:
         """
         Create an empty buffer.
 
-        :param cache_time: this and the others: see `BufferCore`.
+        :param cache_time: how long samples are kept (ns, or a duration); see `BufferCore`.
+        :param max_frames: the largest number of frames; see `BufferCore`.
+        :param max_samples: the largest number of samples, or None; see `BufferCore`.
+        :raises ValueError: if `cache_time` is negative, or `max_samples` is less than 1.
         """
         cache_time = nanoseconds_or_int(cache_time, 'cache_time')
         if cache_time < 0:
@@ -142,7 +168,7 @@ class Engine:
         self._insertion = Insertion(self._lookups, max_frames, max_samples)
         self._sources: tuple[Source, ...] = ()
         self._generation = 0
-        #: One for each blocked lookup, which gets the new generations.
+        #: The queue of each blocked lookup, into which new generations are put.
         self._queues: set[SimpleQueue[int]] = set()
         self._futures: Sized = ()
         forking.register(self)
@@ -150,12 +176,20 @@ class Engine:
     # Sources and insertion
 
     def add_source(self, source: Source) -> None:
-        """Pull transforms from a source, from now on."""
+        """
+        Pull transforms from a source from now on.
+
+        :param source: the source to be added.
+        """
         with self._lock:
             self._sources += (source,)
 
     def remove_source(self, source: Source) -> None:
-        """Insert what has arrived, and pull nothing more from a source."""
+        """
+        Pull for the last time from a source, then remove it.
+
+        :param source: the source to be removed; nothing happens if it was removed before.
+        """
         try:
             self.update()
         finally:
@@ -163,13 +197,13 @@ class Engine:
                 if source in self._sources:
                     i = self._sources.index(source)
                     self._sources = self._sources[:i] + self._sources[i + 1:]
-                    self._notify_waiters()  # blocked lookups end, if it was the last one
+                    self._notify_waiters()  # a blocked lookup ends if this was the last source
 
     def update(self) -> int:
         """
-        Insert what has arrived, unless this thread holds the lock.
+        Pull: insert what has arrived in the sources, unless this thread holds the lock.
 
-        :returns: the generation: a number that is larger after each insertion than before.
+        :returns: the generation, a number that each insertion increments.
         """
         is_nested = self._lock._is_owned()
         with self._lock:
@@ -183,7 +217,7 @@ class Engine:
             return self._generation
 
     def _notify_waiters(self) -> None:
-        """Wake the blocked lookups: there is something new."""
+        """Increment the generation, and wake the blocked lookups."""
         self._generation += 1
         for queue in tuple(self._queues):
             queue.put(self._generation)
@@ -191,31 +225,34 @@ class Engine:
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose,
                authority: str = 'default_authority', is_static: bool = False) -> bool:
         """
-        Insert the pose of a frame in its parent; one leading slash is removed from both names.
+        Insert the pose of a frame in its parent.
 
-        :param stamp: ns.
-        :param frame_id: the parent.
-        :param child_frame_id: the frame.
-        :param pose: x, y, z (m) and the rotation's x, y, z, w, which is normalised.
-        :param authority: the publisher; shown by `frames`.
-        :param is_static: whether the pose holds at all times.
-        :returns: False when it was refused, as tf2 refuses it; the log says why.
-        :raises TypeError: when a name is no str, or something is no number.
-        :raises ValueError: when the pose is of another length.
-        :raises OverflowError: when a stamp is no int64.
+        One leading slash is removed from each name, and the rotation is normalised.
+
+        :param stamp: time of the pose (ns).
+        :param frame_id: the name of the parent.
+        :param child_frame_id: the name of the frame.
+        :param pose: x, y, z (m) and the quaternion x, y, z, w.
+        :param authority: the name of the publisher, which `frames` returns.
+        :param is_static: True if the pose holds at all times.
+        :returns: False if the transform was refused; the log says why.
+        :raises TypeError: if a name is not a str, the stamp is not an integer, or the pose is
+            not a sequence of numbers.
+        :raises ValueError: if the pose does not have seven numbers.
+        :raises OverflowError: if the stamp does not fit in an int64.
         """
         if not (isinstance(frame_id, str) and isinstance(child_frame_id, str)):
             raise TypeError(f'a frame id must be a str, got {frame_id!r} and {child_frame_id!r}')
         stamp = index(stamp)
         if not -_INT64 <= stamp < _INT64:
-            raise OverflowError(f'a stamp must be an int64 of ns, got {stamp}')
+            raise OverflowError(f'a stamp must be an int64 (ns), got {stamp}')
         x, y, z, qx, qy, qz, qw = array('d', pose)
         pose = x, y, z, qx, qy, qz, qw
         if self._sources:
-            self.update()  # so that this does not overtake what was sent before
+            self.update()  # messages that were sent before this call come first
         with self._lock:
             is_accepted = self._insertion.insert(stamp, frame_id, child_frame_id, pose, authority,
-                                              is_static)
+                                                 is_static)
             if is_accepted:
                 self._notify_waiters()
         self.after_insertion()
@@ -223,9 +260,9 @@ class Engine:
 
     def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
         """
-        Insert the transforms of many messages; much faster than `insert`.
+        Insert the transforms of many messages; this is much faster than `insert`.
 
-        :param batches: batches and rows, as a `MessageReader` reads them from bytes.
+        :param batches: objects of the types `Batch` and `Rows`, as `MessageReader.read` returns.
         """
         self.update()
         with self._lock:
@@ -235,95 +272,103 @@ class Engine:
 
     def after_insertion(self) -> bool:
         """
-        Log what was refused; a Buffer completes its futures, too. The lock must not be held.
+        Log why transforms were refused; the lock must not be held.
 
-        :returns: whether a future was completed.
+        A `Buffer` overrides this method, and also completes its futures.
+
+        :returns: True if a future was completed.
         """
         self._insertion.log.flush()
         return False
 
     def clear(self) -> None:
-        """Forget all but the names of the frames and what is static."""
-        self._update_for_user()  # so that nothing that was sent before comes in after this
+        """Remove all dynamic transforms; static ones and the names of all frames stay."""
+        self._update_for_user()  # else messages that have arrived already would be inserted later
         with self._lock:
             try:
                 self._tree.clear()
             finally:
                 self._lookups.paths.clear()
 
-    # Looking and waiting
+    # Lookups, and waiting for transforms
 
-    def _look(self, lookup: Callable[..., _Answer], *arguments: Any) -> _Answer:
-        """Insert what has arrived, unless this thread holds the lock, and look up."""
+    def _pull_and_call(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Pull, unless this thread holds the lock, and call a function with the lock held."""
         if self._sources:
             self._update_for_user()
         with self._lock:
             return lookup(*arguments)
 
     def _update_for_user(self) -> None:
-        """Insert what has arrived, in a thread that does not complete futures."""
+        """Pull in a user's thread, and leave pending futures to the listener's thread."""
         before = self._generation
         if self.update() > before and len(self._futures):
             self._wake_sources()
 
     def fetched(self) -> AbstractContextManager[Any]:
         """
-        Insert what has arrived, and return a context manager that holds the lock.
+        Insert pending messages, and return a context manager that holds the lock.
 
-        So a block `with buffer.fetched():` sees one consistent state.
+        So the block `with buffer.fetched():` sees one consistent state of the buffer.
+
+        :returns: a context manager; use it without `as`.
         """
         self._update_for_user()
         lock: AbstractContextManager[Any] = self._lock
         return lock
 
     def is_held(self) -> bool:
-        """Return whether this thread holds the lock, as in a block of `fetched`."""
+        """
+        Return whether this thread holds the lock, as in a block of `fetched`.
+
+        :returns: True if it holds the lock.
+        """
         return bool(self._lock._is_owned())
 
     @property
     def has_waiters(self) -> bool:
-        """Whether a blocked lookup or a future waits for a transform."""
+        """True if a blocked lookup or a future waits for a transform."""
         return bool(self._queues) or len(self._futures) > 0
 
     def _wake_sources(self) -> None:
         for source in self._sources:
             source.wake()
 
-    def _is_alive(self) -> tuple[bool, ...]:
-        """Return flags; a wait ends early when one that was True at its start becomes False."""
+    def _liveness(self) -> tuple[bool, ...]:
+        """Return flags; a blocked lookup ends when a flag that was True at its start is False."""
         return (bool(self._sources),)
 
-    def _wait(self, timeout: float, lookup: Callable[..., _Answer], *arguments: Any) -> _Answer:
+    def _wait(self, timeout: float, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
         """
-        Look up again and again, as data come in, until there is an answer or time is up.
+        Call a lookup, and call it again when data arrive, until it succeeds or time is up.
 
-        :param timeout: s.
-        :raises TransformException: the last that the lookup raised.
+        :param timeout: how long to wait at most (s), on the wall clock.
+        :raises TransformException: if time is up: the last one that the lookup raised.
         """
         try:
-            return self._look(lookup, *arguments)
+            return self._pull_and_call(lookup, *arguments)
         except TransformException:
             if timeout <= 0.0 or self.is_held():
                 raise
-        deadline, before = monotonic() + timeout, self._is_alive()
+        deadline, before = monotonic() + timeout, self._liveness()
         queue: SimpleQueue[int] = SimpleQueue()
         try:
             self._queues.add(queue)
             self._wake_sources()
             while True:
-                now = self._is_alive()  # before the lookup, which then sees the last data
+                now = self._liveness()  # first, so that the lookup uses the last data of a source
                 self.update()
                 with self._lock:
                     try:
                         return lookup(*arguments)
                     except TransformException:
                         if monotonic() >= deadline or any(
-                                was and not is_ for was, is_ in zip(before, now)):
+                                was and not is_now for was, is_now in zip(before, now)):
                             raise
                         seen = self._generation
-                look_again = min(deadline, monotonic() + _STEP)
+                next_attempt = min(deadline, monotonic() + _RETRY_INTERVAL)
                 with suppress(Empty):
-                    while queue.get(timeout=max(0.0, look_again - monotonic())) <= seen:
+                    while queue.get(timeout=max(0.0, next_attempt - monotonic())) <= seen:
                         pass
         finally:
             self._queues.discard(queue)
@@ -331,10 +376,10 @@ class Engine:
     def _why_not(self, timeout: float, check: Callable[..., None], *arguments: Any
                  ) -> Optional[TransformException]:
         """
-        Wait until a check passes.
+        Wait until a check passes, that is, raises no TransformException.
 
-        :param timeout: s.
-        :returns: the last error; None: it has passed.
+        :param timeout: how long to wait at most (s), on the wall clock.
+        :returns: the last error, or None if the check has passed.
         """
         try:
             self._wait(timeout, check, *arguments)
@@ -342,96 +387,119 @@ class Engine:
             return error
         return None
 
-    # What is known
+    # Queries
 
     def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike
                           ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
         """
-        Look up the poses of the source frame in the target frame at many times at once.
+        Return the poses of the source frame in the target frame at many times.
 
-        :param target_frame: the frame in which the poses are.
-        :param source_frame: the frame whose poses they are.
-        :param times: (n,) integers, ns; 0: the latest common time.
-        :returns: translations x, y, z (m), (n, 3); rotations x, y, z, w, (n, 4); and which of
-            them are answers, (n,). Where `lookup_transform` would raise, the numbers are NaN.
-        :raises TypeError: on times that are no integers.
-        :raises OverflowError: on a time that is no int64.
-        :raises ValueError: on another shape.
+        :param target_frame: the frame in which the results are expressed.
+        :param source_frame: the frame whose poses are looked up.
+        :param times: (n,) integers: the times (ns); 0: the latest time for which every edge on the
+            path has data.
+        :returns: (n, 3) float64: translations x, y, z (m); (n, 4) float64: quaternions x, y, z, w;
+            (n,) bool: True where there is a transform. Where it is False, `lookup_transform` would
+            raise, and the numbers are NaN.
+        :raises TypeError: if the times are not integers.
+        :raises OverflowError: if a time does not fit in an int64.
+        :raises ValueError: if the shape of `times` is not (n,).
         """
         times = _int64_times(times)
-        order = np.argsort(times, kind='stable')  # which makes searching in histories fast
+        order = np.argsort(times, kind='stable')  # sorted times are found faster in a history
         poses, known = np.empty((len(times), 7)), np.empty(len(times), np.bool_)
         for begin in range(0, len(times), _CHUNK):
             part = order[begin:begin + _CHUNK]
-            poses[part], known[part] = self._look(
+            poses[part], known[part] = self._pull_and_call(
                 self._lookups.poses, target_frame, source_frame, times[part])
         return poses[:, :3], poses[:, 3:], known
 
     def lookup_all(self, target_frames: Iterable[str], until: int = 0
                    ) -> list[dict[str, Transform]]:
         """
-        Look up every frame that is connected to a frame, at the latest common time of each.
+        Return the pose of every frame that is connected to a target frame.
 
-        That is what a lookup of each would return, up to rounding. It takes a fraction of the time
-        where the transforms on the path have their stamps in common.
+        Each pose is that of the latest time for which every edge on its path has data. The result
+        is that of a `lookup_transform` for each frame, up to rounding, but takes a fraction of the
+        time if the transforms on a path have the same stamps.
 
-        :param target_frames: the frames in which the others are looked up.
-        :param until: no later than this time (ns), by the parents that the frames have then; 0:
-            without a limit.
-        :returns: for each target frame, the transforms by the names of the frames, the nearest
-            first; without frames of which nothing is known at that time.
-        :raises TransformException: when a target frame does not exist.
-        :raises TypeError: on a single name.
+        :param target_frames: the frames in which the results are expressed.
+        :param until: use only samples up to this time (ns), and the parents that the frames had
+            then; 0: use all samples.
+        :returns: for each target frame, a dict from the name of a source frame to its transform,
+            in the order of the distance from the target frame. Frames without data at that time
+            are left out.
+        :raises TransformException: if a target frame does not exist.
+        :raises TypeError: if `target_frames` is a str.
         """
         if isinstance(target_frames, str):
-            raise TypeError(f'target_frames must be several names, got {target_frames!r}')
+            raise TypeError(f'target_frames must be a list of names, got {target_frames!r}')
         targets = list(target_frames)
         return [{name: Transform(time, target, name, pose[:3], pose[3:])
                  for name, (time, pose) in placed.items()}
-                for target, placed in zip(targets, self._look(
+                for target, placed in zip(targets, self._pull_and_call(
                     self._lookups.all_poses, targets, until))]
 
     def chain(self, target_frame: str, source_frame: str) -> list[str]:
         """
-        Return the frames on the path from one frame to another, as they are connected now.
+        Return the names of the frames on the path between two frames.
 
-        :param target_frame: the last of them.
-        :param source_frame: the first of them.
-        :raises TransformException: when there is no path.
+        The path is that of the latest time for which each of its edges has data.
+
+        :param target_frame: the last frame of the chain.
+        :param source_frame: the first frame of the chain.
+        :returns: the names, from the source frame to the target frame.
+        :raises TransformException: if there is no such transform; its subclass says why.
         """
-        return self._look(self._lookups.chain, target_frame, 0, source_frame, 0, source_frame)
+        return self._pull_and_call(
+            self._lookups.chain, target_frame, 0, source_frame, 0, source_frame)
 
     def frame_names(self) -> list[str]:
-        """Return all frames, also those without parent, in the order in which they were named."""
-        return self._look(list, self._tree.histories)
+        """
+        Return the names of all frames, roots included.
+
+        :returns: the names, in the order in which they appeared.
+        """
+        return self._pull_and_call(list, self._tree.histories)
 
     def frames(self, until: int = 0) -> list[Frame]:
         """
-        Return what is known of the frames with a parent, in the order of their naming.
+        Return the parent, publisher and stamps of every frame that has a parent.
 
-        :param until: at this time (ns); 0: now.
+        :param until: use only samples up to this time (ns); 0: use all samples.
+        :returns: the frames with such samples, in the order in which their names appeared.
         """
-        return [Frame(name, *state) for name, state in self._look(self._tree.states, until)]
+        states = self._pull_and_call(self._tree.states, until)
+        return [Frame(name, *state) for name, state in states]
 
     def all_frames_as_yaml(self) -> str:
-        """Return tf2's YAML of all frames; '[]' when no frame was ever named."""
+        """
+        Return the frames that have a parent as YAML, as tf2 writes it.
+
+        :returns: the YAML; '[]' if there has never been a frame.
+        """
         listed = self.frames()
         return frames.as_yaml(listed) if self._tree.histories else '[]'
 
     def all_frames_as_string(self) -> str:
-        """Return a line for every frame, with its parent."""
-        return frames.as_string(self._look(self._tree.newest_edges))
+        """
+        Return the frames and their parents as text, as tf2 writes it.
+
+        :returns: one line for each frame that has had a parent.
+        """
+        return frames.as_string(self._pull_and_call(self._tree.newest_edges))
 
     def dump(self) -> dict[str, dict[str, Any]]:
         """
         Return all data of the buffer, as lists and dicts that `json` can write.
 
-        :returns: by the name of each frame, a dict with n samples in the order of their stamps:
-            `parents`, n names; `stamps`, n int (ns); `poses`, n lists of 7 float: x, y, z (m) and
-            the rotation's x, y, z, w; `authority`, the publisher of the last one; `is_static`. A
-            static frame has one sample, of stamp 0; a frame that was only named as a parent, none.
+        :returns: a dict from the name of each frame to a dict of its n samples, in the order of
+            their stamps: `parents`, n names; `stamps`, n int (ns); `poses`, n lists of 7 float:
+            x, y, z (m) and the quaternion x, y, z, w; `authority`, the publisher of the sample
+            that was inserted last; `is_static`. A static frame has one sample, with stamp 0. A
+            frame that has occurred only as a parent has no samples.
         """
-        return self._look(self._tree.dump)
+        return self._pull_and_call(self._tree.dump)
 
     # Forks
 
@@ -440,23 +508,23 @@ class Engine:
         Take the lock, so that no other thread changes the data while the process forks.
 
         :param timeout: how long to wait for the lock at most (s).
-        :returns: False when another thread holds it still.
+        :returns: False if another thread still holds the lock.
         """
         return bool(self._lock.acquire(timeout=timeout))
 
     def release_after_fork(self) -> None:
-        """Release the lock."""
+        """Release the lock that `hold_for_fork` has taken."""
         self._lock.release()
 
     def after_fork_in_child(self, was_held: bool) -> None:
         """
-        Drop what works in the parent process only: this one was forked.
+        Drop the sources and the queues of blocked lookups, which work in the parent process only.
 
-        It has one thread, and the middleware does not work in it. So lookups answer from the data
-        as of the fork.
+        The child process has one thread, and the middleware does not work in it. So lookups use
+        the data that the buffer had when the process forked.
 
-        :param was_held: whether the lock was held; if not, another thread may have been changing
-            the data, and everything that moves is dropped.
+        :param was_held: True if the lock was held. If it was not, another thread may have been
+            changing the data, so all dynamic transforms are dropped.
         """
         self._sources = ()
         self._queues.clear()
@@ -467,24 +535,29 @@ class Engine:
 
 
 def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
-    """Return whether there is no error, and its text."""
+    """
+    Return the debug tuple of can_transform.
+
+    :param error: the error of the check, or None if there is a transform.
+    :returns: True if there is no error, and the text of the error.
+    """
     return error is None, '' if error is None else str(error)
 
 
 def _int64_times(times: ArrayLike) -> NDArray[np.int64]:
     """
-    Read a row of times (ns).
+    Convert times to an array of int64.
 
-    :param times: (n,) integers.
-    :raises TypeError: on other numbers.
-    :raises OverflowError: on a time that is no int64.
-    :raises ValueError: on another shape.
+    :param times: (n,) integers (ns).
+    :raises TypeError: if the times are not integers.
+    :raises OverflowError: if a time does not fit in an int64.
+    :raises ValueError: if the shape is not (n,).
     """
     times = np.asarray(times)
     if times.ndim != 1:
         raise ValueError(f'times must be of shape (n,), got {times.shape}')
     if times.size and times.dtype.kind not in 'iu':
-        raise TypeError(f'times must be integers of ns, got {times.dtype}')
+        raise TypeError(f'times must be integers (ns), got {times.dtype}')
     if times.size and times.max() > np.iinfo(np.int64).max:
-        raise OverflowError(f'times must be int64 of ns, got {times.max()}')
+        raise OverflowError(f'times must be int64 (ns), got {times.max()}')
     return times.astype(np.int64)

@@ -1,8 +1,9 @@
 """
-Forking a process that has buffers.
+Forks of a process that has buffers.
 
-As in the module `logging`, the locks of all buffers are taken before a fork and released after it
-on both sides: in the child, nobody would release those that other threads hold.
+The locks of all buffers are taken before a fork, and released after it in the parent and in the
+child, as the module `logging` does with its locks. Otherwise a lock that another thread holds
+during the fork would never be released in the child, which does not have that thread.
 """
 
 from _thread import interrupt_main
@@ -13,38 +14,63 @@ from time import monotonic
 from typing import Protocol
 from weakref import WeakValueDictionary
 
-#: How long a fork waits for the locks of buffers at most (s), and for one of them at a time.
-_PATIENCE, _TRY = 5.0, 0.02
+#: How long a fork waits for the locks of all buffers at most (s).
+_PATIENCE = 5.0
+#: How long one attempt waits for the lock of one buffer (s).
+_PATIENCE_PER_LOCK = 0.02
 
 
 class _Buffer(Protocol):
+    """The methods of an `Engine` that a fork needs."""
 
-    def hold_for_fork(self, timeout: float) -> bool: ...
+    def hold_for_fork(self, timeout: float) -> bool:
+        """
+        Take the lock.
 
-    def update(self) -> int: ...
+        :param timeout: how long to wait for the lock at most (s).
+        :returns: False if another thread still holds the lock.
+        """
 
-    def release_after_fork(self) -> None: ...
+    def update(self) -> int:
+        """
+        Insert what has arrived.
 
-    def after_fork_in_child(self, was_held: bool) -> None: ...
+        :returns: the generation; see `Engine.update`.
+        """
+
+    def release_after_fork(self) -> None:
+        """Release the lock."""
+
+    def after_fork_in_child(self, was_held: bool) -> None:
+        """
+        Drop what works in the parent process only.
+
+        :param was_held: True if the lock was held during the fork.
+        """
 
 
-#: Every buffer, by its id.
+#: All buffers, by their ids.
 _buffers: 'WeakValueDictionary[int, _Buffer]' = WeakValueDictionary()
-#: Held while the process forks; then, for each fork that is under way, the buffers that are held.
+#: Held while the process forks.
 _forking = RLock()
+#: The forks that are under way, of which the last one began last.
 _forks: list['_Fork'] = []
 
 
 def register(buffer: _Buffer) -> None:
-    """Hold a buffer during forks, for as long as it exists."""
+    """
+    Hold the lock of a buffer during all forks from now on.
+
+    :param buffer: the buffer, which may be deleted later.
+    """
     _buffers[id(buffer)] = buffer
 
 
 class _Fork:
-    """The buffers of a process that forks."""
+    """One fork of the process, with the buffers that exist at that time."""
 
     def __init__(self) -> None:
-        """Create without a lock taken."""
+        """Collect the buffers; no lock is taken yet."""
         self._buffers = [buffer for reference in _buffers.valuerefs()
                          if (buffer := reference()) is not None]
         self._held: list[_Buffer] = []
@@ -52,9 +78,10 @@ class _Fork:
 
     def prepare(self) -> None:
         """
-        Take the locks.
+        Take the locks of all buffers, as far as they can be had in time.
 
-        Ctrl-C is noted: it would be lost, because Python prints what is raised here, and forks.
+        A KeyboardInterrupt is remembered until after the fork. If it were raised here, Python
+        would print it and fork all the same.
         """
         deadline = monotonic() + _PATIENCE
         is_done = False
@@ -68,31 +95,32 @@ class _Fork:
 
     def _take(self, is_last: bool) -> bool:
         """
-        Take all locks and insert what has arrived, or take none.
+        Take the locks one after the other, and insert what has arrived in each buffer.
 
-        A thread that has one of the locks may be waiting for another, so to keep some of them
-        would block both.
+        If one lock cannot be had, the caller must release the others before it tries again: the
+        thread that holds this lock may be waiting for one of the others.
 
-        :param is_last: go on where one cannot be had.
-        :returns: whether all were taken.
+        :param is_last: True to continue without the locks that cannot be had.
+        :returns: False if a lock could not be had, and `is_last` is False.
         """
         for i, buffer in enumerate(self._buffers):
-            if buffer.hold_for_fork(_TRY):
+            if buffer.hold_for_fork(_PATIENCE_PER_LOCK):
                 self._held.append(buffer)
                 with suppress(Exception):
-                    buffer.update()  # since the child cannot
+                    buffer.update()  # the child has no sources to pull from
             elif not is_last:
-                self._buffers.insert(0, self._buffers.pop(i))  # next time, wait for it with none
+                # The next attempt waits for this lock first, while it holds no other.
+                self._buffers.insert(0, self._buffers.pop(i))
                 return False
         return True
 
     def release(self) -> None:
-        """Release the locks."""
+        """Release the locks that were taken."""
         while self._held:
             self._held.pop().release_after_fork()
 
     def after_fork_in_child(self) -> None:
-        """Leave to the child what works in it."""
+        """Drop from all buffers what does not work in the child process."""
         held = set(map(id, self._held))
         for buffer in self._buffers:
             buffer.after_fork_in_child(id(buffer) in held)
@@ -109,7 +137,7 @@ def _after_fork_in_parent() -> None:
     fork = _forks.pop()
     fork.release()
     _forking.release()
-    if fork.is_interrupted:  # what is raised before this returns would be printed, too
+    if fork.is_interrupted:  # Python would only print an exception that is raised in this function
         Timer(0.05, interrupt_main).start()
 
 

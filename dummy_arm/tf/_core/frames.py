@@ -1,77 +1,118 @@
-"""What a buffer knows of every frame, and tf2's texts of it."""
+"""The state of each frame in a buffer, and the texts in which tf2 writes it."""
 
 from collections.abc import Iterable
 import re
 from typing import NamedTuple, Optional
 
-from dummy_arm.tf._core.times import display, in_seconds
+from dummy_arm.tf._core.times import display_time, in_seconds
 
-#: The span of time (ns) that tf2 takes at least for its rate.
-_SHORTEST = 100_000
-#: What YAML reads as the text that it is, without quotes.
+#: The shortest time span (ns) by which tf2 divides to compute a rate.
+_SHORTEST_SPAN = 100_000
+#: A key that YAML reads as a string although it is not quoted.
 _PLAIN = re.compile(r'(?!(?i:true|false|yes|no|on|off|null|y|n)$)[A-Za-z_][\w/.-]*', re.ASCII)
 
 
 class Frame(NamedTuple):
-    """A frame that has a parent."""
+    """The state of a frame that has a parent."""
 
     name: str
     parent: str
-    authority: str  #: who has sent its newest transform
+    authority: str  #: the publisher of its newest transform
     is_static: bool
-    length: int  #: how many transforms are kept; 1 of a static one
-    latest: int  #: the newest stamp (ns); 0 of a static one
-    oldest: int  #: the oldest stamp (ns); 0 of a static one
+    length: int  #: the number of its samples; 1 if it is static
+    latest: int  #: the newest stamp (ns); 0 if it is static
+    oldest: int  #: the oldest stamp (ns); 0 if it is static
 
     @property
     def rate(self) -> float:
-        """The average rate (Hz) as tf2 computes it: 10000 for a single transform."""
-        return self.length * 1e9 / max(self.latest - self.oldest, _SHORTEST)
+        """The average rate of its samples (Hz), as tf2 computes it: 10000 for a single sample."""
+        return self.length * 1e9 / max(self.latest - self.oldest, _SHORTEST_SPAN)
 
     @property
     def buffer_length(self) -> float:
-        """The time from the oldest to the newest transform (s)."""
+        """The time from its oldest to its newest sample (s)."""
         return in_seconds(self.latest - self.oldest)
 
 
 def as_string(edges: Iterable[tuple[str, Optional[str]]]) -> str:
-    """Write tf2's list of frames and their parents, a line each."""
+    r"""
+    Write frames and their parents as tf2's allFramesAsString does.
+
+    :param edges: pairs of a frame and its parent; None: it has no parent.
+    :returns: one line for each pair.
+
+    >>> as_string([('tool', 'arm')])
+    'Frame tool exists with parent arm.\n'
+    """
     return ''.join(f'Frame {name} exists with parent {parent or "NO_PARENT"}.\n'
                    for name, parent in edges)
 
 
 def as_yaml(frames: Iterable[Frame]) -> str:
-    """Write tf2's YAML of all frames; a name that YAML would not read as it is, is quoted."""
+    """
+    Write frames as tf2's allFramesAsYAML does.
+
+    Unlike tf2, this quotes a name that YAML would not read as the same string.
+
+    :param frames: the frames that have a parent.
+    :returns: the YAML; '' if there are no frames.
+    """
     return ''.join(
-        f'{_key(frame.name)}: \n'
-        f'  parent: {_value(frame.parent)}\n'
-        f'  broadcaster: {_value(frame.authority)}\n'
+        f'{_yaml_key(frame.name)}: \n'
+        f'  parent: {_yaml_value(frame.parent)}\n'
+        f'  broadcaster: {_yaml_value(frame.authority)}\n'
         f'  rate: {frame.rate:.3f}\n'
-        f'  most_recent_transform: {display(frame.latest)}\n'
-        f'  oldest_transform: {display(frame.oldest)}\n'
+        f'  most_recent_transform: {display_time(frame.latest)}\n'
+        f'  oldest_transform: {display_time(frame.oldest)}\n'
         f'  buffer_length: {frame.buffer_length:.3f}\n'
         for frame in frames)
 
 
-def _key(name: str) -> str:
+def _yaml_key(name: str) -> str:
+    """
+    Write a name as a YAML key, quoted only if necessary.
+
+    >>> print(_yaml_key('base_link'))
+    base_link
+    >>> print(_yaml_key('on'))  # a boolean, if it were not quoted
+    "on"
+    """
     return name if _PLAIN.fullmatch(name) else _double_quoted(name)
 
 
-def _value(text: str) -> str:
+def _yaml_value(text: str) -> str:
+    """
+    Write a text as a YAML value, in single quotes as tf2 does if that is possible.
+
+    >>> print(_yaml_value('base_link'))
+    'base_link'
+    >>> print(_yaml_value("arm's base"))
+    "arm's base"
+    """
     return f"'{text}'" if text.isprintable() and "'" not in text else _double_quoted(text)
 
 
 def _double_quoted(text: str) -> str:
+    r"""
+    Write a text in YAML's double quotes, with escapes where they are necessary.
+
+    >>> print(_double_quoted('a\nb'))
+    "a\U0000000ab"
+    """
     plain = (c if c.isprintable() and c not in '"\\' else f'\\U{ord(c):08x}' for c in text)
     return f'"{"".join(plain)}"'
 
 
 def as_dot(frames: Iterable[Frame], names: Iterable[str], now: int = 0) -> str:
     """
-    Write tf2's graph of all frames in the DOT language, names quoted.
+    Write frames in the DOT language as tf2's allFramesAsDot does.
 
-    :param names: all frames, also those without parent.
-    :param now: the time (ns) from which ages count; 0: no ages.
+    Unlike tf2, this escapes the characters of a name that DOT would not read as they are.
+
+    :param frames: the frames that have a parent.
+    :param names: the names of all frames, with the roots.
+    :param now: the time (ns) at which the ages are computed; 0: write no ages.
+    :returns: the text of the graph.
     """
     edges = list(frames)
     lines = ['digraph G {']
@@ -80,7 +121,7 @@ def as_dot(frames: Iterable[Frame], names: Iterable[str], now: int = 0) -> str:
         lines.append(
             f'{dot_quoted(frame.parent)} -> {dot_quoted(frame.name)}[label="'
             f'Broadcaster: {_escaped(frame.authority)}\\nAverage rate: {frame.rate:.3f} Hz\\n'
-            f'Most recent transform: {display(frame.latest)} {age}\\n'
+            f'Most recent transform: {display_time(frame.latest)} {age}\\n'
             f'Buffer length: {frame.buffer_length:.3f} sec\\n"];')
     children = {frame.name for frame in edges}
     roots = [name for name in names if name not in children]
@@ -91,9 +132,20 @@ def as_dot(frames: Iterable[Frame], names: Iterable[str], now: int = 0) -> str:
 
 
 def dot_quoted(name: str) -> str:
-    """Write a name as DOT quotes it."""
+    r"""
+    Return a name in double quotes, as an identifier of the DOT language.
+
+    :param name: any text.
+    :returns: the identifier, in one line.
+
+    >>> print(dot_quoted('base link'))
+    "base link"
+    >>> print(dot_quoted('12" \\ wheel'))
+    "12\" \\ wheel"
+    """
     return f'"{_escaped(name)}"'
 
 
 def _escaped(text: str) -> str:
+    """Return a text as it is written between double quotes in DOT."""
     return text.replace('\\', '\\\\').replace('"', '\\"').replace('\n', '\\n')

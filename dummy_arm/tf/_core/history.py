@@ -1,4 +1,4 @@
-"""The history of one frame: its poses in its parent, in the order of time."""
+"""The history of one frame: its samples, that is, its poses in its parent, ordered by stamp."""
 
 from array import array
 from bisect import bisect_left, bisect_right
@@ -10,33 +10,35 @@ from numpy.typing import NDArray
 
 from dummy_arm.tf._core.pose import Columns, interpolate, interpolate_columns, Pose, POSE_BYTES
 
-#: At most so many samples of one stamp are kept; only the first and the last of them matter.
-MOST_OF_ONE_STAMP = 100
+#: The largest number of samples with the same stamp. Lookups use only the first and the last.
+MAX_SAMPLES_PER_STAMP = 100
 _pack_pose = struct.Struct('7d').pack
 _read_pose = struct.Struct('7d').unpack_from
 _read_two_poses = struct.Struct('14d').unpack_from
 
-#: What is known of a frame: its newest parent, the authority of that, whether it is static, the
-#: number of samples, the newest and the oldest stamp (ns).
+#: The state of a frame: its newest parent, the publisher of the sample that was inserted last,
+#: whether it is static, the number of samples, the newest and the oldest stamp (ns).
 State = tuple[str, str, bool, int, int, int]
 
 
 class NoPose(LookupError):
-    """There is no pose for the requested time."""
+    """The history has no pose for the requested time."""
 
 
 class History:
     """
-    The samples of a frame that moves, no older than the cache time before the newest.
+    The samples of a dynamic frame, none older than the newest one minus the cache time.
 
-    `stamps` (ns) and `poses` (56 bytes each) hold the samples. Those before `start` have expired;
-    they are removed from memory many at a time. `only_parent` is the parent in all samples; ''
-    while there are several parents, or no sample. Only while there are several, `parents` holds
-    the parent of each sample. `all_parents` has each parent once, as a key.
+    The i-th sample has the stamp `stamps[i]` (ns) and the i-th 56 bytes of `poses`. The samples
+    before the index `start` have been dropped; they are removed from memory many at a time.
+    `only_parent` is the parent in all samples, or '' while there are several parents or no
+    samples. `parents` is the parent of each sample while there are several, and None otherwise.
+    `all_parents` is a dict whose keys are the parents in all samples, and perhaps in some that
+    were dropped.
 
     KeyboardInterrupt can be raised after a call, at the start of a function and when a loop jumps
-    back, but nowhere else. So the statements that change two lists together stand one after the
-    other, with one call at most, the last.
+    back, but nowhere else. So statements that change several lists together follow each other
+    directly, and at most the last one contains a call.
     """
 
     __slots__ = ('all_parents', 'authority', 'cache_time', 'only_parent', 'parents', 'poses',
@@ -48,7 +50,7 @@ class History:
         """
         Create a history without samples.
 
-        :param cache_time: how long samples are kept (ns).
+        :param cache_time: how much older than the newest sample a sample may be (ns).
         """
         self.cache_time = cache_time
         self.stamps = array('q')
@@ -64,20 +66,20 @@ class History:
 
     @property
     def latest(self) -> int:
-        """The stamp of the newest sample (ns); 0 without one."""
+        """The stamp of the newest sample (ns); 0 if there are no samples."""
         return self.stamps[-1] if self.stamps else 0
 
     @property
     def oldest(self) -> int:
-        """The stamp of the oldest sample (ns); 0 without one."""
+        """The stamp of the oldest sample (ns); 0 if there are no samples."""
         return self.stamps[self.start] if self.stamps else 0
 
     def state(self, until: int) -> Optional[State]:
         """
-        Return what is known of the frame at a time.
+        Return the state of the frame.
 
-        :param until: the time (ns); 0: now.
-        :returns: None when no sample is that old.
+        :param until: use only samples up to this time (ns); 0: use all samples.
+        :returns: the state, or None if there are no such samples.
         """
         stamps, start = self.stamps, self.start
         newest = len(stamps) - 1
@@ -93,33 +95,38 @@ class History:
 
     def append(self, stamps: 'array[int]', poses: bytes, authority: str) -> bool:
         """
-        Append samples of the only parent.
+        Append samples whose parent is the only parent, if they are newer than all others.
 
-        :param stamps: (n,) ns, each larger than the one before.
-        :param poses: n times 56 bytes.
-        :returns: False if they are not all newer than the newest sample: use `insert` for these.
+        :param stamps: (n,) stamps (ns), in increasing order.
+        :param poses: n poses of 56 bytes each.
+        :param authority: the publisher.
+        :returns: False if nothing was appended: call `insert` for each sample.
         """
-        own = self.stamps
-        if self.parents is not None or not own or stamps[0] <= own[-1]:
+        own_stamps = self.stamps
+        if self.parents is not None or not own_stamps or stamps[0] <= own_stamps[-1]:
             return False
         self.authority = authority
-        # What a single insertion of each would leave, which is before the last of them.
-        earliest = (own[-1] if len(stamps) == 1 else stamps[-2]) - self.cache_time
-        # In place of a surplus pose, which is there if memory for its stamp was lacking.
-        self.poses[len(own) * POSE_BYTES:] = poses
-        own.extend(stamps)
-        if own[self.start] < earliest:
-            self.drop_before(bisect_left(own, earliest, self.start))
+        # The same samples expire as if each sample was inserted by `insert`, which drops expired
+        # samples before it inserts the new one.
+        earliest = (own_stamps[-1] if len(stamps) == 1 else stamps[-2]) - self.cache_time
+        # This overwrites poses without a stamp, which are left if `extend` raised MemoryError.
+        self.poses[len(own_stamps) * POSE_BYTES:] = poses
+        own_stamps.extend(stamps)
+        if own_stamps[self.start] < earliest:
+            self.drop_before(bisect_left(own_stamps, earliest, self.start))
         return True
 
     def insert(self, stamp: int, parent: str, pose: Pose, authority: str) -> bool:
         """
-        Insert a sample where its stamp belongs, after those of the same stamp.
+        Insert a sample in the order of the stamps, after the samples with the same stamp.
 
-        A sample that is there already is not inserted again.
+        A sample that is in the history already is not inserted again.
 
-        :param stamp: ns.
-        :returns: False when it is older than the cache time allows, and was left out.
+        :param stamp: time of the pose (ns).
+        :param parent: the name of the parent.
+        :param pose: x, y, z (m) and the quaternion x, y, z, w.
+        :param authority: the publisher.
+        :returns: False if the sample was refused, as it is older than the cache time allows.
         """
         stamps = self.stamps
         position = len(stamps)
@@ -136,7 +143,7 @@ class History:
                        for i in range(first, position)):
                     self.authority = authority
                     return True
-                if position - first >= MOST_OF_ONE_STAMP:
+                if position - first >= MAX_SAMPLES_PER_STAMP:
                     position -= 1
                     self._delete(position)
             if self.parents is None and parent != self.only_parent:
@@ -166,11 +173,16 @@ class History:
         del self.stamps[index]
 
     def drop_before(self, start: int) -> None:
-        """Drop the samples before an index."""
+        """
+        Drop the samples before an index.
+
+        :param start: the index of the first sample that stays.
+        """
         self.start = start
         if start <= 16 or start * 5 <= len(self.stamps):
             return
-        # The first sample stays, so that the others move into its memory, which is used again.
+        # One expired sample stays in front. A bytearray whose first bytes are deleted would only
+        # advance its start, and would not use their memory again.
         self.start = 1
         del self.poses[POSE_BYTES:start * POSE_BYTES]
         del self.stamps[1:start]
@@ -183,13 +195,14 @@ class History:
 
     def find(self, time: int) -> int:
         """
-        Find the sample of a time, or the last one before it.
+        Return the index of the last sample that is not newer than a time.
 
-        Of several with the same stamp it is the last inserted, but the first inserted at the very
-        beginning of the history.
+        Of samples with the same stamp, it is the one that was inserted last. At the oldest stamp
+        of the history, it is the one that was inserted first.
 
-        :param time: ns; 0: that of the newest sample.
-        :raises NoPose: when the time is before the first sample or after the last.
+        :param time: time (ns); 0: the stamp of the newest sample.
+        :returns: the index of the sample.
+        :raises NoPose: if the time is before the oldest sample or after the newest one.
         """
         stamps, start = self.stamps, self.start
         newest = len(stamps) - 1
@@ -203,20 +216,28 @@ class History:
         raise NoPose
 
     def pose(self, index: int) -> Pose:
-        """Return the pose of a sample."""
+        """
+        Return the pose of a sample.
+
+        :param index: the index of the sample.
+        :returns: x, y, z (m) and the quaternion x, y, z, w.
+        """
         return _read_pose(self.poses, index * POSE_BYTES)
 
     def pose_at(self, time: int) -> Pose:
         """
-        Return the pose at a time, interpolated between two samples of one parent.
+        Return the pose at a time, interpolated between two samples with the same parent.
 
-        :param time: ns; 0: that of the newest sample.
-        :raises NoPose: when the time is before the first sample or after the last.
+        Between samples with different parents, it is the pose of the earlier sample.
+
+        :param time: time (ns); 0: the stamp of the newest sample.
+        :returns: x, y, z (m) and the quaternion x, y, z, w.
+        :raises NoPose: if the time is before the oldest sample or after the newest one.
         """
         stamps = self.stamps
         if not time or not stamps or not stamps[self.start] < time < stamps[-1]:
             return self.pose(self.find(time))
-        # Most lookups are between the last two samples.
+        # Most lookups are between the last two samples, so these are checked before the search.
         after = len(stamps) - 1 if time >= stamps[-2] else bisect_right(stamps, time, self.start)
         if self.parents is not None and self.parents[after - 1] != self.parents[after]:
             return self.pose(after - 1)
@@ -226,10 +247,12 @@ class History:
 
     def poses_at(self, times: NDArray[np.int64], known: NDArray[np.bool_]) -> Columns:
         """
-        Return the poses at many times; there is only one parent.
+        Return the poses at many times; all samples must have the same parent.
 
-        :param times: (n,) ns.
-        :param known: (n,) is set to False where there is no pose.
+        :param times: (n,) int64: the times (ns).
+        :param known: (n,) bool, changed in place: set to False where there is no pose.
+        :returns: seven arrays of shape (n,): x, y, z (m) and the quaternion x, y, z, w; their
+            values have no meaning where there is no pose.
         """
         stamps: Any = None
         poses: Any = None
@@ -246,22 +269,30 @@ class History:
             stamps_before, stamps_after = stamps.take(before), stamps.take(after)
             poses_before, poses_after = _columns(poses[before]), _columns(poses[after])
         finally:
-            del stamps, poses  # an array that is viewed, also by a traceback, cannot grow
-        # As unsigned numbers, since a span of time may be longer than an int64.
+            # An array cannot grow while numpy refers to its memory, and a traceback would keep
+            # these variables.
+            del stamps, poses
+        # The difference of two int64 may be too large for an int64, but not for a uint64.
         span = (stamps_after - stamps_before).view(np.uint64)
         span[span == 0] = 1
         ratio = (times - stamps_before).view(np.uint64) / span
         return interpolate_columns(poses_before, poses_after, ratio)
 
     def parent_of(self, index: int) -> str:
-        """Return the parent in a sample."""
+        """
+        Return the parent in a sample.
+
+        :param index: the index of the sample.
+        :returns: the name of the parent.
+        """
         return self.only_parent if self.parents is None else self.parents[index]
 
     def parent_at(self, time: int) -> Optional[str]:
         """
-        Return the parent at a time; None when nothing is known of it.
+        Return the parent at a time.
 
-        :param time: ns; 0: that of the newest sample.
+        :param time: time (ns); 0: the stamp of the newest sample.
+        :returns: the name of the parent, or None if there is no pose at this time.
         """
         try:
             return self.parent_of(self.find(time))
@@ -270,17 +301,22 @@ class History:
 
     def distance_to(self, time: int) -> int:
         """
-        Return the time from the samples to a time outside of them (ns).
+        Return how far a time is outside of the history.
 
-        :param time: ns.
-        :returns: 0 where the samples include the time, or where there are none.
+        :param time: time (ns).
+        :returns: the time span (ns) to the nearest sample; 0 if the time is not before the oldest
+            sample and not after the newest one, or if there are no samples.
         """
         if not self.stamps:
             return 0
         return max(0, time - self.latest, self.oldest - time)
 
     def dump(self) -> dict[str, Any]:
-        """Return everything that is known of the frame; see `BufferCore.dump`."""
+        """
+        Return all data of the frame.
+
+        :returns: the dict of one frame in the result of `BufferCore.dump`.
+        """
         indices = range(self.start, len(self.stamps))
         return {'parents': [self.parent_of(i) for i in indices],
                 'stamps': self.stamps[self.start:].tolist(),
@@ -289,16 +325,22 @@ class History:
 
 
 class StaticHistory:
-    """A pose that holds at all times."""
+    """The history of a static frame: one pose, which holds at all times."""
 
     __slots__ = ('authority', 'only_parent', 'pose')
 
     is_static = True
     parents = None
-    latest = oldest = 0  # as of a history without samples
+    latest = oldest = 0  # as for a History without samples
 
     def __init__(self, parent: str, pose: Pose, authority: str) -> None:
-        """Create the history of a frame that does not move."""
+        """
+        Create the history of a static frame.
+
+        :param parent: the name of the parent.
+        :param pose: x, y, z (m) and the quaternion x, y, z, w.
+        :param authority: the publisher.
+        """
         self.only_parent, self.pose, self.authority = parent, pose, authority
 
     def __len__(self) -> int:
@@ -306,32 +348,62 @@ class StaticHistory:
 
     @property
     def all_parents(self) -> tuple[str]:
-        """The parent."""
+        """The only parent, in a tuple."""
         return (self.only_parent,)
 
     def state(self, until: int) -> State:
-        """Return what is known of the frame, which is the same at any time."""
+        """
+        Return the state of the frame.
+
+        :param until: ignored, as the state is the same at all times.
+        :returns: the state.
+        """
         return self.only_parent, self.authority, True, 1, 0, 0
 
     def pose_at(self, time: int) -> Pose:
-        """Return the pose."""
+        """
+        Return the pose.
+
+        :param time: ignored.
+        :returns: x, y, z (m) and the quaternion x, y, z, w.
+        """
         return self.pose
 
     def poses_at(self, times: NDArray[np.int64], known: NDArray[np.bool_]) -> Columns:
-        """Return the pose as columns of one row, which numpy combines with any number of rows."""
+        """
+        Return the pose in a form that numpy broadcasts to any number of poses.
+
+        :param times: ignored.
+        :param known: stays as it is, as there is a pose at all times.
+        :returns: seven arrays of shape (1,): x, y, z (m) and the quaternion x, y, z, w.
+        """
         x, y, z, qx, qy, qz, qw = np.array([self.pose]).T
         return x, y, z, qx, qy, qz, qw
 
     def parent_at(self, time: int) -> str:
-        """Return the parent."""
+        """
+        Return the parent.
+
+        :param time: ignored.
+        :returns: the name of the parent.
+        """
         return self.only_parent
 
     def distance_to(self, time: int) -> int:
-        """Return 0: the pose holds at all times."""
+        """
+        Return 0, because the pose holds at all times.
+
+        :param time: ignored.
+        :returns: 0.
+        """
         return 0
 
     def dump(self) -> dict[str, Any]:
-        """Return everything that is known of the frame; see `BufferCore.dump`."""
+        """
+        Return all data of the frame.
+
+        :returns: the dict of one frame in the result of `BufferCore.dump`.
+        """
         return {'parents': [self.only_parent], 'stamps': [0], 'poses': [list(self.pose)],
                 'authority': self.authority, 'is_static': True}
 
@@ -340,5 +412,5 @@ AnyHistory = Union[History, StaticHistory]
 
 
 def _columns(poses: NDArray[np.void]) -> Any:
-    """Copy poses into columns, which are far faster to compute with than rows."""
+    """Copy poses into columns, with which numpy computes much faster than with rows."""
     return poses.view(np.float64).reshape(-1, 7).T.copy()

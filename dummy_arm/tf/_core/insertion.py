@@ -1,4 +1,4 @@
-"""Insertion into a tree of frames: transforms are checked, normalised, kept or refused."""
+"""Insertion into a tree of frames: transforms are checked, normalised, and kept or refused."""
 
 from collections.abc import Iterable
 from itertools import starmap
@@ -11,7 +11,7 @@ from typing import Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf._core.history import History, MOST_OF_ONE_STAMP
+from dummy_arm.tf._core.history import History, MAX_SAMPLES_PER_STAMP
 from dummy_arm.tf._core.lookup import Lookups
 from dummy_arm.tf._core.pose import (
     BatchOrRows,
@@ -23,56 +23,68 @@ from dummy_arm.tf._core.pose import (
     Rows,
 )
 from dummy_arm.tf._core.texts import logged, ThrottledLog
-from dummy_arm.tf._core.times import display, SECOND
+from dummy_arm.tf._core.times import display_time, SECOND
 
-#: So many samples of a frame are kept for a second of cache time.
-_PER_SECOND = 10_000
-#: The number of rotations from which numpy is faster.
+#: The largest number of samples of one frame for each second of cache time.
+_MAX_SAMPLES_PER_SECOND = 10_000
+#: The smallest number of rotations that numpy normalises faster than a loop does.
 _MANY = 20
 _unpack_pose = struct.Struct('7d').unpack
 
 
 class Insertion:
-    """Inserts transforms into a tree of frames; the lock of the buffer is held meanwhile."""
+    """The insertion of transforms into a tree of frames; its methods need the buffer's lock."""
 
     def __init__(self, lookups: Lookups, max_frames: int, max_samples: Optional[int]) -> None:
         """
-        Create what inserts into the tree of lookups.
+        Create the insertion for one buffer.
 
-        :param lookups: their paths are cleared when they become invalid.
-        :param max_frames: how many frames there may be; transforms with more are refused.
-        :param max_samples: how many samples there may be, of all frames; None: any number, of one
-            frame, too.
+        :param lookups: the lookups of the buffer: the tree into which transforms are inserted, and
+            the paths, which are cleared when a frame gets a new parent.
+        :param max_frames: the largest number of frames; transforms with more frames are refused.
+        :param max_samples: the largest number of samples of all frames together; None: neither
+            this number nor that of a single frame is limited.
         """
         self.log = ThrottledLog()
         self._tree, self._lookups = lookups.tree, lookups
         self._max_frames = max_frames
         self._max_samples = sys.maxsize if max_samples is None else max_samples
-        #: Of one frame.
-        self._most = sys.maxsize if max_samples is None else max(
-            MOST_OF_ONE_STAMP, _PER_SECOND * self._tree.cache_time // SECOND)
-        #: So many samples may come in until all are counted again.
+        #: The largest number of samples of one frame.
+        self._max_samples_per_frame = sys.maxsize if max_samples is None else max(
+            MAX_SAMPLES_PER_STAMP, _MAX_SAMPLES_PER_SECOND * self._tree.cache_time // SECOND)
+        #: The number of samples that may be inserted before all samples are counted again.
         self._room = self._max_samples
-        #: Whether the last count found no room; and how many have come in since then.
+        #: True if there was no room when the samples were last counted.
         self._is_full = False
+        #: The number of samples that were inserted since then, while there was no room.
         self._uncounted = 0
 
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
-        """Insert one transform; as `Engine.insert`, of values of the right types."""
+        """
+        Insert one transform, as `Engine.insert`, but without checking the types.
+
+        :param stamp: time of the pose (ns).
+        :param frame_id: the name of the parent.
+        :param child_frame_id: the name of the frame.
+        :param pose: x, y, z (m) and the quaternion x, y, z, w of any length.
+        :param authority: the name of the publisher.
+        :param is_static: True if the pose holds at all times.
+        :returns: False if the transform was refused; the reason is in the log.
+        """
         return self._insert(stamp, frame_id.removeprefix('/'), child_frame_id.removeprefix('/'),
                             pose, authority, is_static)
 
     def _insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
                 is_static: bool) -> bool:
-        """Insert one transform whose names have lost their leading slash."""
+        """Insert one transform; the leading slash of its names has been removed."""
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
-        if found := problems(parent, child, pose, authority):
-            self.log.warn(*found)
+        if warnings := problems(parent, child, pose, authority):
+            self.log.warn(*warnings)
             return False
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
-            # tf2 accepts infinite translations, and then answers NaN.
+            # tf2 accepts an infinite translation; its lookups then return NaN.
             pose = (math.nan, math.nan, math.nan, *pose[3:])
         if self._tree.has_edge(parent, child, is_static):
             is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
@@ -80,7 +92,9 @@ class Insertion:
             try:
                 is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
             finally:
-                self._lookups.paths.clear()  # no function of ours, in which Ctrl-C may come
+                # This calls dict.clear directly: a KeyboardInterrupt at the start of a Python
+                # function would leave invalid paths.
+                self._lookups.paths.clear()
         else:
             return False
         if not is_accepted:
@@ -89,12 +103,12 @@ class Insertion:
             history = self._tree.histories[child]
             assert isinstance(history, History)
             self._room -= 1
-            if self._room < 0 or len(history) > self._most:
+            if self._room < 0 or len(history) > self._max_samples_per_frame:
                 self._drop_oldest(history, 1, child, authority)
         return is_accepted
 
     def _accepts_names(self, parent: str, child: str, authority: str) -> bool:
-        """Return whether two names may be those of frames."""
+        """Return True if both names are short enough, and there are not too many frames."""
         if is_too_long(parent) or is_too_long(child):
             self.log.warn(too_long_name(parent, child, authority))
             return False
@@ -107,10 +121,12 @@ class Insertion:
 
     def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
         """
-        Insert the transforms of messages, each as `insert` does.
+        Insert the transforms of messages, with the same result as by `insert`.
 
-        Most transforms of a batch are newer than everything that is known of their frame, and have
-        its only parent: those need no further check, once they are known to be finite.
+        Most transforms of a batch are newer than all samples of their frame, and have its only
+        parent. If their numbers are finite, they are appended without further checks.
+
+        :param batches: batches, and rows that are inserted one by one.
         """
         for batch in batches:
             try:
@@ -130,31 +146,32 @@ class Insertion:
                             and history.append(batch.stamps, by_frame[i * size:(i + 1) * size],
                                                batch.authority)):
                         self._room -= count
-                        if self._room < 0 or len(history.stamps) - history.start > self._most:
+                        if self._room < 0 or (
+                                len(history.stamps) - history.start > self._max_samples_per_frame):
                             self._drop_oldest(history, count, child, batch.authority)
                         continue
                     for stamp, packed in zip(batch.stamps, batch.poses[i::number]):
                         self._insert(stamp, parent, child, _unpack_pose(packed),
                                      batch.authority, False)
-            except Exception:  # a fault of this package; the next batches may be good
+            except Exception:  # a bug of this package must not keep the other batches out
                 self.log.warn(format_exc())
 
     def _drop_oldest(self, history: History, added: int, child: str, authority: str) -> None:
         """
-        Drop the oldest samples of a frame that has got new ones, as far as there are too many.
+        Drop the oldest samples of a frame to which samples were added, if there are too many.
 
-        :param added: the number of samples that the frame has got.
+        :param added: the number of samples that were added.
         """
-        surplus = len(history) - self._most
+        surplus = len(history) - self._max_samples_per_frame
         if surplus > 0:
             history.drop_before(history.start + surplus)
             self._room += surplus
             self.log.warn_once('frame', too_many_samples_of_a_frame(
-                child, self._most, authority))
+                child, self._max_samples_per_frame, authority))
         if self._room >= 0:
             return
-        # To count takes a moment for every frame, so while the buffer is full it is done now and
-        # then only, and a sample that comes in between takes the place of another.
+        # Counting takes time in proportion to the number of frames. So in a full buffer it is done
+        # only now and then. In between, each new sample replaces an old one.
         self._uncounted += added
         surplus = added
         if not self._is_full or 8 * self._uncounted >= len(self._tree.histories):
@@ -174,10 +191,11 @@ class Insertion:
 
 def normalize_poses(poses: NDArray[np.float64]) -> bool:
     """
-    Normalise the rotations of many poses, each as `normalized` does.
+    Normalise the rotations of many poses, with the same result as by `normalized`.
 
-    :param poses: (n, 7) x, y, z, qx, qy, qz, qw; changed in place.
-    :returns: True if everything is finite. False also for numbers so large that their sum is not.
+    :param poses: (n, 7) float64, changed in place: x, y, z (m), quaternion x, y, z, w.
+    :returns: True if all numbers are finite. It may be False for finite numbers if they are so
+        large that their sum is not finite.
     """
     rotations = poses[:, 3:]
     if len(poses) < _MANY:
@@ -209,10 +227,13 @@ def _large_angles(
         rows: NDArray[np.bool_], diagonal: NDArray[np.float64], above: NDArray[np.float64],
         below: NDArray[np.float64], result: NDArray[np.float64]) -> None:
     """
-    Set some quaternions of matrices whose trace is not positive.
+    Compute quaternions from rotation matrices whose trace is not positive.
 
-    :param above: (3, n) the elements 21, 02, 10.
-    :param below: (3, n) the elements 12, 20, 01.
+    :param rows: (n,) which of the quaternions are computed.
+    :param diagonal: (3, n) the matrix elements 00, 11, 22.
+    :param above: (3, n) the matrix elements 21, 02, 10.
+    :param below: (3, n) the matrix elements 12, 20, 01.
+    :param result: (4, n) the quaternions x, y, z, w, changed in place.
     """
     m0, m1, m2 = diagonal
     largest = np.where(np.where(m0 >= m1, m0, m1) < m2, 2, np.where(m0 < m1, 1, 0))
@@ -229,9 +250,14 @@ def _large_angles(
 
 def problems(parent: str, child: str, pose: Pose, authority: str) -> list[str]:
     """
-    List all that is wrong with a transform.
+    Return tf2's warnings about an invalid transform.
 
-    :param pose: with the rotation normalised, NaN where that cannot be.
+    :param parent: the name of the parent.
+    :param child: the name of the frame.
+    :param pose: x, y, z (m) and the normalised quaternion x, y, z, w, or NaN if it cannot be
+        normalised.
+    :param authority: the name of the publisher.
+    :returns: the warnings; none if the transform is valid.
     """
     if parent != child and parent and child and not any(map(math.isnan, pose)):
         return []
@@ -259,42 +285,79 @@ def problems(parent: str, child: str, pose: Pose, authority: str) -> list[str]:
 
 
 def too_old(child: str, stamp: int, authority: str) -> str:
-    """Tell that a transform is older than the cache time allows."""
+    """
+    Return tf2's warning that a transform is older than the cache time allows.
+
+    :param child: the name of the frame.
+    :param stamp: the stamp of the transform (ns).
+    :param authority: the name of the publisher.
+    :returns: the text.
+    """
     return (f'TF_OLD_DATA ignoring data from the past for frame {logged(child)} at time '
-            f'{display(stamp)} according to authority {logged(authority)}\n'
+            f'{display_time(stamp)} according to authority {logged(authority)}\n'
             'Possible reasons are listed at http://wiki.ros.org/tf/Errors%20explained')
 
 
 def too_many_frames(child: str, limit: int, authority: str) -> str:
-    """Tell that a frame is new and there may be no more."""
+    """
+    Return the warning that a transform was refused because there are too many frames.
+
+    :param child: the name of the frame.
+    :param limit: the largest number of frames.
+    :param authority: the name of the publisher.
+    :returns: the text.
+    """
     return (f'TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "{logged(child)}" from '
-            f'authority "{logged(authority)}", and every other with a new frame: {limit} frames '
-            'are known, and no more are allowed (max_frames of the buffer). Does something send '
-            'ever new names?')
+            f'authority "{logged(authority)}", and every other with a new frame: max_frames of '
+            f'the buffer allows {limit} frames. Check whether a node publishes a new frame name '
+            'again and again.')
 
 
 def too_long_name(parent: str, child: str, authority: str) -> str:
-    """Return the warning for a transform one of whose names is too long."""
+    """
+    Return the warning that a transform was refused because a name is too long.
+
+    :param parent: the name of the parent.
+    :param child: the name of the frame.
+    :param authority: the name of the publisher.
+    :returns: the text.
+    """
     what, name = ('child_frame_id', child) if is_too_long(child) else ('frame_id', parent)
     size = len(name.encode('utf-8', 'surrogatepass'))
     return (f'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id "{logged(child)}" from '
-            f'authority "{logged(authority)}" because its {what} has {size} bytes: no more than '
+            f'authority "{logged(authority)}" because its {what} has {size} bytes; at most '
             f'{LONGEST_NAME} are allowed')
 
 
 def too_many_samples_of_a_frame(child: str, limit: int, authority: str) -> str:
-    """Return the warning for a frame of which more transforms come than are kept."""
+    """
+    Return the warning that a frame has too many samples.
+
+    :param child: the name of the frame.
+    :param limit: the largest number of samples of one frame.
+    :param authority: the name of the publisher.
+    :returns: the text.
+    """
     return (f'TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
-            f'"{logged(child)}" from authority "{logged(authority)}", and of every other such '
-            f'frame, before the cache time is over: of a frame, {limit} are kept, which is 10000 '
-            'per second of cache time. Do its stamps hardly advance?')
+            f'"{logged(child)}" from authority "{logged(authority)}" before the cache time is '
+            f'over, and those of every other such frame: at most {limit} are kept of one frame '
+            f'({_MAX_SAMPLES_PER_SECOND} per second of cache time, at least '
+            f'{MAX_SAMPLES_PER_STAMP}). '
+            'Check whether the stamps of this frame advance too slowly.')
 
 
 def too_many_samples(child: str, limit: int, authority: str) -> str:
-    """Return the warning for a buffer into which more transforms come than are kept."""
+    """
+    Return the warning that a buffer has too many samples.
+
+    :param child: the name of the frame.
+    :param limit: the largest number of samples of all frames together.
+    :param authority: the name of the publisher.
+    :returns: the text.
+    """
     return (f'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "{logged(child)}" '
-            f'from authority "{logged(authority)}", and of every other frame that gets new ones, '
-            f'before the cache time is over: the buffer has {limit}, and no more are kept '
-            '(max_samples of the buffer). Is its cache time too long?')
+            f'from authority "{logged(authority)}" before the cache time is over, and those of '
+            f'every other frame that receives new ones: max_samples of the buffer allows '
+            f'{limit} dynamic transforms. Use a shorter cache time, or raise max_samples.')
 
 

@@ -1,4 +1,4 @@
-"""Lookups in the tree of frames: one pose, many poses, all frames at once."""
+"""Lookups in the tree of frames: of one pose, of many poses, of all frames at once."""
 
 from collections.abc import Iterable
 from contextlib import suppress
@@ -13,44 +13,54 @@ from dummy_arm.tf._core.pose import compose, IDENTITY, inverse, Pose
 from dummy_arm.tf._core.tree import FrameTree
 from dummy_arm.tf.exceptions import TransformException
 
-_MOST_PATHS = 10_000
+#: The largest number of paths that are kept.
+_MAX_PATHS = 10_000
 
-#: An edge, as it is seen from the frame at one of its ends: the frame at the other end, whether
-#: that is the child, and the poses of the child in the parent.
+#: An edge, seen from one of its two frames: the other frame, whether the other frame is the child,
+#: and the history of the child.
 _Edge = tuple[str, bool, AnyHistory]
-#: The time of a pose (ns; 0: any), and the pose; None: there is none.
-_Placed = tuple[int, Optional[Pose]]
+#: The time of a pose (ns; 0: any time), and the pose; None: there is no pose.
+_TimedPose = tuple[int, Optional[Pose]]
 
 
 class Lookups:
     """
-    A tree of frames, and the paths that were found in it.
+    Lookups in a tree of frames, and the paths that were found in it.
 
-    A path on which no frame changes its parent, with no loop above it at any time, is the only one
-    between its frames until some frame gets a new parent: it is kept. Where there is none, or
-    where it gives no answer, the tree is match_candidates as tf2 does, for tf2's answer or error.
+    If no frame on a path has changed its parent, and there is no loop above it at any time, then
+    the path is the only one between its frames until some frame gets a new parent. Such a path is
+    kept. If there is no such path, or if it has no pose at the requested time, the tree is
+    searched as tf2 does, so that the result or the error is tf2's.
 
-    Times are ns; 0: the latest common time. The lock of the buffer is held during each call.
+    Times are in ns; 0 means the latest common time. Hold the lock of the buffer during each call.
     """
 
     def __init__(self, tree: FrameTree) -> None:
-        """Create lookups in a tree."""
+        """
+        Create lookups in a tree.
+
+        :param tree: the tree of frames.
+        """
         self.tree = tree
-        #: Paths that were found; cleared when a frame gets another history, or a new parent.
+        #: The paths that are kept, by target and source frame. The insertion clears them when a
+        #: frame gets a new parent or another kind of history.
         self.paths: dict[tuple[str, str], Path] = {}
 
     def pose(self, target: str, source: str, time: int) -> tuple[int, Pose]:
         """
-        Compute the pose of a source in a target.
+        Compute the pose of the source frame in the target frame.
 
-        :returns: the time (ns), and the pose.
-        :raises TransformException: when there is none.
+        :param target: the frame in which the result is expressed.
+        :param source: the frame whose pose is looked up.
+        :param time: time (ns); 0: the latest common time.
+        :returns: the time of the pose (ns), and the pose.
+        :raises TransformException: if there is no such transform; its subclass says why.
         """
         path = self.paths.get((target, source))
         if path is not None:
             try:
-                answered = time or path.latest_common_time()
-                return answered, path.pose(answered)
+                pose_time = time or path.latest_common_time()
+                return pose_time, path.pose(pose_time)
             except NoPose:
                 pass
         if target == source:
@@ -63,9 +73,15 @@ class Lookups:
     def pose_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                   ) -> tuple[int, Pose]:
         """
-        Compute the pose that a source had at its time, in a target at its own time.
+        Compute the pose of the source frame at one time in the target frame at another time.
 
-        :param fixed: the frame in which things stay where they are between the two times.
+        :param target: the frame in which the result is expressed.
+        :param target_time: time of the target frame (ns); 0: its latest common time with `fixed`.
+        :param source: the frame whose pose is looked up.
+        :param source_time: time of the source frame (ns); 0: its latest common time with `fixed`.
+        :param fixed: a frame that does not move between the two times.
+        :returns: the time of the target frame (ns), and the pose.
+        :raises TransformException: if there is no such transform; its subclass says why.
         """
         self.tree.check_for_lookup(target_frame=target, source_frame=source, fixed_frame=fixed)
         _, fixed_from_source = self.pose(fixed, source, source_time)
@@ -75,14 +91,18 @@ class Lookups:
     def poses(self, target: str, source: str, times: NDArray[np.int64]
               ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """
-        Compute the poses of a source in a target at many times.
+        Compute the poses of the source frame in the target frame at many times.
 
-        :param times: (n,).
-        :returns: (n, 7), NaN where there is none, and (n,) whether there is one.
+        :param target: the frame in which the poses are expressed.
+        :param source: the frame whose poses are looked up.
+        :param times: (n,) times (ns); 0: the latest common time.
+        :returns: (n, 7) float64: x, y, z (m), quaternion x, y, z, w, NaN where there is no pose;
+            and (n,) whether there is a pose.
         """
         path = self.paths.get((target, source))
         if path is None:
-            with suppress(TransformException):  # the latest, which most likely can be had
+            # A lookup at the latest common time is the most likely to find the path.
+            with suppress(TransformException):
                 self.pose(target, source, 0)
             path = self.paths.get((target, source))
         if path is not None:
@@ -98,9 +118,12 @@ class Lookups:
 
     def check(self, target: str, source: str, time: int) -> None:
         """
-        Check that there is a pose of a source in a target.
+        Check that there is a pose of the source frame in the target frame.
 
-        :raises TransformException: when there is none.
+        :param target: as `pose`.
+        :param source: as `pose`.
+        :param time: as `pose`.
+        :raises TransformException: if there is no such transform; its subclass says why.
         """
         path = self.paths.get((target, source))
         if path is None or not path.covers(time or path.latest_common_time()):
@@ -111,7 +134,16 @@ class Lookups:
 
     def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                    ) -> None:
-        """Check that there is what `pose_full` returns."""
+        """
+        Check that `pose_full` has a result.
+
+        :param target: as `pose_full`.
+        :param target_time: as `pose_full`.
+        :param source: as `pose_full`.
+        :param source_time: as `pose_full`.
+        :param fixed: as `pose_full`.
+        :raises TransformException: if there is no such transform; its subclass says why.
+        """
         self.tree.check_for_can_transform(
             target_frame=target, source_frame=source, fixed_frame=fixed)
         self.check(target, fixed, target_time)
@@ -119,14 +151,26 @@ class Lookups:
 
     def chain(self, target: str, target_time: int, source: str, source_time: int, fixed: str
               ) -> list[str]:
-        """List the frames from a source by way of the fixed frame to a target, without detour."""
+        """
+        Return the frames on the path from a source frame via a fixed frame to a target frame.
+
+        Frames that would be passed twice, there and back, are left out.
+
+        :param target: as `pose_full`.
+        :param target_time: as `pose_full`.
+        :param source: as `pose_full`.
+        :param source_time: as `pose_full`.
+        :param fixed: as `pose_full`.
+        :returns: the names of the frames, the source frame first.
+        :raises TransformException: if there is no such path; its subclass says why.
+        """
         self.check_full(target, target_time, source, source_time, fixed)
-        there = self._frames(fixed, source, source_time)
-        back = self._frames(fixed, target, target_time)
-        while len(there) > 1 and len(back) > 1 and there[-2] == back[-2]:
-            there.pop()
-            back.pop()
-        return there[:-1] + back[::-1]
+        from_source = self._frames(fixed, source, source_time)
+        from_target = self._frames(fixed, target, target_time)
+        while len(from_source) > 1 and len(from_target) > 1 and from_source[-2] == from_target[-2]:
+            from_source.pop()
+            from_target.pop()
+        return from_source[:-1] + from_target[::-1]
 
     def _frames(self, target: str, source: str, time: int) -> list[str]:
         if target == source:
@@ -135,29 +179,40 @@ class Lookups:
         return self.tree.chain(target, source, time)
 
     def latest_common_time(self, target: str, source: str) -> int:
-        """Return the latest time (ns) of which all frames between two know; 0: nothing moves."""
+        """
+        Return the latest time for which every dynamic edge between two frames has data.
+
+        :param target: the one frame.
+        :param source: the other frame.
+        :returns: time (ns); 0 if there is no dynamic edge.
+        :raises TransformException: if a frame does not exist, or if they are not connected.
+        """
         for name in target, source:
             self.tree.check(name, 'get_latest_common_time')
         return self.tree.latest_common_time(target, source)
 
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
+        """Search the tree for a path; return its time (ns), too. Keep the path if it is fixed."""
         time = time or self.tree.latest_common_time(target, source)
         path = self.tree.path(target, source, time)
-        if path.is_fixed() and all(map(self.tree.has_no_loop_above, (source, target))):
-            if len(self.paths) >= _MOST_PATHS:
+        if path.has_constant_parents() and all(map(self.tree.has_no_loop_above, (source, target))):
+            if len(self.paths) >= _MAX_PATHS:
                 self.paths.clear()
             self.paths[target, source] = path
         return time, path
 
     def all_poses(self, targets: Iterable[str], until: int) -> list[dict[str, tuple[int, Pose]]]:
         """
-        Compute the pose of every frame that is connected to a target, by one walk for each target.
+        Compute the poses of all frames that are connected to each target frame.
 
-        :param until: no later than this time, by the parents that the frames have then; 0: without
-            a limit.
-        :returns: for each target, the time (ns) and the pose by the names of the frames, the
-            nearest first.
-        :raises TransformException: when a target does not exist.
+        The tree is walked once for each target frame.
+
+        :param targets: the target frames.
+        :param until: the latest time (ns) of samples and of the parents that connect the frames;
+            0: no limit.
+        :returns: for each target frame, the time (ns) and the pose by the names of the frames, the
+            nearest frames first.
+        :raises TransformException: if a target frame does not exist.
         """
         edges: dict[str, list[_Edge]] = {}
         for child, parent, history in self.tree.parents(until):
@@ -169,31 +224,35 @@ class Lookups:
                    ) -> dict[str, tuple[int, Pose]]:
         if target not in self.tree.histories:
             self.tree.check(target, 'lookup_all')
-        own, placed = self.tree.histories[target], self._placed(edges, target, until)
-        if own is not None:
-            placed[target] = min(until, own.latest) if until else own.latest, IDENTITY
-        return {name: (time, pose) for name, (time, pose) in placed.items() if pose is not None}
+        history, poses = self.tree.histories[target], self._walk(edges, target, until)
+        if history is not None:
+            poses[target] = min(until, history.latest) if until else history.latest, IDENTITY
+        return {name: (time, pose) for name, (time, pose) in poses.items() if pose is not None}
 
-    def _placed(self, edges: dict[str, list[_Edge]], target: str, until: int
-                ) -> dict[str, _Placed]:
-        placed: dict[str, _Placed] = {target: (0, IDENTITY)}
+    def _walk(self, edges: dict[str, list[_Edge]], target: str, until: int
+              ) -> dict[str, _TimedPose]:
+        """Walk the tree from a target frame, breadth first, and compute the pose of each frame."""
+        poses: dict[str, _TimedPose] = {target: (0, IDENTITY)}
         names = [target]
         for name in names:
-            time, pose = placed[name]
+            time, pose = poses[name]
             for other, is_child, edge in edges.get(name, ()):
-                if other in placed:
+                if other in poses:
                     continue
                 names.append(other)
                 latest = min(until, edge.latest) if until else edge.latest
                 common = min(time, latest) if time and latest else time or latest
-                placed[other] = common, None
+                poses[other] = common, None
                 try:
-                    # The pose holds at the common time, and the edge has one parent only.
+                    # The pose of this frame is valid at the common time, and the edge has had one
+                    # parent only.
                     if pose is not None and time in (0, common) and edge.parents is None:
                         step = edge.pose_at(common)
-                        placed[other] = common, compose(pose, step if is_child else inverse(step))
+                        poses[other] = common, compose(pose, step if is_child else inverse(step))
                     else:
-                        placed[other] = self.pose(target, other, common)
+                        poses[other] = self.pose(target, other, common)
                 except (NoPose, TransformException):
-                    pass  # those beyond may have another path, by parents that they had then
-        return placed
+                    # Frames behind this one may still have a path, via the parents that they had
+                    # at that time.
+                    pass
+        return poses

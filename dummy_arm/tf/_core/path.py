@@ -1,4 +1,4 @@
-"""The path from one frame to another, edge by edge, and the pose that it gives at a time."""
+"""The path from one frame to another, edge by edge, and the poses along it."""
 
 from collections.abc import Sequence
 
@@ -10,34 +10,57 @@ from dummy_arm.tf._core.pose import Columns, compose, IDENTITY, inverse, Pose
 
 
 class Path:
-    """The edges above a source and above a target, up to the frame where they meet."""
+    """
+    The edges from a source frame and from a target frame up to the frame at which they meet.
+
+    Each edge is the history of its child frame.
+    """
 
     __slots__ = ('edges', 'from_source', 'from_target')
 
     def __init__(self, from_source: Sequence[AnyHistory], from_target: Sequence[AnyHistory]
                  ) -> None:
-        """Create a path from the edges, each list from the lowest to the highest."""
+        """
+        Create a path.
+
+        :param from_source: the edges from the source frame upwards to the frame where both meet.
+        :param from_target: the edges from the target frame upwards to the frame where both meet.
+        """
         self.from_source, self.from_target = from_source, from_target
         self.edges = [*from_source, *from_target]
 
-    def is_fixed(self) -> bool:
-        """Return whether no edge changes its parent in the course of its history."""
+    def has_constant_parents(self) -> bool:
+        """
+        Return True if no frame on the path has had more than one parent in its history.
+
+        :returns: whether the path consists of the same edges at all times.
+        """
         return all(edge.parents is None for edge in self.edges)
 
     def latest_common_time(self) -> int:
-        """Return the newest time (ns) of which all moving edges know; 0 when none moves."""
+        """
+        Return the latest time for which every dynamic edge has data.
+
+        :returns: time (ns); 0 if there is no dynamic edge.
+        """
         return min([latest for edge in self.edges if (latest := edge.latest)], default=0)
 
     def covers(self, time: int) -> bool:
-        """Return whether every edge has a pose at a time (ns)."""
+        """
+        Return True if every edge has a pose at a time.
+
+        :param time: time (ns); 0: the newest sample of each edge.
+        :returns: whether `pose` has a result.
+        """
         return all(edge.parent_at(time) is not None for edge in self.edges)
 
     def pose(self, time: int) -> Pose:
         """
-        Compute the pose of the source in the target.
+        Compute the pose of the source frame in the target frame.
 
-        :param time: ns.
-        :raises NoPose: when an edge has none at that time.
+        :param time: time (ns); 0: the newest sample of each edge.
+        :returns: x, y, z (m) and the quaternion x, y, z, w.
+        :raises NoPose: if an edge has no pose at that time.
         """
         if not self.from_target:
             return _pose_along(self.from_source, time)
@@ -49,10 +72,13 @@ class Path:
     def poses(self, times: NDArray[np.int64]
               ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
         """
-        Compute the poses of the source in the target at many times; the path must be fixed.
+        Compute the poses of the source frame in the target frame at many times.
 
-        :param times: (n,) ns; 0: the latest common time.
-        :returns: (n, 7) x, y, z, qx, qy, qz, qw, and (n,) which of them are answers.
+        `has_constant_parents` must be true of the path.
+
+        :param times: (n,) times (ns); 0: the latest common time.
+        :returns: (n, 7) poses: x, y, z (m), quaternion x, y, z, w; and (n,) whether the path has a
+            pose at that time. The rows without a pose contain arbitrary numbers.
         """
         if not times.all():
             times = np.where(times == 0, self.latest_common_time(), times)
@@ -70,7 +96,7 @@ class Path:
 
 
 def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
-    """Compose the poses of a chain of edges, from its lowest frame up to its highest."""
+    """Compute the pose of the lowest frame in the highest one; the edges go upwards."""
     if not edges:
         return IDENTITY
     pose = edges[0].pose_at(time)
@@ -81,7 +107,7 @@ def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
 
 def _columns_along(edges: Sequence[AnyHistory], times: NDArray[np.int64],
                    known: NDArray[np.bool_]) -> Columns:
-    """Compose the poses of a chain at many times; set `known` to False where an edge has none."""
+    """Compute such poses at many times; set `known` to False where an edge has no pose."""
     columns: Columns = IDENTITY
     for i, edge in enumerate(edges):
         poses = edge.poses_at(times, known)

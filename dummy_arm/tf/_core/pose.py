@@ -1,9 +1,9 @@
 """
-Poses of frames in other frames: composed, inverted, interpolated and normalised.
+Poses of frames in other frames: composition, inversion, interpolation and normalisation.
 
 A pose is seven numbers: x, y, z (m) and the quaternion x, y, z, w of its rotation. The functions
-for many poses take and return columns: seven arrays, one for each number. `Row` is a pose with its
-stamp and frames; `Rows` and `Batch` are those of messages that arrived together.
+for many poses take and return columns: seven arrays, one for each number. A `Row` is a pose with
+its stamp and frames; `Rows` and `Batch` are the transforms of messages that arrived together.
 """
 
 from array import array
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Union
 
 import numpy as np
 
-#: x, y, z (m) and the rotation's quaternion x, y, z, w.
+#: x, y, z (m) and the quaternion x, y, z, w of the rotation.
 Pose = tuple[float, float, float, float, float, float, float]
 #: The quaternion x, y, z, w of a rotation.
 Quaternion = tuple[float, float, float, float]
@@ -21,18 +21,21 @@ Columns = tuple[Any, Any, Any, Any, Any, Any, Any]
 
 #: The size of a pose in memory, on the wire and in bags: 7 float64.
 POSE_BYTES = 7 * 8
+#: The pose of a frame in itself.
 IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-#: Above this cosine, its last bits change the result, so that tf2's division by the norms matters.
+#: Cosine of the angle between quaternions above which it is divided by their norms, as in tf2:
+#: there, its last bits change the interpolated rotation.
 _NEAR = 0.999999999999
-#: The longest name (bytes of UTF-8) that a frame may have.
+#: The longest name that a frame may have (bytes of UTF-8).
 LONGEST_NAME = 1024
 
 
 def inverse(pose: Pose) -> Pose:
     """
-    Return the inverse of a pose: b_from_a of a_from_b.
+    Return the inverse of a pose.
 
-    :param pose: one pose, or columns.
+    :param pose: a_from_b; one pose, or columns.
+    :returns: b_from_a; one pose, or columns.
     """
     x, y, z, qx, qy, qz, qw = pose
     return compose((0.0, 0.0, 0.0, -qx, -qy, -qz, qw), (-x, -y, -z, 0.0, 0.0, 0.0, 1.0))
@@ -40,12 +43,13 @@ def inverse(pose: Pose) -> Pose:
 
 def compose(left: Pose, right: Pose) -> Pose:
     """
-    Return a_from_c for a_from_b and b_from_c.
+    Return the composition of two poses.
 
-    A vector v is rotated by u = 2 q x v: v + q_w u + q x u.
+    A vector v is rotated by v + q_w u + q x u, where u = 2 q x v.
 
     :param left: a_from_b; one pose, or columns.
     :param right: b_from_c; one pose, or columns.
+    :returns: a_from_c; columns if one of them is columns.
     """
     x, y, z, ax, ay, az, aw = left
     vx, vy, vz, bx, by, bz, bw = right
@@ -63,10 +67,12 @@ def interpolate(two_poses: tuple[float, ...], ratio: float) -> Pose:
     """
     Interpolate between two poses: the translation linearly, the rotation by slerp.
 
-    K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH 1985; the shorter way round.
+    Slerp follows the shorter arc; K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH
+    1985.
 
-    :param two_poses: the fourteen numbers of both, as they lie in the memory of a history.
-    :param ratio: from 0 at the first pose to 1 at the second.
+    :param two_poses: the fourteen numbers of two successive samples of a history.
+    :param ratio: from 0 (the first pose) to 1 (the second pose).
+    :returns: the pose between them.
     """
     x, y, z, ax, ay, az, aw, nx, ny, nz, bx, by, bz, bw = two_poses
     s = 1.0 - ratio
@@ -88,11 +94,12 @@ def interpolate(two_poses: tuple[float, ...], ratio: float) -> Pose:
 
 def interpolate_columns(before: Columns, after: Columns, ratio: Any) -> Columns:
     """
-    Interpolate between many pairs of poses, each as `interpolate` does.
+    Interpolate between the two poses of many pairs, as `interpolate` does for one pair.
 
     :param before: the first pose of each of n pairs.
     :param after: the second pose of each pair.
-    :param ratio: (n,) from 0 at the first pose to 1 at the second.
+    :param ratio: (n,) from 0 (the first pose) to 1 (the second pose).
+    :returns: the n poses between them.
     """
     x, y, z, ax, ay, az, aw = before
     nx, ny, nz, bx, by, bz, bw = after
@@ -114,12 +121,18 @@ def interpolate_columns(before: Columns, after: Columns, ratio: Any) -> Columns:
 
 def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
     """
-    Normalise a quaternion as tf2 does: to a rotation matrix and back.
+    Normalise a quaternion as tf2 does, by conversion to a rotation matrix and back.
 
-    The operations are tf2's, in tf2's order, so that the result is tf2's to the last bit: between
-    rotations that differ by less than 1e-7 rad, the last bit decides what slerp gives. Back from
-    the matrix as in S. W. Shepperd, Quaternion from Rotation Matrix, J. Guidance and Control 1
-    (1978). NaN where there is no such matrix.
+    The operations and their order are those of tf2, so that the result equals tf2's to the last
+    bit: between rotations that differ by less than 1e-7 rad, the result of slerp depends on the
+    last bit. The matrix is converted back as in S. W. Shepperd, Quaternion from Rotation Matrix,
+    J. Guidance and Control 1 (1978).
+
+    :param x: x of a quaternion of any length.
+    :param y: y of the quaternion.
+    :param z: z of the quaternion.
+    :param w: w of the quaternion.
+    :returns: the quaternion x, y, z, w of length 1; four NaN if there is no rotation matrix.
     """
     try:
         s = 2.0 / (x * x + y * y + z * z + w * w)
@@ -153,24 +166,28 @@ def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
 
 
 class Row(NamedTuple):
-    """One transform of a message."""
+    """One transform of a message, with the values that the message contains."""
 
-    stamp_ns: int  #: ns
-    frame_id: str  #: as it is on the wire, so maybe with a leading slash
-    child_frame_id: str
-    pose: Pose  #: x, y, z (m) and the rotation's x, y, z, w, which may be of any length
+    stamp_ns: int  #: time (ns)
+    frame_id: str  #: the parent, possibly with a leading slash
+    child_frame_id: str  #: the child, possibly with a leading slash
+    pose: Pose  #: x, y, z (m) and a quaternion x, y, z, w of any length
 
 
 class Rows(NamedTuple):
-    """Transforms to be inserted one by one."""
+    """Transforms that are inserted one by one."""
 
-    rows: list[Row]
-    authority: str
-    is_static: bool
+    rows: list[Row]  #: the transforms, in the order of their arrival
+    authority: str  #: the name of their publisher
+    is_static: bool  #: whether they are from /tf_static
 
 
 class Batch:
-    """Messages with the same frames, which move, each with one stamp, in the order of arrival."""
+    """
+    Messages of /tf with the same frames, in the order of their arrival.
+
+    All transforms of one message have the same stamp.
+    """
 
     __slots__ = ('authority', 'children', 'parents', 'poses', 'stamps')
 
@@ -181,20 +198,27 @@ class Batch:
         Create a batch without messages.
 
         :param parents: the parents of the n frames, without a leading slash.
-        :param children: the frames, without a leading slash, each of them once.
+        :param children: the frames, without a leading slash; no two are equal.
+        :param authority: the name of the publisher.
         """
         self.parents, self.children, self.authority = parents, children, authority
-        #: (m,) the stamp of each message (ns), larger than the one before.
+        #: (m,) the stamp of each message (ns), strictly increasing.
         self.stamps = array('q')
-        #: (m, n) poses of 7 float64: x, y, z (m) and the rotation's x, y, z, w, of any length.
+        #: m * n poses, message by message; each is 7 float64: x, y, z (m) and a quaternion
+        #: x, y, z, w of any length.
         self.poses: list[bytes] = []
 
 
-#: What a source brings into a buffer.
+#: The type of the elements that a source returns to a buffer.
 BatchOrRows = Union[Batch, Rows]
 
 
 def is_too_long(name: str) -> bool:
-    """Return whether a name is longer than a frame's may be."""
+    """
+    Return True if a name is longer than `LONGEST_NAME`, so that no frame may have it.
+
+    :param name: the name of a frame.
+    :returns: whether the name is too long.
+    """
     return (len(name) * 4 > LONGEST_NAME
             and len(name.encode('utf-8', 'surrogatepass')) > LONGEST_NAME)

@@ -1,7 +1,8 @@
 """
-The words of errors and log lines: tf2's own and the hints after them, and how names are written.
+Texts of errors and log lines: tf2's own words, the hints that follow them, and names of frames.
 
-Names of frames come from others, so they are escaped and cut where they are printed.
+Names of frames are received from other nodes and can contain any character. Therefore they are
+escaped and abbreviated before they are printed.
 """
 
 from collections import deque
@@ -12,20 +13,25 @@ import logging
 from math import inf
 from time import monotonic
 
-from dummy_arm.tf._core.times import display, SECOND
+from dummy_arm.tf._core.times import display_time, SECOND
 
 #: The longest name (characters) that a log line shows in full.
 LONGEST = 100
-#: So many names are shown at most, and match_candidates for near ones.
-_SHOWN, _SEARCHED = 5, 1000
+#: The largest number of names that an error lists.
+_MAX_SHOWN = 5
+#: The largest number of names that are compared with an unknown one.
+_MAX_COMPARED = 1000
 
 
 def visible(text: str) -> str:
     r"""
-    Return a text with every character that is not printable as Python escapes it.
+    Return a text with Python's escape sequences in place of characters that are not printable.
 
-    That is control characters, which could move the cursor, and lone surrogates, which cannot be
-    encoded.
+    Among these are control characters, which could move the cursor of a terminal, and lone
+    surrogates, which cannot be encoded.
+
+    :param text: the text, of one line: a line feed is escaped, too.
+    :returns: the text, printable.
 
     >>> print(visible('tool\x1b[2J'))
     tool\x1b[2J
@@ -35,15 +41,26 @@ def visible(text: str) -> str:
 
 
 def visible_lines(text: str) -> str:
-    """Return a text of several lines, each as `visible` returns it."""
+    r"""
+    Return a text of several lines with the characters escaped as by `visible`.
+
+    :param text: the text; its line feeds stay.
+    :returns: the text, with every line printable.
+
+    >>> print(visible_lines('one\ntwo\r'))
+    one
+    two\r
+    """
     return '\n'.join(map(visible, text.split('\n')))
 
 
 def abbreviated(text: str, longest: int = LONGEST) -> str:
     """
-    Return a text of at most some characters, with the middle replaced by three dots.
+    Shorten a text to a number of characters; three dots replace its middle.
 
-    :param longest: the number of characters, at least 3.
+    :param text: the text.
+    :param longest: the largest number of characters to return, at least 3.
+    :returns: the text itself if it is short enough.
 
     >>> abbreviated('left_front_wheel', 11)
     'left...heel'
@@ -55,13 +72,26 @@ def abbreviated(text: str, longest: int = LONGEST) -> str:
 
 
 def shortened(name: str) -> str:
-    """Return a name as a line with several of them shows it: visible, and abbreviated."""
+    r"""
+    Return a name abbreviated and escaped, for lines with several names.
+
+    :param name: the name of a frame, node or topic.
+    :returns: the printable name.
+
+    >>> print(shortened('tool\n'))
+    tool\n
+    >>> len(shortened('x' * 3000))
+    100
+    """
     return visible(abbreviated(name))
 
 
 def logged(name: str) -> str:
     """
-    Return a name as log lines show it: visible, and a long one abbreviated, with its length.
+    Return a name abbreviated and escaped, with its length if it is abbreviated, for log lines.
+
+    :param name: the name of a frame, node or topic.
+    :returns: the printable name.
 
     >>> logged('arm')
     'arm'
@@ -71,129 +101,211 @@ def logged(name: str) -> str:
     return shortened(name) + (f' ({len(name)} characters)' if len(name) > LONGEST else '')
 
 
-@lru_cache(maxsize=8)  # a program that waits asks again and again
+@lru_cache(maxsize=8)  # A program that waits for a frame prints the same error many times.
 def suggest_names(name: str, known: tuple[str, ...], what: str = 'frames') -> str:
-    """Name those whose names are nearest to one that does not exist, or some others."""
+    """
+    Return a sentence with the known names that are most similar to an unknown one.
+
+    :param name: the name that does not exist.
+    :param known: all names that exist.
+    :param what: what the names are, as a plural.
+    :returns: a sentence with up to five names; with the first ones if none is similar.
+
+    >>> suggest_names('base_lnik', ('map', 'base_link', 'base_scan'))
+    "Nearest known: 'base_link', 'base_scan'."
+    >>> suggest_names('tool', ('map', 'odom'))
+    "Known frames: 'map', 'odom'."
+    >>> suggest_names('tool', ())
+    'No transform has been received yet.'
+    """
     if not known:
         return 'No transform has been received yet.'
-    close = []
+    matches = []
     if len(name) <= LONGEST:
-        close = get_close_matches(name, match_candidates(known), _SHOWN)
-    if close:
-        return f'Nearest known: {_listed(close)}.'
-    return f'Known {what}: {comma_list(known, _SHOWN, quoted)}.'
+        matches = get_close_matches(name, match_candidates(known), _MAX_SHOWN)
+    if matches:
+        return f'Nearest known: {", ".join(map(quoted, matches))}.'
+    return f'Known {what}: {comma_list(known, _MAX_SHOWN, quoted)}.'
 
 
 def match_candidates(known: Sequence[str]) -> list[str]:
-    """Return those of many names that are compared with one: more of them would take seconds."""
-    return [name for name in known[:_SEARCHED] if len(name) <= LONGEST]
+    """
+    Return the known names that are compared with an unknown one.
+
+    These are the names among the first 1000 that are not longer than `LONGEST`: to compare all of
+    many names, or long ones, would take seconds.
+
+    :param known: all names that exist.
+    :returns: the names to compare, in the same order.
+
+    >>> match_candidates(['map', 'x' * 3000, 'odom'])
+    ['map', 'odom']
+    """
+    return [name for name in known[:_MAX_COMPARED] if len(name) <= LONGEST]
 
 
 def quoted(name: str) -> str:
-    """Return a name in quotes, a long one abbreviated."""
+    r"""
+    Return a name abbreviated and in quotes, with escape sequences as `repr` writes them.
+
+    :param name: the name of a frame, node or topic.
+    :returns: the quoted name.
+
+    >>> print(quoted('tool\n'))
+    'tool\n'
+    """
     return repr(abbreviated(name))
 
 
 def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) -> str:
-    """List the first of some texts, and tell how many more there are."""
+    """
+    Join the first of some texts with commas, followed by the number of the remaining ones.
+
+    :param texts: the texts.
+    :param shown: the largest number of texts to write.
+    :param write: converts each text before it is written.
+    :returns: the list as one line.
+
+    >>> comma_list(['a', 'b', 'c', 'd'], 2)
+    'a, b and 2 more'
+    >>> comma_list(['a', 'b'], 2, quoted)
+    "'a', 'b'"
+    """
     more = f' and {len(texts) - shown} more' if len(texts) > shown else ''
     return f'{", ".join(map(write, texts[:shown]))}{more}'
 
 
-def _listed(names: Sequence[str]) -> str:
-    return ', '.join(map(quoted, names))
-
-
-def roots(target: str, target_root: str, source: str, source_root: str) -> str:
-    """Name the roots of two trees."""
-    return (f' {quoted(target)} is in the tree of root {quoted(target_root)}, '
-            f'{quoted(source)} in that of root {quoted(source_root)}.')
-
-
-def no_pose(count: int, oldest: int, latest: int, time: int) -> str:
+def roots_hint(target: str, target_root: str, source: str, source_root: str) -> str:
     """
-    Write tf2's words for a time at which a frame has no pose.
+    Return the hint for two frames that are in different trees.
 
-    :param count: how many samples the frame has; 0: ''.
-    :param oldest: the stamp of the first of them (ns).
-    :param latest: the stamp of the last of them (ns).
-    :param time: ns.
+    :param target: the target frame.
+    :param target_root: the root of its tree.
+    :param source: the source frame.
+    :param source_root: the root of its tree.
+    :returns: a sentence after a space.
+    """
+    return (f' {quoted(target)} is in the tree with root {quoted(target_root)}, '
+            f'{quoted(source)} in the tree with root {quoted(source_root)}.')
+
+
+def extrapolation_words(count: int, oldest: int, latest: int, time: int) -> str:
+    """
+    Return tf2's words for a time at which a frame has no pose.
+
+    :param count: the number of samples in the history of the frame.
+    :param oldest: the stamp of the oldest sample (ns).
+    :param latest: the stamp of the newest sample (ns).
+    :param time: the requested time (ns).
+    :returns: the beginning of tf2's sentence; empty, as in tf2, if there are no samples.
     """
     if not count:
         return ''
     if count == 1:
-        return (f'Lookup would require extrapolation at time {display(time)}, but only time '
-                f'{display(latest)} is in the buffer')
+        return (f'Lookup would require extrapolation at time {display_time(time)}, but only time '
+                f'{display_time(latest)} is in the buffer')
     if time > latest:
         return ('Lookup would require extrapolation into the future.  Requested time '
-                f'{display(time)} but the latest data is at time {display(latest)}')
+                f'{display_time(time)} but the latest data is at time {display_time(latest)}')
     return ('Lookup would require extrapolation into the past.  Requested time '
-            f'{display(time)} but the earliest data is at time {display(oldest)}')
+            f'{display_time(time)} but the earliest data is at time {display_time(oldest)}')
 
 
-def extrapolation(frame: str, parent: str, oldest: int, latest: int, time: int) -> str:
+def extrapolation_hint(frame: str, parent: str, oldest: int, latest: int, time: int) -> str:
     """
-    Name the edge above a frame that does not cover a time, and by how much.
+    Return the hint for an edge that has no data at a time: the edge, and by how much it misses.
 
+    :param frame: the child frame of the edge.
     :param parent: the newest parent of the frame.
-    :param oldest: the stamp of its oldest sample (ns).
-    :param latest: the stamp of its newest sample (ns).
-    :param time: ns.
+    :param oldest: the stamp of the oldest sample of the frame (ns).
+    :param latest: the stamp of the newest sample of the frame (ns).
+    :param time: the requested time (ns), before `oldest` or after `latest`.
+    :returns: a sentence after a space.
     """
     edge = f'{quoted(parent)} -> {quoted(frame)}'
     if time > latest:
-        return f' The edge {edge} ends {seconds(time - latest)} before that time.'
-    return f' The edge {edge} begins {seconds(oldest - time)} after that time.'
+        return f' The data of edge {edge} end {exact_seconds(time - latest)} before that time.'
+    return f' The data of edge {edge} begin {exact_seconds(oldest - time)} after that time.'
 
 
-def cleared(frame: str) -> str:
-    """Name a frame whose history was cleared, so that its parent is not known."""
-    return f' Nothing is known of {quoted(frame)} since the buffer was cleared.'
+def cleared_hint(frame: str) -> str:
+    """
+    Return the hint for a frame whose history was cleared, so that it has no parent.
+
+    :param frame: the frame.
+    :returns: a sentence after a space.
+    """
+    return f' No transform of {quoted(frame)} has been received since the buffer was cleared.'
 
 
-def loop(chain: Sequence[str]) -> str:
-    """Name the loop in which a chain of frames ends, each the parent of the one before."""
+def loop_hint(chain: Sequence[str]) -> str:
+    """
+    Return the hint for a chain of frames that is too long: the loop in which it ends.
+
+    :param chain: frames, each the parent of the one before.
+    :returns: a sentence with the frames of the loop, from parent to child.
+    """
     last = chain[-1]
-    before = [i for i, frame in enumerate(chain[:-1]) if frame == last]
-    if not before:
-        return f'There is none, but more than {len(chain) - 1} edges in a row.'
-    return f'The loop: {" -> ".join(map(quoted, reversed(chain[before[-1]:])))}.'
+    earlier = [i for i, frame in enumerate(chain[:-1]) if frame == last]
+    if not earlier:
+        return f'There is no loop, but a chain of more than {len(chain) - 1} edges.'
+    return f'The loop: {" -> ".join(map(quoted, reversed(chain[earlier[-1]:])))}.'
 
 
-def seconds(duration: int) -> str:
-    """Write a duration (ns >= 0) in s, exactly."""
+def exact_seconds(duration: int) -> str:
+    """
+    Write a duration in seconds, exactly.
+
+    :param duration: duration (ns), not negative.
+    :returns: the number with nine decimals, and the unit.
+
+    >>> exact_seconds(1_500_000_000)
+    '1.500000000 s'
+    """
     return f'{duration // SECOND}.{duration % SECOND:09d} s'
 
 
 class ThrottledLog:
     """
-    A log that says the same cause at most once a second.
+    A log that repeats a warning of the same cause after a second at the earliest.
 
-    What is told is logged by `flush`, for which no lock must be held: a log may look up.
+    Warnings are queued, and written by `flush`. Call `flush` without a lock, since a handler of
+    the log may look up transforms.
     """
 
     def __init__(self) -> None:
-        """Begin with nothing said."""
+        """Create a log without warnings."""
+        #: The function that writes a line; it may be replaced.
         self.write: Callable[[str], None] = logging.getLogger('dummy_arm.tf').warning
-        self._again: dict[str, float] = {}
-        self._waiting: deque[str] = deque()
+        #: By cause, the time on the monotonic clock (s) from which it may be logged again.
+        self._next_times: dict[str, float] = {}
+        self._queue: deque[str] = deque()
 
     def warn(self, *problems: str) -> None:
-        """Tell problems, but not one whose cause, its first word, was told within a second."""
+        """
+        Queue warnings, except those whose cause was queued less than a second ago.
+
+        :param problems: the texts of the warnings; the cause is the first word of a text.
+        """
         for problem in problems:
             self._warn(problem.partition(' ')[0], problem, 1.0)
 
     def warn_once(self, cause: str, problem: str) -> None:
-        """Tell a problem, but not if its cause was told before."""
+        """
+        Queue a warning, unless its cause was queued before.
+
+        :param cause: the cause, which need not be a part of the text.
+        :param problem: the text of the warning.
+        """
         self._warn(cause, problem, inf)
 
     def _warn(self, cause: str, problem: str, silence: float) -> None:
         now = monotonic()
-        if now >= self._again.get(cause, now):
-            self._again[cause] = now + silence
-            self._waiting.append(problem)
+        if now >= self._next_times.get(cause, now):
+            self._next_times[cause] = now + silence
+            self._queue.append(problem)
 
     def flush(self) -> None:
-        """Log what was told."""
-        while self._waiting:
-            self.write(self._waiting.popleft())
+        """Write the queued warnings."""
+        while self._queue:
+            self.write(self._queue.popleft())

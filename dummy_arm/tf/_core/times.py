@@ -1,20 +1,23 @@
-"""Points in time: integer nanoseconds, and what other libraries have for them."""
+"""Times and durations: integer nanoseconds, converted from the types of rclpy and ROS messages."""
 
 from operator import index
 from typing import Any
 
+#: One second (ns).
 SECOND = 1_000_000_000
 
 
 def nanoseconds(time: Any, name: str = 'time') -> int:
     """
-    Read a time or a duration in ns from what has `sec` and `nanosec`, or `nanoseconds`.
+    Convert the time or duration of another library to nanoseconds.
 
-    :param name: what it is called in an error.
-    :raises TypeError: when it has neither.
+    :param time: an object with `nanoseconds` (rclpy), or with `sec` and `nanosec` (messages).
+    :param name: the name of the argument, for the error text.
+    :returns: the time or duration (ns).
+    :raises TypeError: if `time` has neither.
     """
     try:
-        # First, because most are rclpy's; no type has both.
+        # rclpy's types come first, since they are the most frequent; no type has both.
         return int(time.nanoseconds)
     except AttributeError:
         pass
@@ -26,24 +29,53 @@ def nanoseconds(time: Any, name: str = 'time') -> int:
 
 def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
     """
-    Read a time or a duration in ns as `nanoseconds` does, or from an integer of ns.
+    Convert a time or duration to nanoseconds as `nanoseconds` does; accept integers (ns), too.
 
-    :raises TypeError: when it is none of these.
+    :param time: an object as for `nanoseconds`, or an integer (ns), also one of numpy.
+    :param name: the name of the argument, for the error text.
+    :returns: the time or duration (ns).
+    :raises TypeError: if `time` is none of these.
+
+    >>> nanoseconds_or_int(5)
+    5
+    >>> from types import SimpleNamespace
+    >>> nanoseconds_or_int(SimpleNamespace(sec=1, nanosec=500_000_000))
+    1500000000
     """
     if hasattr(time, '__index__'):
         return index(time)
     try:
         return nanoseconds(time, name)
     except TypeError as error:
-        raise TypeError(f'{error}; an integer of ns is good, too') from None
+        raise TypeError(f'{error}; an integer (ns) is accepted, too') from None
 
 
 def in_seconds(time: int) -> float:
-    """Convert ns to s, rounded as tf2 rounds: the parts before and after the point apart."""
-    after = abs(time) % SECOND * (-1 if time < 0 else 1)
-    return (time - after) // SECOND + 1e-9 * after
+    """
+    Convert nanoseconds to seconds with the rounding of tf2.
+
+    As `tf2::timeToSec` does, whole seconds and nanoseconds are converted separately and added.
+
+    :param time: time or duration (ns).
+    :returns: the same in seconds.
+
+    >>> in_seconds(1_500_000_000)
+    1.5
+    >>> in_seconds(-1)
+    -1e-09
+    """
+    fraction = abs(time) % SECOND * (-1 if time < 0 else 1)
+    return (time - fraction) // SECOND + 1e-9 * fraction
 
 
-def display(time: int) -> str:
-    """Write a time (ns) as tf2 writes it in its texts: s, six digits after the point."""
+def display_time(time: int) -> str:
+    """
+    Write a time in seconds with six decimals, as `tf2::displayTimePoint` does.
+
+    :param time: time (ns).
+    :returns: the text, without a unit.
+
+    >>> display_time(1_700_000_000_123_456_789)
+    '1700000000.123457'
+    """
     return f'{in_seconds(time):.6f}'

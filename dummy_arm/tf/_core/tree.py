@@ -1,4 +1,4 @@
-"""The tree of frames: who is whose parent at a time; the paths through it, as tf2 finds them."""
+"""The tree of frames: the parents of each frame over time, and tf2's search for paths in it."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, Optional
@@ -16,24 +16,25 @@ from dummy_arm.tf.exceptions import (
     TransformException,
 )
 
-#: More edges in a row tf2 takes for a loop.
+#: The number of edges from a frame upwards above which tf2 reports a loop.
 MAX_GRAPH_DEPTH = 1000
 _UNKNOWN = 'frame does not exist'
 
 
 class FrameTree:
     """
-    Every frame that was ever named, in the order of the naming, and what is known of it.
+    The frames of a buffer and their histories.
 
-    `histories` has None for a frame that was named as a parent only. Where tf2 has an answer for
-    a path, an error or a text, it is the same here.
+    `histories` has every frame, in the order in which the frames were first named; the value is
+    None for a frame that was named as a parent only. Paths, errors and tf2's part of their texts
+    are the same as in tf2.
     """
 
     def __init__(self, cache_time: int) -> None:
         """
-        Begin without frames.
+        Create a tree without frames.
 
-        :param cache_time: how long a history lasts (ns).
+        :param cache_time: how long samples are kept (ns).
         """
         self.cache_time = cache_time
         self.histories: dict[str, Optional[AnyHistory]] = {}
@@ -42,10 +43,10 @@ class FrameTree:
     @property
     def names(self) -> tuple[str, ...]:
         """
-        All frames, in the order of their naming.
+        The names of all frames, in the order in which they were first named.
 
-        The tuple is renewed when a frame was added (a name is never removed), so an error can keep
-        it and be read by any thread, without the lock and without the tree.
+        The tuple is replaced when a frame was added; names are never removed. So an error can keep
+        the tuple, and any thread can read the error without the lock.
         """
         if len(self._names) != len(self.histories):
             self._names = tuple(self.histories)
@@ -54,10 +55,15 @@ class FrameTree:
     def insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
         """
-        Insert the pose of a child in its parent.
+        Insert the pose of a child frame in its parent.
 
-        :param stamp: ns.
-        :returns: False when it is too old, and was left out.
+        :param stamp: time of the pose (ns); ignored if it is static.
+        :param parent: the parent.
+        :param child: the child.
+        :param pose: x, y, z (m) and the quaternion x, y, z, w, of length 1.
+        :param authority: the name of the publisher.
+        :param is_static: whether the pose is static.
+        :returns: False if the pose is older than the cache time allows, and was not inserted.
         """
         histories = self.histories
         history = histories.setdefault(child, None)
@@ -73,13 +79,21 @@ class FrameTree:
         return history.insert(stamp, parent, pose, authority)
 
     def has_edge(self, parent: str, child: str, is_static: bool) -> bool:
-        """Return whether a frame has had a parent, so that one more sample changes no path."""
+        """
+        Return True if a history has samples with a parent, so that one more changes no path.
+
+        :param parent: the parent.
+        :param child: the frame with the history.
+        :param is_static: whether the next sample is static.
+        :returns: whether the history of `child` contains `parent` and is of the same kind, static
+            or dynamic.
+        """
         history = self.histories.get(child)
         return (history is not None and history.is_static is is_static
                 and parent in history.all_parents)
 
     def clear(self) -> None:
-        """Forget what moves; the frames and what is static stay."""
+        """Drop the samples of dynamic frames; the names of frames and static poses stay."""
         for name, history in self.histories.items():
             if isinstance(history, History):
                 self.histories[name] = History(self.cache_time)
@@ -88,9 +102,11 @@ class FrameTree:
         """
         Check that a frame exists.
 
-        :param where: which argument of what it is, in tf2's words.
-        :raises InvalidArgumentException: when it is empty or begins with a slash.
-        :raises LookupException: when it does not exist.
+        :param name: the name of the frame.
+        :param where: tf2's words for the function and argument, for the error text.
+        :raises InvalidArgumentException: if the name is empty or begins with a slash.
+        :raises LookupException: if the frame does not exist.
+        :raises TypeError: if the name is not a str.
         """
         problem = self._problem(name)
         if problem == _UNKNOWN:
@@ -101,15 +117,24 @@ class FrameTree:
                 f'Invalid argument "{name}" passed to {where} - {problem}')
 
     def check_for_lookup(self, **frames: str) -> None:
-        """Check the frames of a lookup, each under the name of its argument, as `check` does."""
+        """
+        Check that the frames of a lookup exist.
+
+        :param frames: the frames by the names of the arguments, as tf2 calls them.
+        :raises InvalidArgumentException: as `check`.
+        :raises LookupException: as `check`.
+        :raises TypeError: as `check`.
+        """
         for argument, name in frames.items():
             self.check(name, f'lookupTransform argument {argument}')
 
     def check_for_can_transform(self, **frames: str) -> None:
         """
-        Check frames as `check_for_lookup` does, with what tf2's can_transform says.
+        Check that frames exist, with the error texts of tf2's canTransform.
 
-        :raises TransformException: when one does not exist.
+        :param frames: as `check_for_lookup`.
+        :raises TransformException: if a frame does not exist, or if a name is invalid.
+        :raises TypeError: if a name is not a str.
         """
         for argument, name in frames.items():
             if problem := self._problem(name):
@@ -120,11 +145,12 @@ class FrameTree:
                 raise TransformException.with_hint(f'{words}. ', self._nearest(name))
 
     def _nearest(self, name: str) -> Callable[[], str]:
-        """Return a function that finds the nearest of the names that are known now."""
+        """Return a function that suggests names for one that does not exist now."""
         names = self.names
         return lambda: texts.suggest_names(name, names)
 
     def _problem(self, name: str) -> Optional[str]:
+        """Return tf2's words for what is wrong with the name of a frame; None if it exists."""
         if not isinstance(name, str):
             raise TypeError(f'a frame must be a str, got {name!r} of type {type(name).__name__}')
         if not name:
@@ -135,17 +161,32 @@ class FrameTree:
 
     def path(self, target: str, source: str, time: int) -> Path:
         """
-        Find the path from a source to a target, two frames that exist, at a time (ns; 0: newest).
+        Find the path from a source frame to a target frame at a time.
 
-        :raises ConnectivityException: when they are in two trees.
-        :raises ExtrapolationException: when an edge has no pose for the time.
-        :raises LookupException: when there is a loop, or a path of more than 1000 edges.
+        :param target: the target frame, which must exist.
+        :param source: the source frame, which must exist.
+        :param time: time (ns), at which the parents of the frames are taken; 0: the newest
+            parents.
+        :returns: the path.
+        :raises ConnectivityException: if the frames are in different trees.
+        :raises ExtrapolationException: if an edge has no pose at the time.
+        :raises LookupException: if there is a loop, or a chain of more than 1000 edges.
         """
         from_source, from_target = self._walk(target, source, time)
         return Path(self._edges(from_source), self._edges(from_target))
 
     def chain(self, target: str, source: str, time: int) -> list[str]:
-        """List the frames from a source to a target; else as `path`."""
+        """
+        Return the frames on the path from a source frame to a target frame at a time.
+
+        :param target: as `path`.
+        :param source: as `path`.
+        :param time: as `path`.
+        :returns: the names of the frames, the source frame first.
+        :raises ConnectivityException: as `path`.
+        :raises ExtrapolationException: as `path`.
+        :raises LookupException: as `path`.
+        """
         from_source, from_target = self._walk(target, source, time)
         if from_target:
             return [*from_source, *self._parents(from_target[-1:], time), *reversed(from_target)]
@@ -159,10 +200,10 @@ class FrameTree:
 
     def _walk(self, target: str, source: str, time: int) -> tuple[list[str], list[str]]:
         """
-        List the frames above which the path's edges are: from the source, and from the target.
+        Return the child frames of the edges on a path: above the source, and above the target.
 
-        First the source's ancestors are followed as far as there is data, then the target's until
-        they meet those, as in tf2: so of several errors it is tf2's that is raised.
+        As in tf2, first the ancestors of the source are followed as far as there are data, then
+        those of the target. Therefore, of several possible errors, the one of tf2 is raised.
         """
         from_source: list[str] = []
         stopped_at: Optional[str] = None
@@ -198,40 +239,50 @@ class FrameTree:
 
     def latest_common_time(self, target: str, source: str) -> int:
         """
-        Find the newest time (ns) of which every moving edge of the newest path knows.
+        Return the latest time for which every dynamic edge on a path has data.
 
-        :returns: 0 when nothing moves on it.
-        :raises ConnectivityException: when they are in two trees.
-        :raises LookupException: when there is a loop, or a path of more than 1000 edges.
+        The path is that of the newest parents.
+
+        :param target: the target frame, which must exist.
+        :param source: the source frame, which must exist.
+        :returns: time (ns); 0 if there is no dynamic edge.
+        :raises ConnectivityException: if the frames are in different trees.
+        :raises LookupException: if there is a loop, or a chain of more than 1000 edges.
         """
         if source == target:
             history = self.histories[source]
             return history.latest if history else 0
         from_source: list[str] = []
-        met: dict[str, int] = {}
+        # By ancestor of the source frame: the number of edges from the source frame up to it.
+        depths: dict[str, int] = {}
         for child, parent in self._ancestors(source):
             self._append(from_source, child)
             if parent == target:
                 return Path(self._edges(from_source), []).latest_common_time()
-            met[parent] = len(from_source)
+            depths[parent] = len(from_source)
         from_target: list[str] = []
         for child, parent in self._ancestors(target):
             self._append(from_target, child)
             if parent == source:
                 return Path([], self._edges(from_target)).latest_common_time()
-            if parent in met:
-                path = Path(self._edges(from_source[:met[parent]]), self._edges(from_target))
+            if parent in depths:
+                path = Path(self._edges(from_source[:depths[parent]]), self._edges(from_target))
                 return path.latest_common_time()
         raise self._unconnected(target, source)
 
     def _ancestors(self, frame: str) -> Iterator[tuple[str, str]]:
-        """Follow the newest parents of a frame: (child, parent), …; for ever in a loop."""
+        """Yield (child, parent) upwards from a frame, by the newest parents; endless in a loop."""
         while (history := self.histories[frame]) and (parent := history.parent_at(0)):
             yield frame, parent
             frame = parent
 
     def root(self, frame: str) -> str:
-        """Find the frame without parent above a frame; in a loop, any of its frames."""
+        """
+        Return the root above a frame, by the newest parents.
+
+        :param frame: the frame, which must exist.
+        :returns: the ancestor without a parent; any frame of the loop if there is a loop instead.
+        """
         seen = {frame}
         for _, parent in self._ancestors(frame):
             frame = parent
@@ -241,7 +292,13 @@ class FrameTree:
         return frame
 
     def has_no_loop_above(self, frame: str) -> bool:
-        """Tell whether all ancestors that a frame has at any time are without loop, and few."""
+        """
+        Return True if a frame has no loop above it at any time.
+
+        :param frame: the frame, which must exist.
+        :returns: False, too, if a chain of ancestors, each by any of its parents, may have more
+            than 1000 edges.
+        """
         ancestors = {frame}
         for _ in range(MAX_GRAPH_DEPTH + 1):
             ancestors = {
@@ -252,53 +309,64 @@ class FrameTree:
         return False
 
     def _append(self, chain: list[str], frame: str) -> None:
+        """Append a frame to a chain; raise a LookupException if it becomes too long."""
         chain.append(frame)
         if len(chain) > MAX_GRAPH_DEPTH:
-            edges = self.newest_edges()  # the text is written without the lock
+            # The edges are copied now, since the text is written later, without the lock.
+            edges = self.newest_edges()
             raise LookupException.with_hint(
                 'The tf tree is invalid because it contains a loop.\n',
-                lambda: f'{as_string(edges)}\n{texts.loop(chain)}')
+                lambda: f'{as_string(edges)}\n{texts.loop_hint(chain)}')
 
     def states(self, until: int = 0) -> list[tuple[str, State]]:
         """
-        List what is known of the frames that have a parent, in the order of their naming.
+        Return the states of the frames that have a parent, in the order of `names`.
 
-        :param until: a time (ns): no newer than then; 0: of all.
+        :param until: time (ns) of the state, so that newer samples are ignored; 0: now.
+        :returns: (frame, state) for each frame with samples; see `history.State`.
         """
         return [(name, state) for name, history in self.histories.items()
                 if history is not None and (state := history.state(until)) is not None]
 
     def parents(self, until: int = 0) -> Iterator[tuple[str, str, AnyHistory]]:
         """
-        Give every frame that has a parent, the newest one, and the frame's history.
+        Yield every frame that has a parent, its newest parent, and its history.
 
-        :param until: a time (ns): no newer than then; 0: of all.
+        :param until: time (ns) of the parent, so that newer samples are ignored; 0: now.
+        :returns: an iterator over (frame, parent, history).
         """
         for name, history in self.histories.items():
             if history is not None and (state := history.state(until)) is not None:
                 yield name, state[0], history
 
     def dump(self) -> dict[str, dict[str, Any]]:
-        """Return everything that is known; see `BufferCore.dump`."""
+        """
+        Return all data as lists and dicts.
+
+        :returns: see `BufferCore.dump`.
+        """
         return {name: (history or History(0)).dump() for name, history in self.histories.items()}
 
     def newest_edges(self) -> list[tuple[str, Optional[str]]]:
-        """List the frames that had a parent, and their newest parents; None: since cleared."""
+        """
+        Return the frames that have had a parent, with their newest parents.
+
+        :returns: (frame, parent) for each frame; the parent is None if the history was cleared.
+        """
         return [(name, history.parent_at(0)) for name, history in self.histories.items()
                 if history is not None]
 
     def _extrapolation(self, frame: str, time: int, target: str, source: str
                        ) -> ExtrapolationException:
         """
-        Return the error of a walk that stopped at a frame.
+        Create the error of a search that stopped at a frame without data for the time.
 
-        tf2's words are about that frame, which may be off the path: tf2 follows the ancestors of
-        the source as far as there is data, and then those of the target. The hint is about the
-        path.
+        tf2's words describe that frame, even if it is not on the path, since tf2 follows the
+        ancestors of the source as far as there are data. The hint describes the path.
         """
         history = self.histories[frame]
         assert isinstance(history, History)
-        words = texts.no_pose(len(history), history.oldest, history.latest, time)
+        words = texts.extrapolation_words(len(history), history.oldest, history.latest, time)
         return ExtrapolationException(
             f'{words}, when looking up transform from frame [{source}] to frame [{target}].'
             + self._why_not_at(time, target, source, frame))
@@ -307,16 +375,16 @@ class FrameTree:
         """
         Return the hint of an ExtrapolationException.
 
-        It names the edge between the two frames, by their newest parents, that is farthest from
-        covering the time (ns); where all of these cover it, the frames had other parents then,
-        and it names the edge above the frame at which the walk stopped.
+        The hint names that edge on the path (by the newest parents) whose samples are farthest
+        from the time (ns). If all of these edges have data at the time, the frames had other
+        parents then, and the hint names the edge above the frame at which the search stopped.
         """
-        from_source, from_target, meeting = self._ways_up(source, target)
+        from_source, from_target, meeting = self._chains_to_meeting(source, target)
         if meeting is None:
             return self._why_unconnected(target, [*from_target][-1], source, [*from_source][-1])
         worst, widest = stopped_at, 0
-        for way in from_source, from_target:
-            for frame in way:
+        for chain in from_source, from_target:
+            for frame in chain:
                 if frame == meeting:
                     break
                 gap = self.histories[frame].distance_to(time)  # type: ignore[union-attr]
@@ -325,45 +393,45 @@ class FrameTree:
         history = self.histories[worst]
         assert isinstance(history, History)
         if not len(history):
-            return texts.cleared(worst)
-        return texts.extrapolation(
+            return texts.cleared_hint(worst)
+        return texts.extrapolation_hint(
             worst, history.parent_at(0) or '', history.oldest, history.latest, time)
 
-    def _ways_up(self, source: str, target: str
-                 ) -> tuple[dict[str, None], dict[str, None], Optional[str]]:
+    def _chains_to_meeting(self, source: str, target: str
+                           ) -> tuple[dict[str, None], dict[str, None], Optional[str]]:
         """
-        Follow the newest parents of two frames, in turn, until they meet.
+        Follow the newest parents of two frames, one step each in turn, until the chains meet.
 
-        :returns: the frames on both ways, each from its first frame on; and that in which they
-            meet, or None.
+        :returns: both chains, as the keys of dicts, each from its lowest frame upwards; and the
+            frame at which they meet, or None.
         """
-        ways: tuple[dict[str, None], dict[str, None]] = {source: None}, {target: None}
+        chains: tuple[dict[str, None], dict[str, None]] = {source: None}, {target: None}
         ends: list[Optional[str]] = [source, target]
         turn = 0
         while ends[0] or ends[1]:
             if end := ends[turn]:
                 history = self.histories[end]
                 parent = None if history is None else history.parent_at(0)
-                if parent in ways[turn]:  # a loop
+                if parent in chains[turn]:  # a loop
                     parent = None
                 if parent:
-                    ways[turn][parent] = None
-                    if parent in ways[1 - turn]:
-                        return *ways, parent
+                    chains[turn][parent] = None
+                    if parent in chains[1 - turn]:
+                        return *chains, parent
                 ends[turn] = parent
             turn = 1 - turn
-        return *ways, None
+        return *chains, None
 
     def _why_unconnected(self, target: str, target_root: str, source: str, source_root: str
                          ) -> str:
-        """Return the hint for two frames whose newest ancestors end in two frames."""
+        """Return the hint for two frames that have different roots."""
         for root in source_root, target_root:
             if (history := self.histories[root]) is not None and not len(history):
-                return texts.cleared(root)
-        return texts.roots(target, target_root, source, source_root)
+                return texts.cleared_hint(root)
+        return texts.roots_hint(target, target_root, source, source_root)
 
     def _unconnected(self, target: str, source: str) -> ConnectivityException:
         return ConnectivityException(
             f"Could not find a connection between '{target}' and '{source}' because they are not "
             'part of the same tree.Tf has two or more unconnected trees.'
-            + texts.roots(target, self.root(target), source, self.root(source)))
+            + texts.roots_hint(target, self.root(target), source, self.root(source)))

@@ -1,4 +1,4 @@
-"""Futures for transforms that are not there yet."""
+"""Futures for transforms that are not available yet."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -34,17 +34,24 @@ class TransformFuture(Future):
         """
         Create a future that is not done.
 
-        :param lookup: returns the result, or raises a TransformException as long as there is none.
-        :param what: what is waited for, for the error when it takes too long.
+        :param owner: the pending futures to which this one belongs.
+        :param lookup: returns the result, or raises a TransformException if it is not available.
+        :param what: the description of the transform in the text of a TimeoutException.
         """
         super().__init__()  # type: ignore[no-untyped-call]
         self.lookup, self.what = lookup, what
         self._owner = owner
 
     def add_done_callback(self, callback: Callable[[Future], None]) -> None:
-        """Add a function to be called when this is done; until then the future is kept."""
+        """
+        Add a function that is called when this future is done, and keep the future until then.
+
+        :param callback: called with this future.
+        """
         super().add_done_callback(callback)  # type: ignore[no-untyped-call]
-        if not is_of_executor(callback):  # which holds this, and would do so for ever
+        # An executor refers to the future while it spins, but never removes its callback: if the
+        # future were kept here, it would go on waiting after a spin that timed out.
+        if not is_of_executor(callback):
             self._owner.keep(self)
 
     def cancel(self) -> None:
@@ -53,7 +60,7 @@ class TransformFuture(Future):
             super().cancel()  # type: ignore[no-untyped-call]
 
 
-#: The deadline (s, of the monotonic clock), a tie-breaker, the timeout (s), and the future.
+#: The deadline (s, monotonic clock), a tie-breaker for the heap, the timeout (s), and the future.
 _Deadline = tuple[float, int, float, 'ref[TransformFuture]']
 
 
@@ -61,25 +68,25 @@ class PendingFutures:
     """
     The futures that wait for the data of a buffer.
 
-    There is no lock: each change of `_futures` is one operation of a dict, and whoever removes a
-    future from it is the one that finishes it. So a signal handler or the garbage collector may
-    interrupt any of these methods.
+    No lock protects `_futures`: each change is one atomic operation of a dict, and only the thread
+    that removes a future from it completes that future. So a signal handler or the garbage
+    collector may interrupt any of these methods.
     """
 
     def __init__(self, node: Optional[Node]) -> None:
         """
-        Create without futures.
+        Create an empty set of futures.
 
-        :param node: its executor is woken when a future is done.
+        :param node: the node whose executor is woken when a future is done; None: no executor.
         """
         self._node = node
         self._futures: dict[int, ref[TransformFuture]] = {}
-        #: Those with a done callback, which are kept alive.
+        #: References that keep the futures with a done callback alive.
         self._kept: set[TransformFuture] = set()
         self._numbers = count()
-        #: New deadlines for the thread that watches them; None wakes it.
+        #: New deadlines for the thread that waits for them; None wakes it.
         self._queue: SimpleQueue[Optional[_Deadline]] = SimpleQueue()
-        #: A heap of deadlines, which only that thread uses.
+        #: A heap of deadlines, used by that thread only.
         self._deadlines: list[_Deadline] = []
         self._starting = RLock()
         self._thread: Optional[Thread] = None
@@ -90,10 +97,13 @@ class PendingFutures:
     def add(self, lookup: Callable[[], TransformStamped], timeout: Optional[float], what: str
             ) -> Future:
         """
-        Return a future, which is done if its lookup returns an answer now.
+        Create a future, which is done at once if its lookup succeeds now.
 
-        :param timeout: after how long the wait ends with a TimeoutException (s); None: never.
-        :param what: what is waited for, for that error.
+        :param lookup: returns the result, or raises a TransformException if it is not available.
+        :param timeout: the time after which the future ends with a TimeoutException (s); None:
+            never.
+        :param what: the description of the transform in the text of that exception.
+        :returns: the future.
         """
         future = TransformFuture(self, lookup, what)
         key = id(future)
@@ -107,33 +117,46 @@ class PendingFutures:
             self.forget(future)
             raise
         else:
-            self._finish(future, partial(future.set_result, transform))
+            self._complete(future, partial(future.set_result, transform))
         return future
 
     def keep(self, future: TransformFuture) -> None:
-        """Keep a future that somebody waits for, until it is done."""
+        """
+        Keep a reference to a future until it is done.
+
+        :param future: the future, which has a done callback.
+        """
         self._kept.add(future)
         if id(future) not in self._futures:
             self._kept.discard(future)
 
     def forget(self, future: TransformFuture) -> bool:
-        """Forget a future; return whether it was waiting."""
+        """
+        Remove a future.
+
+        :param future: the future.
+        :returns: True if the future was pending; only this caller may complete or cancel it then.
+        """
         was_waiting = self._futures.pop(id(future), None) is not None
         self._kept.discard(future)
-        future.lookup = _nothing  # rclpy may keep the future alive, but not the buffer with it
+        future.lookup = _raise  # so that a future that rclpy keeps does not keep the buffer
         if self._thread is not None:
             self._queue.put(None)
         return was_waiting
 
     def check(self) -> bool:
-        """Finish the futures for which there are answers now; return whether there were any."""
+        """
+        Complete the futures whose lookups succeed now.
+
+        :returns: True if there were any.
+        """
         futures = [future for reference in self._futures.copy().values()
                    if (future := reference()) is not None]
         is_done, error = False, None
         for future in futures:
             try:
                 is_done |= self._try(future)
-            except BaseException as raised:  # by a done callback; the others have their turn, too
+            except BaseException as raised:  # by a done callback; the other futures come first
                 error = raised
         if error is not None:
             raise error
@@ -141,10 +164,10 @@ class PendingFutures:
 
     def _try(self, future: TransformFuture, waited: Optional[float] = None) -> bool:
         """
-        Finish a future if there is an answer, or if the lookup fails in another way.
+        Complete a future if its lookup returns, or raises anything but a TransformException.
 
-        :param waited: after how long (s) its time is up now; None: it goes on waiting.
-        :returns: whether it is done now.
+        :param waited: the timeout (s) if it has expired; None: the future may go on waiting.
+        :returns: True if the future is done now.
         """
         try:
             outcome = partial(future.set_result, future.lookup())
@@ -155,20 +178,20 @@ class PendingFutures:
                 f'Timed out after {waited:g} s, waiting for {future.what}: {error}'))
         except Exception as error:
             outcome = partial(future.set_exception, error)
-        self._finish(future, outcome)
+        self._complete(future, outcome)
         return True
 
-    def _finish(self, future: TransformFuture, set_outcome: Callable[[], Any]) -> None:
-        """Set the outcome of a future, unless it has one, and wake who waits for it."""
+    def _complete(self, future: TransformFuture, set_outcome: Callable[[], Any]) -> None:
+        """Set the outcome of a future, unless it has one, and wake the executor of the node."""
         if not self.forget(future):
             return
         set_outcome()
         if self._node is not None and (executor := self._node.executor) is not None:
-            with suppress(AttributeError, InvalidHandle):  # when it is shut down just now
+            with suppress(AttributeError, InvalidHandle):  # if another thread shuts it down
                 executor.wake()
 
     def _end_after(self, future: TransformFuture, timeout: float) -> None:
-        """Have the thread end a wait after a timeout (s)."""
+        """Register the timeout (s) of a future; start the thread that ends it, if necessary."""
         reference = ref(future, lambda _: self._queue.put(None))
         self._queue.put((monotonic() + timeout, next(self._numbers), timeout, reference))
         with self._starting:
@@ -177,7 +200,7 @@ class PendingFutures:
                 self._thread.start()
 
     def _watch_deadlines(self) -> None:
-        """End the waits whose time is up, until there are none that may have to be ended."""
+        """End the futures that time out, and return when no pending future has a timeout."""
         deadlines = self._deadlines
         while True:
             if len(deadlines) > 2 * len(self._futures) + 10:
@@ -185,10 +208,10 @@ class PendingFutures:
                 heapq.heapify(deadlines)
             while deadlines and not self._is_waiting(deadlines[0]):
                 heapq.heappop(deadlines)
-            left = deadlines[0][0] - monotonic() if deadlines else 0.0
+            remaining = deadlines[0][0] - monotonic() if deadlines else 0.0
             try:
-                if entry := self._queue.get(timeout=min(max(0.0, left), TIMEOUT_MAX)):
-                    heapq.heappush(deadlines, entry)
+                if deadline := self._queue.get(timeout=min(max(0.0, remaining), TIMEOUT_MAX)):
+                    heapq.heappush(deadlines, deadline)
                 continue
             except Empty:
                 pass
@@ -202,15 +225,16 @@ class PendingFutures:
                 if (future := reference()) is not None:
                     try:
                         self._try(future, timeout)
-                    except BaseException:  # of a done callback; the other deadlines go on
+                    except BaseException:  # by a done callback; it must not end this thread
                         get_logger('tf2_buffer').error(format_exc())
                     del future
 
     def _is_waiting(self, deadline: _Deadline) -> bool:
+        """Return True if the future of a deadline is pending."""
         future = deadline[3]()
         return future is not None and id(future) in self._futures
 
 
-def _nothing() -> TransformStamped:
-    """Raise, in place of the lookup of a completed future."""
+def _raise() -> TransformStamped:
+    """Raise TransformException; this replaces the lookup of a future that is done."""
     raise TransformException

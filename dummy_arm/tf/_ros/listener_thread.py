@@ -1,4 +1,4 @@
-"""The thread of a listener: it waits for messages, wakes the node's executor, and ends."""
+"""The thread of a listener: it waits for messages and wakes the node's executor."""
 
 import atexit
 from collections.abc import Callable
@@ -16,30 +16,31 @@ from rclpy.subscription import Subscription
 
 from dummy_arm.tf._ros.rclpy_private import guard_condition, RCLError, WaitSet
 
-#: The longest wait (s): a signal shuts a context down without waking this thread.
-_STEP = 0.2
-#: The executor of the node is woken at most once in this time (s): it takes 0.1 to 0.3 ms.
-_BETWEEN_WAKES = 0.1
-#: How long a thread is joined at its end (s); a callback that it runs may take longer.
-_ENDING = 0.5
+#: The longest wait (s): a signal that shuts ROS down does not wake the thread.
+_MAX_WAIT = 0.2
+#: The shortest time between two wake-ups of the executor (s). Each costs 0.1 to 0.3 ms.
+_WAKE_INTERVAL = 0.1
+#: The longest time for which `stop` joins the thread (s). It may be running a longer callback.
+_JOIN_TIMEOUT = 0.5
 
+#: The threads that were started and have not ended.
 _running: set['ListenerThread'] = set()
 
 
 class Round(NamedTuple):
-    """What a listener's thread has done after it was woken."""
+    """The result of one round of a listener's thread."""
 
-    has_news: bool  #: whether there are new data
-    is_urgent: bool  #: whether somebody in the executor waits for them
-    pause: float  #: for how long messages may stay in the queue (s)
+    has_news: bool  #: True if data have arrived
+    is_urgent: bool  #: True if a future was completed, so that the executor must be woken at once
+    pause: float  #: how long messages of /tf may stay in the queue (s)
 
 
 class ListenerThread:
     """
-    A thread that works whenever messages arrive.
+    A thread that calls a function whenever messages arrive.
 
-    It ends when it is told to, when the node is destroyed or when ROS is shut down. It waits in a
-    wait set of its own, and may pause after its work, so that messages gather.
+    It ends when `end` is called, the node is destroyed or ROS is shut down. It waits in its own
+    wait set. After each round it may pause, so that the next round handles several messages.
     """
 
     def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription, tf: Subscription,
@@ -48,13 +49,15 @@ class ListenerThread:
         """
         Create the thread; `start` starts it.
 
-        :param group: of the guard condition by which the node's executor is woken.
-        :param tf_static: the subscription that is always waited for.
-        :param tf: the subscription that is not waited for during a pause.
-        :param work: is called by the thread whenever messages have arrived, and at least 5 times a
+        :param node: the node of the subscriptions; the executor that spins it is woken.
+        :param group: the callback group of the guard condition that wakes the executor.
+        :param tf_static: the subscription to /tf_static, whose messages always wake the thread.
+        :param tf: the subscription to /tf, whose messages do not wake the thread during a pause.
+        :param work: called by the thread when messages have arrived, and at least 5 times per
             second.
-        :param on_end: is called by the thread at its end; or by `stop`, if it was never started.
-        :param is_blocked: return whether the calling thread holds what this thread needs to end.
+        :param on_end: called by the thread at its end; or by `stop`, if it was never started.
+        :param is_blocked: returns True if the calling thread holds a lock without which this
+            thread cannot end.
         :param clock: returns the time (s).
         """
         self._node, self._context, self._clock = node, node.context, clock
@@ -62,9 +65,9 @@ class ListenerThread:
         self._work, self._on_end, self._is_blocked = work, on_end, is_blocked
         self._wake = GuardCondition(None, None, context=node.context)
         self._guard = guard_condition(node, group, self.stop)
-        self.has_ended = self._wakes_executor = False
+        self.has_ended = self._is_wake_pending = False
         self._next_wake = 0.0
-        #: Acquired by whoever starts the thread; or by `stop`, so that it never starts.
+        #: Acquired by the first call of `start` or `stop`, and never released.
         self._once = Lock()
         self._thread = Thread(target=self._run, name=f'tf of {node.get_name()}', daemon=True)
 
@@ -75,22 +78,26 @@ class ListenerThread:
             self._thread.start()
 
     def wake(self) -> None:
-        """Have the thread work now."""
-        with suppress(InvalidHandle, RCLError):  # when it ends just now
+        """Make the thread start a round now."""
+        with suppress(InvalidHandle, RCLError):  # if the thread ends at this moment
             self._wake.trigger()
 
     def _wake_executor(self) -> None:
-        """Have the executor that spins the node return from its wait."""
-        self._wakes_executor = False
-        self._next_wake = self._clock() + _BETWEEN_WAKES
+        """Wake the executor that spins the node."""
+        self._is_wake_pending = False
+        self._next_wake = self._clock() + _WAKE_INTERVAL
         self._guard.trigger()
 
     def end(self) -> None:
-        """End the thread; from any thread, any number of times."""
-        self._node.destroy_guard_condition(self._guard)  # which calls `stop`, unless it has
+        """Stop the thread; this may be called by any thread, and more than once."""
+        self._node.destroy_guard_condition(self._guard)  # calls `stop`, if not destroyed before
 
     def stop(self) -> None:
-        """Stop the thread and join it, unless this thread is it, or holds what it needs."""
+        """
+        Stop the thread and join it.
+
+        It is not joined if the caller is this thread, or holds a lock without which it cannot end.
+        """
         self.has_ended = True
         if self._once.acquire(blocking=False):
             self._on_end()
@@ -99,7 +106,7 @@ class ListenerThread:
             return
         self.wake()
         if self._thread is not current_thread() and not self._is_blocked():
-            self._thread.join(_ENDING)
+            self._thread.join(_JOIN_TIMEOUT)
 
     def _run(self) -> None:
         try:
@@ -110,7 +117,7 @@ class ListenerThread:
                 raise
         finally:
             self.has_ended = True
-            # Ctrl-C shuts ROS down, but does not always wake a thread that is blocked in a spin.
+            # Ctrl-C shuts ROS down, but does not always wake an executor that is spinning.
             with suppress(InvalidHandle, RCLError):
                 self._guard.trigger()
             self._on_end()
@@ -118,7 +125,7 @@ class ListenerThread:
 
     def _listen(self) -> None:
         context = self._context.handle
-        assert context is not None  # as long as there is a node
+        assert context is not None  # a context with a node has a handle
         wait_set = WaitSet(2, 1, 0, 0, 0, 0, context)
         pause = 0.0
         while context.ok() and not self.has_ended:
@@ -126,8 +133,8 @@ class ListenerThread:
             if self.has_ended:
                 return
             has_news, is_urgent, pause = self._work()
-            self._wakes_executor |= has_news
-            if is_urgent or (self._wakes_executor and self._clock() >= self._next_wake):
+            self._is_wake_pending |= has_news
+            if is_urgent or (self._is_wake_pending and self._clock() >= self._next_wake):
                 self._wake_executor()
 
     def _wait(self, wait_set: Any, pause: float) -> None:
@@ -136,16 +143,16 @@ class ListenerThread:
         wait_set.add_subscription(self._tf_static.handle)
         if not pause:
             wait_set.add_subscription(self._tf.handle)
-        limit = pause or _STEP
-        if self._wakes_executor and not pause:
+        limit = pause or _MAX_WAIT
+        if self._is_wake_pending and not pause:
             limit = min(limit, max(0.0, self._next_wake - self._clock()))
         wait_set.wait(int(limit * 1e9))
 
 
 def _after_fork_in_child() -> None:
-    """Mark the threads as ended: a process that was forked does not have them."""
-    for listening in _running:
-        listening.has_ended = True
+    """Mark the threads as ended, since a forked process has only the thread that forked."""
+    for thread in _running:
+        thread.has_ended = True
     _running.clear()
 
 
@@ -155,10 +162,10 @@ if hasattr(os, 'register_at_fork'):  # not on Windows
 
 @atexit.register
 def _stop_all() -> None:
-    """End all threads before the interpreter does, which would abort during a wait."""
+    """Stop all threads at exit: a thread that waits in rcl at that time aborts the process."""
     running = list(_running)
-    for listening in running:
-        listening.has_ended = True
-        listening.wake()
-    for listening in running:
-        listening.stop()
+    for thread in running:
+        thread.has_ended = True
+        thread.wake()
+    for thread in running:
+        thread.stop()

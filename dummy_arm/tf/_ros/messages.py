@@ -1,4 +1,4 @@
-"""Types of tf2_msgs: the real ones where they are installed; else TFMessage made at run time."""
+"""The types of tf2_msgs; if it is not installed, a TFMessage that is created at run time."""
 
 from dummy_arm.tf._ros.rclpy_private import install
 

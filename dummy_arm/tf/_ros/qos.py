@@ -1,4 +1,4 @@
-"""The QoS of publishers and subscriptions, as users give it."""
+"""The QoS arguments of publishers and subscriptions."""
 
 from typing import Any, Optional, Union
 
@@ -7,11 +7,12 @@ from rclpy.qos import QoSProfile
 
 def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) -> QoSProfile:
     """
-    Make a profile of what was given.
+    Return the QoS profile for an argument that is a profile, a depth or None.
 
-    :param qos: a profile, taken as it is; or a depth; None: the depth that is usual.
-    :param depth: that one.
-    :param policies: what a profile has that was not given.
+    :param qos: a profile, which is returned unchanged; or a depth; None: the default depth.
+    :param depth: the default depth.
+    :param policies: the other policies of the profile for a depth or None.
+    :returns: the profile.
     """
     if qos is None or isinstance(qos, int):
         return QoSProfile(depth=depth if qos is None else qos, **policies)

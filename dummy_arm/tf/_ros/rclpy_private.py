@@ -1,8 +1,8 @@
 """
-What this package uses of rclpy and rcl that is not public, as of ROS 2 Jazzy (rclpy 7.1).
+The private parts of rclpy and rcl on which this package relies, as of ROS 2 Jazzy (rclpy 7.1).
 
-Each name here is a touch point, and test/test_rclpy_private.py has a test for each, which states
-what it relies on: after an upgrade of rclpy that changes one of them, that test fails.
+Each public name of this module relies on some behaviour of rclpy or rcl, for which there is a test
+in test/test_rclpy_private.py. It fails if an upgrade of rclpy changes that behaviour.
 """
 
 from collections.abc import Callable
@@ -31,21 +31,22 @@ from dummy_arm.tf._wire.cdr import MalformedMessage
 
 _Message = TypeVar('_Message')
 
-#: What rclpy's compiled part raises for an error that rcl returns.
+#: The exception that rclpy's compiled part raises for an error code of rcl.
 RCLError = _rclpy.RCLError
-#: rcl_wait_set_t: WaitSet(subscriptions, guard conditions, timers, clients, services, events,
-#: context), with clear_entities, add_subscription, add_guard_condition and wait(ns).
+#: rcl_wait_set_t: WaitSet(number of subscriptions, of guard conditions, of timers, of clients, of
+#: services, of events, context), with clear_entities, add_subscription, add_guard_condition and
+#: wait(ns).
 WaitSet = _rclpy.WaitSet
-#: Take a message: take_message(handle, message type, whether as bytes) returns None or the message
-#: and its info. This is rclpy's own, also after `install`.
+#: take_message(handle, message type, raw) takes a message, as bytes if `raw`. It returns the
+#: message and its info, or None. This is rclpy's function, which `install` replaces elsewhere.
 take_message = _rclpy.Subscription.take_message
 
 
 def install(message_type: Any) -> None:
     """
-    Have rclpy send and take a TFMessage that was made at run time.
+    Make rclpy support a TFMessage class that was created at run time.
 
-    :param message_type: the TFMessage that is used; if it is that of tf2_msgs, nothing is done.
+    :param message_type: the class TFMessage; for that of tf2_msgs, nothing is changed.
     """
     if not message_type.__module__.startswith('tf2_msgs.'):
         _exchange_bytes(message_type, serialize)
@@ -53,25 +54,38 @@ def install(message_type: Any) -> None:
 
 def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> None:
     """
-    Have rclpy exchange bytes with rcl in place of the messages of a type.
+    Make rclpy exchange bytes with rcl instead of messages of one type.
 
-    Its compiled part converts messages by functions that a compiler made, which this type does not
-    have. So bytes are handed over where messages are published, taken, serialized and
-    deserialized. Messages of all other types take the way that they took before.
+    rclpy's compiled part converts a message by compiled functions of its class, which a class that
+    was created at run time does not have. So its messages are converted to and from bytes where
+    they are published, taken, serialized and deserialized. Other types are handled as before.
 
+    :param message_type: the class of these messages.
     :param serialize: packs a list of TransformStamped into the bytes of a message.
     """
     publish = _rclpy.Publisher.publish
     serialize_other, deserialize_other = _rclpy.rclpy_serialize, _rclpy.rclpy_deserialize
-    faulty_topics = set()
+    warned_topics = set()
 
     def publish_as_bytes(self: Any, message: Any) -> None:
+        """
+        Publish a message, in place of `Publisher.publish`.
+
+        :param message: a message of any type.
+        """
         if isinstance(message, message_type):
             self.publish_raw(serialize(message.transforms))
         else:
             publish(self, message)
 
     def take_as_bytes(self: Any, taken_type: type, raw: bool) -> Optional[tuple[Any, Any]]:
+        """
+        Take a message, in place of `Subscription.take_message`; drop it if it is malformed.
+
+        :param taken_type: the class of the message.
+        :param raw: True: return its bytes.
+        :returns: the message and its info, or None.
+        """
         if raw or not issubclass(taken_type, message_type):
             return take_message(self, taken_type, raw)  # type: ignore[no-any-return]
         taken = take_message(self, taken_type, True)
@@ -81,17 +95,31 @@ def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> Non
             return message_type(transforms=deserialize(taken[0])), taken[1]
         except MalformedMessage as error:
             topic = self.get_topic_name()
-            if topic not in faulty_topics:
-                faulty_topics.add(topic)
+            if topic not in warned_topics:
+                warned_topics.add(topic)
                 get_logger('tf').warning(f'dropped a message on {topic}: {error}')
             return None
 
     def serialize_as_bytes(message: Any, given_type: type) -> bytes:
+        """
+        Serialize a message, in place of `rclpy_serialize`.
+
+        :param message: a message of any type.
+        :param given_type: its class.
+        :returns: its bytes.
+        """
         if isinstance(message, message_type):
             return serialize(message.transforms)
         return serialize_other(message, given_type)  # type: ignore[no-any-return]
 
     def deserialize_as_bytes(data: bytes, given_type: type) -> Any:
+        """
+        Deserialize a message, in place of `rclpy_deserialize`.
+
+        :param data: the bytes of the message.
+        :param given_type: its class.
+        :returns: the message.
+        """
         if issubclass(given_type, message_type):
             return message_type(transforms=deserialize(data))
         return deserialize_other(data, given_type)
@@ -105,13 +133,19 @@ def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> Non
 def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[Any], None],
               qos: QoSProfile, group: CallbackGroup) -> Subscription:
     """
-    Subscribe a node to a topic, so that only the owner of the subscription can take messages.
+    Subscribe a node to a topic, for an owner that takes the messages itself.
 
-    It is none of the node's subscriptions, which an executor would take messages from.
+    The subscription is not in the node's list of subscriptions, so no executor takes its messages.
 
-    :param callback: what the subscription shows as its callback; nobody calls it.
+    :param node: the node.
+    :param message_type: the class of the messages.
+    :param topic: the name of the topic; the node's remappings apply.
+    :param callback: the callback attribute of the subscription; it is never called.
+    :param qos: the profile of the subscription.
+    :param group: the callback group of the subscription.
+    :returns: the subscription.
     """
-    # As create_subscription does: a generated class loads its type support only when asked to.
+    # As in create_subscription: a generated class does not load its type support before this call.
     check_is_valid_msg_type(message_type)
     with node.handle:
         handle = _rclpy.Subscription(node.handle, message_type, topic, qos.get_c_qos_profile())
@@ -121,12 +155,13 @@ def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[An
 
 def incompatible_qos(subscription: Subscription) -> Any:
     """
-    Return the event of publishers whose QoS does not fit a subscription.
+    Return the event of publishers whose QoS is incompatible with a subscription.
 
-    Its `take_event` returns None or a status with `total_count_change` and `last_policy_kind`, and
-    `destroy_when_not_in_use` releases it.
+    The `take_event` of the event returns None or a status with `total_count_change` and
+    `last_policy_kind`; its `destroy_when_not_in_use` releases it.
 
-    :returns: None where the middleware has no such event.
+    :param subscription: the subscription.
+    :returns: the event; None if the middleware does not support it.
     """
     with subscription.handle:
         try:
@@ -140,14 +175,18 @@ def incompatible_qos(subscription: Subscription) -> Any:
 def guard_condition(node: Node, group: CallbackGroup, on_destroy: Callable[[], object]
                     ) -> GuardCondition:
     """
-    Create a guard condition of a node, by which the executor of the node is woken.
+    Create a guard condition that wakes the executor of a node.
 
-    :param on_destroy: is called before it is destroyed, as by `destroy_node`, which destroys all
-        guard conditions of the node: there is no other hook.
+    :param node: the node.
+    :param group: the callback group of the guard condition.
+    :param on_destroy: called before the guard condition is destroyed. `destroy_node` destroys all
+        guard conditions of its node, and offers no other hook.
+    :returns: the guard condition.
     """
     guard = node.create_guard_condition(lambda: None, group)
 
     def destroy() -> None:
+        """Call the hook, then destroy the guard condition."""
         on_destroy()
         GuardCondition.destroy(guard)
 
@@ -157,17 +196,21 @@ def guard_condition(node: Node, group: CallbackGroup, on_destroy: Callable[[], o
 
 def is_of_executor(callback: Callable[..., Any]) -> bool:
     """
-    Return whether a done callback was added by an executor that spins until a future is done.
+    Return True if an executor that spins until a future is done has added a done callback.
 
-    The executor keeps the future meanwhile, and never removes its callback.
+    The executor refers to the future while it spins, and never removes its callback.
+
+    :param callback: the done callback.
+    :returns: True if it belongs to `rclpy.executors`.
     """
     return callback.__module__ == 'rclpy.executors'
 
 
 # rcl, by ctypes
 
-_TAKE_FAILED = 401  # RCL_RET_SUBSCRIPTION_TAKE_FAILED: there is no message
-#: The size of a gid (bytes), as in `endpoint_gid` of get_publishers_info_by_topic.
+#: RCL_RET_SUBSCRIPTION_TAKE_FAILED: there is no message.
+_TAKE_FAILED = 401
+#: The size of a gid (bytes). It is the beginning of `endpoint_gid` of TopicEndpointInfo.
 GID_SIZE = 16
 
 
@@ -186,7 +229,7 @@ class _Bytes(ctypes.Structure):
 
 
 class _MessageInfo(ctypes.Structure):
-    """The struct rmw_message_info_t; with some room, should it be longer elsewhere."""
+    """The struct rmw_message_info_t, with room for the longer struct of another release."""
 
     _fields_ = [('source_timestamp', c_int64), ('received_timestamp', c_int64),
                 ('publication_sequence_number', c_uint64), ('reception_sequence_number', c_uint64),
@@ -196,7 +239,11 @@ class _MessageInfo(ctypes.Structure):
 
 @cache
 def rcl_take() -> Any:
-    """Return the function rcl_take_serialized_message; None where there is none."""
+    """
+    Load the function rcl_take_serialized_message.
+
+    :returns: the function; None if librcl.so cannot be loaded or does not have it.
+    """
     try:
         take = ctypes.PyDLL('librcl.so').rcl_take_serialized_message
     except (OSError, AttributeError):
@@ -206,14 +253,14 @@ def rcl_take() -> Any:
 
 
 class Taker(Generic[_Message]):
-    """Takes messages with the gids of their publishers, which rclpy does not report."""
+    """A reader of messages with the gids of their publishers, which rclpy does not report."""
 
     def __init__(self, make: Callable[[bytes, str, int], _Message]) -> None:
         """
-        Create what rcl writes into; `rcl_take` must have returned a function.
+        Create the structs that rcl writes into; `rcl_take` must not return None.
 
-        :param make: makes a message of its bytes, the gid of its publisher (hex), and the time of
-            its reception (ns; 0: not known).
+        :param make: creates a message from its bytes, the gid of its publisher (hex), and the time
+            of its reception (ns; 0: not known).
         """
         self._make, self._take = make, rcl_take()
         rcutils = ctypes.PyDLL('librcutils.so')
@@ -222,28 +269,31 @@ class Taker(Generic[_Message]):
         self._info = _MessageInfo()
         finalize(self, rcutils.rcutils_uint8_array_fini, byref(self._bytes))
 
-    def take(self, handle: Any, most: int, messages: list[_Message]) -> None:
+    def take(self, handle: Any, max_messages: int, messages: list[_Message]) -> None:
         """
-        Append what has arrived; by one thread at a time.
+        Take the messages that have arrived; only one thread may do so at a time.
 
-        :param handle: of a subscription.
-        :param most: the number of messages that are taken at most.
+        :param handle: the handle of a subscription.
+        :param max_messages: the largest number of messages to take.
+        :param messages: the list to which they are appended.
+        :raises InvalidHandle: if the subscription is destroyed.
+        :raises RCLError: if rcl returns an error.
         """
-        self._append_taken(messages)  # if Ctrl-C came before that was done
+        self._append_taken(messages)  # a message that Ctrl-C kept from being appended
         with handle:
-            for _ in range(most):
+            for _ in range(max_messages):
                 code = self._take(handle.pointer, self._bytes, self._info, None)
                 if code == _TAKE_FAILED:
                     break
                 if code:
-                    raise RCLError(f'rcl_take_serialized_message returns {code}')
+                    raise RCLError(f'rcl_take_serialized_message failed with code {code}')
                 self._append_taken(messages)
 
     def _append_taken(self, messages: list[_Message]) -> None:
-        """Append the message that was taken last, once."""
+        """Append the message that was taken last, unless that was done before."""
         written, info = self._bytes, self._info
         if written.length:
             message = self._make(ctypes.string_at(written.buffer, written.length),
                                  bytes(info.gid).hex(), info.received_timestamp)
-            messages += [message]  # no call, after which Ctrl-C could come before the next line
+            messages += [message]  # `append` would be a call, after which Ctrl-C can interrupt
             written.length = 0

@@ -1,4 +1,4 @@
-"""The messages of a listener's subscriptions, as a buffer pulls them."""
+"""The subscriptions of a listener as a source from which a buffer pulls messages."""
 
 from collections.abc import Callable
 from functools import partial
@@ -18,48 +18,54 @@ from dummy_arm.tf._ros import rclpy_private
 from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._wire.streams import MessageReader
 
-#: The publisher that tf2_ros's listener in Python names.
+#: The authority that the Python listener of tf2_ros passes for every transform.
 AUTHORITY = 'default_authority'
-#: How often incompatible publishers are looked for (s).
-_BETWEEN_LOOKS = 1.0
-#: So many messages are taken at once, or as many as the queue has places.
-_MOST_AT_ONCE = 1000
+#: The time between two checks for incompatible publishers (s).
+_CHECK_INTERVAL = 1.0
+#: The largest number of messages that are taken at once, unless the queue is longer.
+_MAX_MESSAGES = 1000
 #: The longest pause (s).
 _LONGEST_PAUSE = 0.1
-#: At fewer messages a second there is no pause.
-_SLOW = 100.0
+#: The rate (messages/s) up to which there is no pause.
+_LOW_RATE = 100.0
 
 
 class Topic:
     """A subscription whose messages are taken as bytes."""
 
     def __init__(self, subscription: Subscription, is_static: bool) -> None:
-        """Create it for a subscription to /tf, or to /tf_static."""
+        """
+        Create the topic of a subscription.
+
+        :param subscription: a subscription to /tf or /tf_static.
+        :param is_static: True if it is to /tf_static.
+        """
         self.name: str = subscription.topic_name
         self.handle: Any = subscription.handle
         self.is_static = is_static
-        #: So many messages are taken at most, so that a flood does not hold the lock.
-        self.most = max(_MOST_AT_ONCE, int(subscription.qos_profile.depth))
+        #: The largest number of messages to take at once. It bounds how long the lock is held.
+        self.max_messages = max(_MAX_MESSAGES, int(subscription.qos_profile.depth))
         self._take = partial(rclpy_private.take_message, self.handle, TFMessage, True)
 
     def take(self, messages: list[Any]) -> None:
         """
-        Append what has arrived: pairs of bytes and message info.
+        Take the messages that have arrived.
 
-        One call takes all messages, so that a KeyboardInterrupt cannot come between the taking of
-        a message and its appending.
+        One call of C code takes and appends all of them, so that a KeyboardInterrupt cannot lose a
+        message in between.
 
-        :raises InvalidHandle: when the subscription was destroyed.
+        :param messages: the list to which pairs of bytes and message info are appended.
+        :raises InvalidHandle: if the subscription is destroyed.
         """
         with self.handle:
-            messages.extend(islice(iter(self._take, None), self.most))
+            messages.extend(islice(iter(self._take, None), self.max_messages))
 
 
 class SubscriptionSource:
     """
-    The source of a buffer: what arrives on /tf and /tf_static.
+    The source from which a buffer pulls the messages of /tf and /tf_static.
 
-    The lock of the buffer is held while messages are taken, so there is no other lock.
+    The source needs no lock: the buffer calls `take` with its own lock held.
     """
 
     def __init__(self, tf_static: Subscription, tf: Subscription,
@@ -68,33 +74,37 @@ class SubscriptionSource:
         """
         Create the source.
 
-        :param on_fault: is called with the error of each message that cannot be decoded.
-        :param wake: has the listener's thread update the buffer now.
+        :param tf_static: the subscription to /tf_static.
+        :param tf: the subscription to /tf.
+        :param on_fault: called with the error of each message that cannot be decoded.
+        :param wake: makes the listener's thread update the buffer now.
         :param clock: returns the time (s).
         """
         self.wake, self._on_fault, self._clock = wake, on_fault, clock
-        #: Each with its reader, and with the messages that were taken and are not decoded.
+        #: The topics, each with its reader and the messages that are taken but not decoded.
         self._topics: list[tuple[Topic, MessageReader, list[Any]]] = [
             (Topic(tf_static, True), MessageReader(on_fault), []),
             (Topic(tf, False), MessageReader(on_fault), [])]
-        #: What was decoded and is not inserted.
+        #: The transforms that are decoded but not inserted.
         self._batches: list[BatchOrRows] = []
         qos = tf.qos_profile
         self._depth = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
-        #: The end of the last round (s), and the number of messages since then.
+        #: The time of the last call of `end_round` (s), and the number of messages since then.
         self._last, self._count = clock(), 0
 
     def take(self) -> list[BatchOrRows]:
         """
-        Return what has arrived, in a list that is kept; the buffer clears it.
+        Take and decode the messages that have arrived.
 
-        /tf is taken before /tf_static, but inserted after it: so a transform that was sent after a
-        static one is not seen without that.
+        /tf is taken before /tf_static, but inserted after it. So if a publisher sends a static
+        transform before a dynamic one, no lookup sees the dynamic one alone.
+
+        :returns: a list that this source keeps; the buffer clears it after the insertion.
         """
         try:
             for topic, _, arrived in reversed(self._topics):
                 topic.take(arrived)
-        except (InvalidHandle, rclpy_private.RCLError):  # the listener is ended concurrently
+        except (InvalidHandle, rclpy_private.RCLError):  # another thread ends the listener
             pass
         for topic, reader, arrived in self._topics:
             if arrived:
@@ -102,35 +112,39 @@ class SubscriptionSource:
                 try:
                     self._batches += reader.read(
                         map(itemgetter(0), arrived), AUTHORITY, topic.is_static)
-                except Exception as error:  # a fault of this package
+                except Exception as error:  # a bug in this package must not end the thread
                     self._on_fault(error)
                 arrived.clear()
         return self._batches
 
     def end_round(self) -> float:
         """
-        Return for how long the listener's thread may leave messages in the queue (s).
+        Compute how long the listener's thread may leave messages in the queue.
 
-        The thread calls this after each update, without a lock. To be woken costs it more than to
-        insert a message. At least half of the queue stays free.
+        The thread calls this after each update, without a lock. It pauses because a wake-up costs
+        more than the insertion of a message. At the rate of messages since the last call, at least
+        half of the queue stays free.
+
+        :returns: the pause (s).
         """
         now = self._clock()
         count, self._count, since, self._last = self._count, 0, now - self._last, now
-        if count <= _SLOW * since or self._depth <= 1:
+        if count <= _LOW_RATE * since or self._depth <= 1:
             return 0.0
-        if count > 0.75 * self._depth:  # some may have been lost: the rate is higher than that
+        if count > 0.75 * self._depth:  # messages may have been lost: the rate is not known
             return 0.0
         return min(_LONGEST_PAUSE, 0.5 * self._depth * since / count)
 
 
 class QosMonitor:
-    """Warns of publishers whose QoS is incompatible with a subscription."""
+    """A monitor that warns of publishers whose QoS is incompatible with a subscription."""
 
     def __init__(self, subscription: Subscription, clock: Callable[[], float] = monotonic
                  ) -> None:
         """
-        Create the watch over a subscription.
+        Create the monitor of a subscription.
 
+        :param subscription: the subscription.
         :param clock: returns the time (s).
         """
         self._clock = clock
@@ -139,11 +153,15 @@ class QosMonitor:
         self._incompatible_qos = rclpy_private.incompatible_qos(subscription)
         self._next = 0.0
 
-    def look(self) -> None:
-        """Warn, in rclpy's words, of those that came up since the last look; once a second."""
+    def check(self) -> None:
+        """
+        Warn if there are new incompatible publishers; check once a second at most.
+
+        The text begins as the warning of rclpy's default callback.
+        """
         if self._incompatible_qos is None or (now := self._clock()) < self._next:
             return
-        self._next = now + _BETWEEN_LOOKS
+        self._next = now + _CHECK_INTERVAL
         status: Any = self._incompatible_qos.take_event()
         if status is not None and status.total_count_change > 0:
             policy = qos_policy_name_from_kind(status.last_policy_kind)
@@ -153,6 +171,6 @@ class QosMonitor:
                 f'Change its {policy}, or the qos of the TransformListener.')
 
     def close(self) -> None:
-        """Release the subscription."""
+        """Release the event, which refers to the subscription."""
         if self._incompatible_qos is not None:
             self._incompatible_qos.destroy_when_not_in_use()

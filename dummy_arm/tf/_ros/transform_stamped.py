@@ -1,4 +1,4 @@
-"""`geometry_msgs/msg/TransformStamped` objects to rows of the wire, checked, and back."""
+"""Conversion of `geometry_msgs/msg/TransformStamped` to fields and bytes and back, with checks."""
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
@@ -17,15 +17,17 @@ from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import cdr
 
-#: Whether messages check what they are assigned, as generated message modules decide it.
+#: Whether messages check what is assigned to their fields (ROS_PYTHON_CHECK_FIELDS).
 _CHECK_FIELDS: bool = TransformStamped()._check_fields
 
+#: The fields of a TransformStamped, each with its class or its `struct` format.
 _FIELDS: tuple[tuple[str, Union[type, str]], ...] = (
     ('header', Header), ('header.stamp', Time),
     ('header.stamp.sec', 'i'), ('header.stamp.nanosec', 'I'), ('header.frame_id', str),
     ('child_frame_id', str), ('transform', Transform), ('transform.translation', Vector3),
     *((f'transform.translation.{axis}', 'd') for axis in 'xyz'),
     ('transform.rotation', Quaternion), *((f'transform.rotation.{axis}', 'd') for axis in 'xyzw'))
+#: The errors that a field with a wrong value causes when a message is packed.
 _FIELD_ERRORS = (ArithmeticError, AttributeError, TypeError, struct.error)
 _KINDS = {'i': 'an int32', 'I': 'a uint32', 'd': 'a number'}
 
@@ -34,7 +36,10 @@ def serialize(transforms: Iterable[TransformStamped]) -> bytes:
     """
     Pack transforms into the bytes of a TFMessage.
 
-    :raises ValueError: on a field whose value cannot be sent.
+    :param transforms: the transforms of the message.
+    :returns: the bytes.
+    :raises TypeError: if an element is not a TransformStamped.
+    :raises ValueError: if the value of a field does not fit its type.
     """
     messages = list(transforms)
     with explain_bad_fields(messages):
@@ -45,16 +50,20 @@ def deserialize(data: bytes) -> list[TransformStamped]:
     """
     Unpack the bytes of a TFMessage into transforms.
 
-    :raises MalformedMessage: when they are none.
+    :param data: the bytes.
+    :returns: the transforms of the message.
+    :raises MalformedMessage: if the bytes are not those of a TFMessage.
     """
     return [*map(message_of_fields, cdr.fields(data))]
 
 
 def row_of(message: TransformStamped) -> Row:
     """
-    Read a TransformStamped, without a check of its values.
+    Read a TransformStamped, without checks of its values.
 
-    :raises TypeError: when it is none.
+    :param message: the message.
+    :returns: its stamp (ns), frame_id, child_frame_id and pose.
+    :raises TypeError: if it is not a TransformStamped.
     """
     sec, nanosec, frame_id, child_frame_id, pose = fields_of(message)
     return Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
@@ -62,14 +71,17 @@ def row_of(message: TransformStamped) -> Row:
 
 def fields_of(message: TransformStamped) -> cdr.Fields:
     """
-    Read the fields of a TransformStamped as they are, without a check of their values.
+    Read the fields of a TransformStamped, without checks of their values.
 
-    :raises TypeError: when it is none.
+    :param message: the message.
+    :returns: sec, nanosec, frame_id, child_frame_id, and the pose: x, y, z (m) and the quaternion
+        x, y, z, w.
+    :raises TypeError: if it is not a TransformStamped.
     """
     if not isinstance(message, TransformStamped):
         raise TypeError(
             f'expected a TransformStamped, got {message!r} of type {type(message).__name__}')
-    # By their slots: the properties of these sixteen fields cost as much as all the rest.
+    # The slots are read, because the sixteen properties would double the time of a conversion.
     header, transform = message._header, message._transform
     stamp, translation, rotation = header._stamp, transform._translation, transform._rotation
     return (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
@@ -78,19 +90,29 @@ def fields_of(message: TransformStamped) -> cdr.Fields:
 
 
 def message_of(row: Row) -> TransformStamped:
-    """Build the TransformStamped of a row; as `message_of_fields`."""
+    """
+    Create a TransformStamped from a row; see `message_of_fields`.
+
+    :param row: stamp (ns), frame_id, child_frame_id and pose.
+    :returns: the message.
+    :raises TypeError: or ValueError, if a number of the pose cannot be converted to a float.
+    """
     stamp_ns, frame_id, child_frame_id, pose = row
     return message_of_fields((*divmod(stamp_ns, SECOND), frame_id, child_frame_id, pose))
 
 
 def message_of_fields(fields: cdr.Fields) -> TransformStamped:
     """
-    Build the TransformStamped of its fields; by slots, at a tenth of what its constructors cost.
+    Create a TransformStamped from its fields.
 
-    The compiled conversion of generated messages takes what is in the slot of a float64 for a
-    float, unchecked: an int there would become another number on the wire.
+    The slots are assigned, in a tenth of the time that the constructors need. The numbers of the
+    pose are converted to float, because rclpy's compiled conversion of a message reads the slot of
+    a float64 unchecked: an int would be sent as another number.
 
-    :raises TypeError: or ValueError, when a value of the pose cannot become a float.
+    :param fields: sec, nanosec, frame_id, child_frame_id, and the pose: x, y, z (m) and the
+        quaternion x, y, z, w.
+    :returns: the message.
+    :raises TypeError: or ValueError, if a number of the pose cannot be converted to a float.
     """
     message, header, stamp = _new(TransformStamped), _new(Header), _new(Time)
     transform, translation, rotation = _new(Transform), _new(Vector3), _new(Quaternion)
@@ -99,7 +121,7 @@ def message_of_fields(fields: cdr.Fields) -> TransformStamped:
     transform._translation, transform._rotation = translation, rotation
     (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
      (x, y, z, qx, qy, qz, qw)) = fields
-    # One by one: that takes a tenth of the time of any loop.
+    # Written out, because a loop takes ten times as long.
     translation._x, translation._y, translation._z = float(x), float(y), float(z)
     rotation._x, rotation._y, rotation._z = float(qx), float(qy), float(qz)
     rotation._w = float(qw)
@@ -107,15 +129,25 @@ def message_of_fields(fields: cdr.Fields) -> TransformStamped:
 
 
 def _new(message_type: type) -> Any:
+    """Create a message without calling its constructor."""
     message: Any = object.__new__(message_type)
     message._check_fields = _CHECK_FIELDS
     return message
 
 
 class explain_bad_fields:  # noqa: N801
-    """Context that turns what goes wrong over a field of messages into a ValueError naming it."""
+    """
+    A context manager that raises a ValueError with the name and value of a field that is wrong.
+
+    It replaces the error that the field has caused in the block. Other errors are not changed.
+    """
 
     def __init__(self, messages: Sequence[TransformStamped]) -> None:
+        """
+        Create the context manager.
+
+        :param messages: the transforms that are read or packed in the block.
+        """
         self._messages = messages
 
     def __enter__(self) -> None:
@@ -131,7 +163,7 @@ class explain_bad_fields:  # noqa: N801
 
 
 def _bad_field(message: TransformStamped) -> Optional[str]:
-    """Tell of the first field whose value cannot be sent."""
+    """Return a text about the first field whose value does not fit its type, or None."""
     for path, kind in _FIELDS:
         value: Any = message
         for name in path.split('.'):
@@ -143,6 +175,7 @@ def _bad_field(message: TransformStamped) -> Optional[str]:
 
 
 def _fits(value: object, kind: Union[type, str]) -> bool:
+    """Return True if a value is of a class, or is a number that fits a `struct` format."""
     if isinstance(kind, type):
         return isinstance(value, kind)
     try:
@@ -154,16 +187,23 @@ def _fits(value: object, kind: Union[type, str]) -> bool:
 
 def as_list(transform: Union[TransformStamped, Iterable[TransformStamped]]
             ) -> list[TransformStamped]:
-    """List one transform, or any iterable of them."""
+    """
+    Return a list of one transform or of the transforms of an iterable.
+
+    :param transform: a transform, or an iterable of transforms.
+    :returns: the list.
+    """
     return list(transform) if isinstance(transform, Iterable) else [transform]
 
 
 def fields_to_send(messages: Iterable[TransformStamped]) -> list[cdr.Fields]:
     """
-    Read transforms that are to be broadcast.
+    Read and check transforms that are to be broadcast.
 
-    :raises TypeError: on an element that is no TransformStamped.
-    :raises ValueError: on a transform that no buffer would take.
+    :param messages: the transforms.
+    :returns: the fields of each, as `fields_of` returns them.
+    :raises TypeError: if an element is not a TransformStamped.
+    :raises ValueError: if a buffer would refuse a transform; see `check_edge` and `check_pose`.
     """
     transforms = []
     for message in messages:
@@ -177,9 +217,11 @@ def fields_to_send(messages: Iterable[TransformStamped]) -> list[cdr.Fields]:
 @lru_cache(maxsize=4096)
 def check_edge(frame_id: str, child_frame_id: str) -> None:
     """
-    Check the names of a transform that is to be broadcast.
+    Check the names of a transform that is to be broadcast; a leading slash is ignored.
 
-    :raises ValueError: when one is empty or both are the same, a leading slash aside.
+    :param frame_id: the name of the parent.
+    :param child_frame_id: the name of the child.
+    :raises ValueError: if a name is empty, or both are the same.
     """
     parent, child = frame_id.removeprefix('/'), child_frame_id.removeprefix('/')
     if not parent or not child:
@@ -194,30 +236,35 @@ def check_edge(frame_id: str, child_frame_id: str) -> None:
 
 def check_pose(frame_id: str, child_frame_id: str, pose: Sequence[float]) -> None:
     """
-    Check a pose x, y, z (m), qx, qy, qz, qw that is to be broadcast.
+    Check a pose that is to be broadcast.
 
-    :raises ValueError: when a number is not finite, or the quaternion cannot be normalised.
+    :param frame_id: the name of the parent, for the text of the error.
+    :param child_frame_id: the name of the child, for the text of the error.
+    :param pose: x, y, z (m) and the quaternion x, y, z, w.
+    :raises ValueError: if a number is not finite, or the quaternion cannot be normalised.
     """
     x, y, z, qx, qy, qz, qw = pose
     norm_squared = qx * qx + qy * qy + qz * qz + qw * qw
-    rotates = 0.0 < norm_squared < math.inf
-    if rotates and math.isfinite(x + y + z):
+    is_rotation = 0.0 < norm_squared < math.inf
+    if is_rotation and math.isfinite(x + y + z):
         return
     if not all(map(math.isfinite, pose)):
         raise ValueError(
             f"transform '{frame_id}' -> '{child_frame_id}': every number must be finite, got "
             f'translation ({x}, {y}, {z}), rotation ({qx}, {qy}, {qz}, {qw})')
-    if not rotates:
+    if not is_rotation:
         raise ValueError(
             f"transform '{frame_id}' -> '{child_frame_id}': the quaternion x, y, z, w = "
-            f'({qx}, {qy}, {qz}, {qw}) cannot be normalised; no rotation is (0, 0, 0, 1)')
+            f'({qx}, {qy}, {qz}, {qw}) cannot be normalised; use (0, 0, 0, 1) for no rotation')
 
 
 def check_poses(edges: Sequence[tuple[str, str]], poses: NDArray[np.float64]) -> None:
     """
-    Check (n, 7) poses at once, as `check_pose` does, one for each (frame_id, child_frame_id).
+    Check many poses at once, each as `check_pose` does.
 
-    :raises ValueError: for the first pose that is bad.
+    :param edges: the (frame_id, child_frame_id) of each of the n poses.
+    :param poses: (n, 7) float64: x, y, z (m), quaternion x, y, z, w.
+    :raises ValueError: if a pose is not valid; the text names the first such pose.
     """
     rotations = poses[:, 3:]
     with np.errstate(over='ignore', invalid='ignore'):

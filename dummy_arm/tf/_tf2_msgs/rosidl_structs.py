@@ -1,9 +1,9 @@
 """
-The C structs of rosidl that a message type is made of, as ROS 2 Jazzy lays them out.
+The C structs of rosidl that describe a message type, with their layout in ROS 2 Jazzy.
 
-From rosidl_runtime_c/message_type_support_struct.h, rosidl_runtime_c/type_description/*.h,
-rosidl_typesupport_fastrtps_cpp/message_type_support.h and
-rosidl_typesupport_introspection_c/message_introspection.h; each class is named as the C struct.
+They are declared in rosidl_runtime_c/message_type_support_struct.h,
+rosidl_runtime_c/type_description/*.h, rosidl_typesupport_fastrtps_cpp/message_type_support.h and
+rosidl_typesupport_introspection_c/message_introspection.h.
 """
 
 import ctypes
@@ -11,13 +11,18 @@ from ctypes import c_bool, c_char_p, c_size_t, c_uint8, c_uint32, c_uint64, c_vo
 
 
 class String(ctypes.Structure):
-    """Text; `str()` reads it."""
+    """A string: rosidl_runtime_c__String; `str()` decodes it."""
 
     _fields_ = [('data', c_char_p), ('size', c_size_t), ('capacity', c_size_t)]
 
     @classmethod
     def of(cls, text: str) -> 'String':
-        """Make one of a text."""
+        """
+        Create the struct of a text.
+
+        :param text: the text.
+        :returns: the struct, which owns the bytes of the text.
+        """
         data = text.encode()
         return cls(data, len(data), len(data) + 1)
 
@@ -26,7 +31,12 @@ class String(ctypes.Structure):
 
 
 def sequence_of(element: type) -> type:
-    """Make the struct of a sequence; iterating over it gives the elements."""
+    """
+    Create the class of the struct of a sequence.
+
+    :param element: the class of the elements.
+    :returns: the class; its objects iterate over the elements.
+    """
     fields = [('data', POINTER(element)), ('size', c_size_t), ('capacity', c_size_t)]
     return type(f'{element.__name__}Sequence', (ctypes.Structure,), {
         '_fields_': fields, '__iter__': lambda self: (self.data[i] for i in range(self.size))})
@@ -49,7 +59,7 @@ Fields = sequence_of(Field)
 
 
 class IndividualTypeDescription(ctypes.Structure):
-    """A type without the types that it refers to."""
+    """The description of a type without the types to which it refers."""
 
     _fields_ = [('type_name', String), ('fields', Fields)]
 
@@ -58,14 +68,14 @@ IndividualTypeDescriptions = sequence_of(IndividualTypeDescription)
 
 
 class TypeDescription(ctypes.Structure):
-    """A type with all types that it refers to."""
+    """The description of a type and of all types to which it refers."""
 
     _fields_ = [('type_description', IndividualTypeDescription),
                 ('referenced_type_descriptions', IndividualTypeDescriptions)]
 
 
 class TypeSource(ctypes.Structure):
-    """The file that a type was defined in."""
+    """The file that defines a type."""
 
     _fields_ = [('type_name', String), ('encoding', String), ('raw_file_contents', String)]
 
@@ -74,13 +84,13 @@ TypeSources = sequence_of(TypeSource)
 
 
 class TypeHash(ctypes.Structure):
-    """The hash of a type description."""
+    """The hash of a type description: rosidl_type_hash_t."""
 
     _fields_ = [('version', c_uint8), ('value', c_uint8 * 32)]
 
 
 class TypeSupport(ctypes.Structure):
-    """A type as the middleware is given it: rosidl_message_type_support_t."""
+    """The type support of a message type: rosidl_message_type_support_t."""
 
     _fields_ = [('typesupport_identifier', c_char_p), ('data', c_void_p), ('func', c_void_p),
                 ('get_type_hash_func', c_void_p), ('get_type_description_func', c_void_p),
@@ -88,7 +98,7 @@ class TypeSupport(ctypes.Structure):
 
 
 class FastRTPSCallbacks(ctypes.Structure):
-    """What Fast DDS calls: message_type_support_callbacks_t."""
+    """The functions that rmw_fastrtps calls for a type: message_type_support_callbacks_t."""
 
     _fields_ = [('message_namespace', c_char_p), ('message_name', c_char_p),
                 *((name, c_void_p) for name in (
@@ -97,7 +107,7 @@ class FastRTPSCallbacks(ctypes.Structure):
 
 
 class Member(ctypes.Structure):
-    """A field of a message in memory."""
+    """A field of a message in memory: rosidl_typesupport_introspection_c__MessageMember."""
 
     _fields_ = [('name', c_char_p), ('type_id', c_uint8), ('string_upper_bound', c_size_t),
                 ('members', c_void_p), ('is_key', c_bool), ('is_array', c_bool),
@@ -108,7 +118,7 @@ class Member(ctypes.Structure):
 
 
 class Members(ctypes.Structure):
-    """A message in memory."""
+    """A message in memory: rosidl_typesupport_introspection_c__MessageMembers."""
 
     _fields_ = [('message_namespace', c_char_p), ('message_name', c_char_p),
                 ('member_count', c_uint32), ('size_of', c_size_t),

@@ -1,12 +1,12 @@
 """
-A `tf2_msgs/msg/TFMessage` made at run time, where tf2_msgs is not installed.
+The class `tf2_msgs/msg/TFMessage`, created at run time where tf2_msgs is not installed.
 
-rclpy converts a message between Python and C, and the middleware between C and bytes, by functions
-that a compiler made. Python functions cannot stand in for them: Fast DDS calls them with its own
-lock held, where waiting for the interpreter's lock is a deadlock as soon as two threads publish;
-and a KeyboardInterrupt that hits a ctypes callback leaves its result undefined. So this message
-takes the way that is open to every type: rclpy sends and takes bytes, and they are packed and
-unpacked outside of the middleware (`install` in `_ros/rclpy_private.py`).
+For a generated message, compiled functions convert it between Python and C (called by rclpy) and
+between C and bytes (called by the middleware). Python functions cannot replace them: Fast DDS
+calls them while it holds its own lock, so that waiting for the GIL there is a deadlock as soon as
+two threads publish; and a KeyboardInterrupt in a ctypes callback leaves its result undefined.
+Therefore rclpy publishes and takes this message as bytes, which are serialised and deserialised
+outside of the middleware (`install` in `_ros/rclpy_private.py`).
 """
 
 from collections.abc import Collection
@@ -17,12 +17,12 @@ from rosidl_parser.definition import NamespacedType, UnboundedSequence
 
 from dummy_arm.tf._tf2_msgs import type_support
 
-#: Whether messages check what they are assigned, as generated message modules decide it.
+#: Whether messages check the values of their fields by default, as generated messages do.
 _CHECK_FIELDS: bool = TransformStamped()._check_fields
 
 
 class Metaclass_TFMessage(type):  # noqa: N801
-    """What rclpy asks of the class of a message class."""
+    """The metaclass of TFMessage, with the attributes that rclpy reads."""
 
     _CREATE_ROS_MESSAGE = type_support.CREATE_ROS_MESSAGE
     _CONVERT_FROM_PY = type_support.CONVERT_FROM_PY
@@ -32,11 +32,11 @@ class Metaclass_TFMessage(type):  # noqa: N801
 
     @classmethod
     def __import_type_support__(cls) -> None:
-        """Do nothing: the type support was made on import."""
+        """Do nothing: the type support is created when this module is imported."""
 
 
 class TFMessage(metaclass=Metaclass_TFMessage):
-    """Message class 'TFMessage'."""
+    """Message class 'TFMessage', with the interface of a generated message class."""
 
     __slots__ = ['_transforms', '_check_fields']
 
@@ -46,6 +46,14 @@ class TFMessage(metaclass=Metaclass_TFMessage):
         UnboundedSequence(NamespacedType(['geometry_msgs', 'msg'], 'TransformStamped')),)
 
     def __init__(self, **kwargs: Any) -> None:
+        """
+        Create a message.
+
+        :param kwargs: `transforms`, a sequence of TransformStamped, empty by default; and
+            `check_fields`, whether assignments to the fields are checked.
+        :raises AssertionError: if fields are checked, and there is another argument or a value
+            of another type.
+        """
         self._check_fields = kwargs.pop('check_fields', _CHECK_FIELDS)
         if self._check_fields:
             unknown = sorted(kwargs.keys() - self._fields_and_field_types.keys())
@@ -60,7 +68,11 @@ class TFMessage(metaclass=Metaclass_TFMessage):
 
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]:
-        """Get the fields' names and their types."""
+        """
+        Return the names and types of the fields.
+
+        :returns: the types by the names of the fields.
+        """
         return cls._fields_and_field_types.copy()
 
     @property

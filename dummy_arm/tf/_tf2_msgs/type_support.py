@@ -1,10 +1,11 @@
 """
-The type support of `tf2_msgs/msg/TFMessage`, made of what geometry_msgs ships.
+The type support of `tf2_msgs/msg/TFMessage`, derived from types of geometry_msgs.
 
-The middleware knows a type by a `rosidl_message_type_support_t`. Like a TFMessage, a
-`geometry_msgs/msg/Polygon` is one unbounded sequence; so its tables are copied, and name, element
-type, description and hash replaced. No Python code runs when C calls in: every pointer here is of
-compiled code, or of a ctypes callback whose Python end is itself compiled.
+The middleware identifies a type by a `rosidl_message_type_support_t`. Like a TFMessage, a
+`geometry_msgs/msg/Polygon` has one field, an unbounded sequence. So its tables are copied, and the
+name, element type, description and hash are replaced. No Python bytecode runs when C code calls a
+function of these tables: every function pointer is that of compiled code, or of a ctypes callback
+that calls a compiled function.
 """
 
 from collections.abc import Callable, Iterable
@@ -45,7 +46,7 @@ _INTROSPECTION = b'rosidl_typesupport_introspection_c'
 
 
 class _Handle(c_void_p):
-    """The first argument of a dispatch; `handle[identifier]` is the address that C is to get."""
+    """The first argument of a dispatch function; `handle[identifier]` is the result for C."""
 
     __getitem__: Callable[[bytes], Optional[int]]
 
@@ -55,9 +56,10 @@ _Getter = ctypes.CFUNCTYPE(c_void_p)
 
 
 def _expect(what: str, expected: object, found: object) -> None:
+    """Raise an ImportError if a value that is read from C differs from that of ROS 2 Jazzy."""
     if expected != found:
         raise ImportError(
-            f'cannot make {_NAME} without tf2_msgs, because {what} is not as in ROS 2 Jazzy: '
+            f'cannot create {_NAME} without tf2_msgs, because {what} is not as in ROS 2 Jazzy: '
             f'expected {expected!r}, found {found!r}; install tf2_msgs')
 
 
@@ -70,7 +72,7 @@ _new_capsule = ctypes.PYFUNCTYPE(ctypes.py_object, c_void_p, c_char_p, c_void_p)
 
 
 def _type_support_of(message_type: type, identifier: bytes) -> TypeSupport:
-    """Get the type support of a compiled message type, in one of its two kinds."""
+    """Return the type support of a generated message type for one typesupport library."""
     check_for_type_support(message_type)
     capsule = message_type.__class__._TYPE_SUPPORT  # type: ignore[attr-defined]
     address = _get_capsule_pointer(capsule, _get_capsule_name(capsule))
@@ -85,8 +87,8 @@ def _type_support_of(message_type: type, identifier: bytes) -> TypeSupport:
     return kind
 
 
-def _described(handle: TypeSupport) -> tuple[TypeDescription, Iterable[TypeSource]]:
-    """Get the description of a type and its sources, checked against the type's hash."""
+def _description_of(handle: TypeSupport) -> tuple[TypeDescription, Iterable[TypeSource]]:
+    """Return the description of a type and its sources; check the description by its hash."""
     address = ctypes.addressof(handle)
     hash_, description, sources = (
         ctypes.CFUNCTYPE(POINTER(layout), c_void_p)(function)(address).contents
@@ -101,8 +103,14 @@ def _described(handle: TypeSupport) -> tuple[TypeDescription, Iterable[TypeSourc
 
 
 def _hash_of(description: TypeDescription) -> bytes:
-    """Hash a type description: the SHA-256 of its canonical JSON (REP-2011)."""
+    """Compute the hash of a type description: the SHA-256 of its canonical JSON (REP-2011)."""
     def plain(individual: IndividualTypeDescription) -> dict[str, Any]:
+        """
+        Convert a description to dicts and lists in the order of keys that REP-2011 prescribes.
+
+        :param individual: the description of one type.
+        :returns: the dict that is written as JSON.
+        """
         return {'type_name': str(individual.type_name), 'fields': [
             {'name': str(field.name), 'type': {
                 'type_id': field.type.type_id, 'capacity': field.type.capacity,
@@ -118,19 +126,21 @@ def _hash_of(description: TypeDescription) -> bytes:
 
 
 def _array(sequence: type, elements: Iterable[Any]) -> Any:
+    """Create the struct of a sequence with some elements, at least one."""
     elements = list(elements)
     array = (type(elements[0]) * len(elements))(*elements)
     return sequence(array, len(elements), len(elements))
 
 
 def _constant(value: ctypes.Structure) -> int:
-    """Make a C function that returns the address of a value."""
+    """Create a C function that returns the address of a value; return the function's address."""
     getter = _Getter(repeat(ctypes.addressof(value)).__next__)
-    _kept.extend((value, getter))
+    _referenced.extend((value, getter))
     return ctypes.cast(getter, c_void_p).value or 0
 
 
-_kept: list[object] = []  # what C points to
+#: Objects to which C code has pointers; the list keeps them alive.
+_referenced: list[object] = []
 
 _element_fastrtps = _type_support_of(TransformStamped, _FASTRTPS)
 _element_introspection = _type_support_of(TransformStamped, _INTROSPECTION)
@@ -138,7 +148,7 @@ _polygon_fastrtps = _type_support_of(Polygon, _FASTRTPS)
 _polygon_introspection = _type_support_of(Polygon, _INTROSPECTION)
 
 # The description: one field, an unbounded sequence of TransformStamped.
-_element_description, _element_sources = _described(_element_fastrtps)
+_element_description, _element_sources = _description_of(_element_fastrtps)
 _itself = IndividualTypeDescription(String.of(_NAME), _array(Fields, [Field(
     String.of('transforms'),
     FieldType(_NESTED_TYPE_UNBOUNDED_SEQUENCE, 0, 0,
@@ -149,9 +159,9 @@ _description = TypeDescription(_itself, _array(IndividualTypeDescriptions, sorte
 _sources = _array(TypeSources, (
     TypeSource(String.of(_NAME), String.of('msg'), String.of(_SOURCE)), *_element_sources))
 _hash = TypeHash(1, (c_uint8 * 32)(*_hash_of(_description)))
-_described_functions = [_constant(value) for value in (_hash, _description, _sources)]
+_description_functions = [_constant(value) for value in (_hash, _description, _sources)]
 
-# The callbacks of Fast DDS; it asks them only whether the type is bounded.
+# The callbacks of rmw_fastrtps, which only calls the one that says whether the type is bounded.
 _callbacks = FastRTPSCallbacks.from_buffer_copy(
     FastRTPSCallbacks.from_address(_polygon_fastrtps.data))
 _expect("Polygon's name", (b'geometry_msgs::msg', b'Polygon'),
@@ -159,9 +169,9 @@ _expect("Polygon's name", (b'geometry_msgs::msg', b'Polygon'),
 _callbacks.message_namespace = b'tf2_msgs::msg'
 _callbacks.message_name = b'TFMessage'
 _fastrtps = TypeSupport(_FASTRTPS, ctypes.addressof(_callbacks), _polygon_fastrtps.func,
-                        *_described_functions)
+                        *_description_functions)
 
-# The introspection, of which the middleware registers the type.
+# The introspection tables, from which the middleware registers the type.
 _members = Members.from_buffer_copy(Members.from_address(_polygon_introspection.data))
 _expect("Polygon's introspection", (b'geometry_msgs__msg', b'Polygon', 1, 24),
         (_members.message_namespace, _members.message_name, _members.member_count,
@@ -176,19 +186,20 @@ _members.message_namespace = b'tf2_msgs__msg'
 _members.message_name = b'TFMessage'
 _members.members = ctypes.pointer(_member)
 _introspection = TypeSupport(_INTROSPECTION, ctypes.addressof(_members),
-                             _polygon_introspection.func, *_described_functions)
+                             _polygon_introspection.func, *_description_functions)
 
-# A dict's compiled method, called by a compiled function: no bytecode runs in between.
+# The compiled operator.getitem calls the compiled dict.get: no bytecode runs in between.
 _Handle.__getitem__ = {
     _FASTRTPS: ctypes.addressof(_fastrtps),
     _INTROSPECTION: ctypes.addressof(_introspection)}.get
 _dispatch = _Dispatch(operator.getitem)
 _handle = TypeSupport(b'rosidl_typesupport_c', None, ctypes.cast(_dispatch, c_void_p).value,
-                      *_described_functions)
+                      *_description_functions)
 
 TYPE_SUPPORT = _new_capsule(ctypes.addressof(_handle), None, None)
 CREATE_ROS_MESSAGE = Polygon.__class__._CREATE_ROS_MESSAGE
 DESTROY_ROS_MESSAGE = Polygon.__class__._DESTROY_ROS_MESSAGE
-# Who comes this way with an object gets a TypeError: it is bytes that are sent and taken.
+# rclpy raises a TypeError where it would convert a message object, since this message is only sent
+# and taken as bytes.
 CONVERT_FROM_PY = CONVERT_TO_PY = _new_capsule(
     ctypes.cast(ctypes.pythonapi.PyErr_BadArgument, c_void_p).value, None, None)

@@ -1,10 +1,10 @@
 """
-The bytes of a `tf2_msgs/msg/TFMessage`, and transforms to and from them.
+Serialisation of `tf2_msgs/msg/TFMessage` in CDR.
 
-A message is plain CDR (XCDR1), as every RMW of Jazzy sends it:
+A message is in plain CDR (XCDR1), as every RMW of Jazzy sends it:
 
     00 01 00 00          encapsulation: 00 00 big endian, 00 01 little endian, two bytes of options
-    uint32               number of transforms; positions count from here
+    uint32               number of transforms; alignment is relative to this position
     for each transform:
       int32, uint32      stamp: seconds, nanoseconds; at the next multiple of 4
       string, string     frame_id, child_frame_id: uint32 length with the final NUL, UTF-8, NUL;
@@ -32,7 +32,7 @@ _pack_pose = struct.Struct('<7d').pack
 
 
 class MalformedMessage(ValueError):
-    """Bytes that are no TFMessage; the text up to the colon is the kind of the fault."""
+    """The bytes are not a TFMessage; the error text up to the colon is the kind of the fault."""
 
 
 def _pack_name(name: str) -> bytes:
@@ -47,7 +47,7 @@ def _pack_name(name: str) -> bytes:
 
 @lru_cache(maxsize=4096)
 def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
-    """Pack both names, padded up to the pose; `position` is that of the first, modulo 8."""
+    """Pack both names and the padding up to the pose; `position` is where they begin, modulo 8."""
     packed = b''
     for name, alignment in ((frame_id, 4), (child_frame_id, 8)):
         packed += _pack_name(name)
@@ -55,16 +55,18 @@ def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
     return packed
 
 
-#: One transform as it is on the wire, where the nanoseconds may be more than a second: sec,
-#: nanosec, frame_id, child_frame_id, pose.
+#: The fields of one transform: sec, nanosec, frame_id, child_frame_id, pose. In received messages,
+#: nanosec may be more than a second.
 Fields = tuple[int, int, str, str, Pose]
 
 
 def pack(rows: Iterable[Row]) -> bytes:
     """
-    Pack transforms into the bytes of one message.
+    Serialise transforms to the bytes of one message.
 
-    :raises ValueError: as `pack_fields`, and on a stamp whose seconds do not fit an int32.
+    :param rows: the transforms.
+    :returns: the message, little-endian.
+    :raises ValueError: as `pack_fields`, and if the seconds of a stamp do not fit an int32.
     :raises struct.error: as `pack_fields`.
     """
     return pack_fields((*split_stamp(row.stamp_ns), *row[1:]) for row in map(Row._make, rows))
@@ -72,10 +74,12 @@ def pack(rows: Iterable[Row]) -> bytes:
 
 def pack_fields(transforms: Iterable[Fields]) -> bytes:
     """
-    Pack the fields of transforms into the bytes of one message.
+    Serialise the fields of transforms to the bytes of one message.
 
-    :raises ValueError: on a frame id with a NUL in it or that is not valid Unicode.
-    :raises struct.error: on a number that is none or does not fit its field.
+    :param transforms: the fields of each transform.
+    :returns: the message, little-endian.
+    :raises ValueError: if a frame id contains a NUL or is not valid Unicode.
+    :raises struct.error: if a value is not a number or does not fit its field.
     """
     parts = []
     position = 4
@@ -89,24 +93,41 @@ def pack_fields(transforms: Iterable[Fields]) -> bytes:
 
 
 def unpack(data: bytes) -> list[Row]:
-    """Unpack the bytes of a message into transforms; as `rows`."""
+    """
+    Deserialise a message.
+
+    :param data: the message, of either byte order.
+    :returns: the transforms.
+    :raises MalformedMessage: as `fields`.
+    :raises TypeError: as `fields`.
+    """
     return list(rows(data))
 
 
 def rows(data: bytes) -> Iterator[Row]:
-    """Unpack the bytes of a message, one transform after the other; as `fields`."""
+    """
+    Deserialise a message, one transform after the other.
+
+    :param data: the message, of either byte order.
+    :returns: an iterator over the transforms.
+    :raises MalformedMessage: as `fields`.
+    :raises TypeError: as `fields`.
+    """
     for sec, nanosec, frame_id, child_frame_id, pose in fields(data):
         yield Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
 
 
 def fields(data: bytes) -> Iterator[Fields]:
     """
-    Unpack the bytes of a message, of either byte order, one transform after the other.
+    Deserialise a message, one transform after the other.
 
-    What follows after the last transform is ignored, as Fast DDS does.
+    Bytes after the last transform are ignored, as by Fast DDS. Errors are raised during the
+    iteration.
 
-    :raises MalformedMessage: when the bytes end too early or are in another encoding.
-    :raises TypeError: when it is no bytes object.
+    :param data: the message, of either byte order.
+    :returns: an iterator over the fields of each transform.
+    :raises MalformedMessage: if the bytes end too early or are in another encoding.
+    :raises TypeError: if `data` is not bytes.
     """
     if not isinstance(data, bytes):
         raise TypeError(f'expected bytes, got {type(data).__name__}')
@@ -124,7 +145,7 @@ def fields(data: bytes) -> Iterator[Fields]:
         yield from _unpack_fields(data, order, count)
     except struct.error:
         raise MalformedMessage(
-            f'truncated: a TFMessage of {len(data)} bytes ends in the midst of a field') from None
+            f'truncated: a TFMessage of {len(data)} bytes ends in the middle of a field') from None
 
 
 def _unpack_fields(data: bytes, order: str, count: int) -> Iterator[Fields]:
@@ -147,15 +168,17 @@ def _unpack_fields(data: bytes, order: str, count: int) -> Iterator[Fields]:
 
 
 def _text(field: bytes) -> str:
-    """Read a string as rclpy does: up to the first NUL, what is not UTF-8 replaced."""
+    """Decode a string as rclpy does: up to the first NUL; invalid UTF-8 is replaced."""
     return field.partition(b'\0')[0].decode('utf-8', 'replace')
 
 
 def split_stamp(stamp_ns: int) -> tuple[int, int]:
     """
-    Split a time in ns into seconds and nanoseconds.
+    Split a time into seconds and nanoseconds.
 
-    :raises ValueError: when the seconds do not fit the int32 of a ROS stamp.
+    :param stamp_ns: time (ns).
+    :returns: sec and nanosec, as in a ROS stamp.
+    :raises ValueError: if the seconds do not fit the int32 of a ROS stamp.
     """
     sec, nanosec = divmod(stamp_ns, SECOND)
     if not -2**31 <= sec < 2**31:
@@ -163,14 +186,21 @@ def split_stamp(stamp_ns: int) -> tuple[int, int]:
     return sec, nanosec
 
 
-class Packet:
+class MessageTemplate:
     """
-    The bytes of a message whose frames stay the same, laid out once.
+    A template for messages that have the same frames, which makes their serialisation fast.
 
-    :param edges: (frame_id, child_frame_id) of each of the n transforms, n >= 1.
+    Poses are aligned to 8 bytes in a message, so that it is an array of float64 after the
+    encapsulation.
     """
 
     def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
+        """
+        Create the template.
+
+        :param edges: (frame_id, child_frame_id) of each of the n transforms, n >= 1.
+        :raises ValueError: if a frame id contains a NUL or is not valid Unicode.
+        """
         lengths = [len(_pack_names(parent, child, 0 if i else 4)) + 8
                    for i, (parent, child) in enumerate(edges)]
         ends = 4 + np.cumsum(np.array(lengths) + 56)
@@ -181,11 +211,12 @@ class Packet:
 
     def pack(self, stamp_ns: int, poses: ArrayLike) -> bytes:
         """
-        Pack a pose for every frame, all with one stamp.
+        Serialise a message in which all transforms have the same stamp.
 
         :param stamp_ns: time (ns).
-        :param poses: (n, 7) float64: x, y, z (m) and the rotation's x, y, z, w.
-        :raises ValueError: when the shape is another, or the stamp does not fit.
+        :param poses: (n, 7) float64: x, y, z (m), quaternion x, y, z, w.
+        :returns: the message, little-endian.
+        :raises ValueError: if `poses` has another shape, or as `split_stamp`.
         """
         sec, nanosec = split_stamp(stamp_ns)
         values: NDArray[np.float64] = np.asarray(poses, np.float64)
@@ -202,10 +233,11 @@ class Packet:
 
 def key(data: bytes) -> bytes:
     """
-    Return what messages with the same frames have in common, and few others.
+    Return a key that is the same for messages with the same frames, and rarely for others.
 
     :param data: a little-endian message.
-    :returns: the bytes of its first two names, if they are not long.
+    :returns: the bytes of the first two names; only some of them if a name is longer than 254
+        bytes; b'' if the message is too short.
     """
     try:
         end = _FIRST_NAME + 7 + data[_FIRST_NAME] & ~3
@@ -214,19 +246,21 @@ def key(data: bytes) -> bytes:
         return b''
 
 
-#: Unpacks the eight bytes of a stamp: s, ns.
+#: Unpack the eight bytes of a stamp to sec and nanosec.
 unpack_stamp = struct.Struct('<iI').unpack
-#: How a little-endian message begins.
+#: The first bytes of a little-endian message.
 HEAD = _ENCAPSULATION[:2]
 
 
 def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     """
-    Return where the fields of a little-endian message lie whose frames are known.
+    Return the positions of the fields in little-endian messages with certain frames.
 
     :param edges: (frame_id, child_frame_id) of each of the n transforms.
-    :returns: the format, for `struct`, of these fields: the head, the number of transforms, and of
-        each transform the bytes of its stamp, its two names and its pose; and these 2 n names.
+    :returns: a format of the module `struct` for these fields: the head, the number of transforms,
+        and for each transform the bytes of its stamp, its two names and its pose; and the bytes of
+        these 2 n names.
+    :raises ValueError: if a frame id contains a NUL or is not valid Unicode.
     """
     struct_format = '<2s2xI'
     position = 4

@@ -1,7 +1,7 @@
 """
-The bytes of a `tf2_msgs/TFMessage`, or `tf/tfMessage`, of ROS 1, as its bags have them.
+Deserialisation of `tf2_msgs/TFMessage` and `tf/tfMessage` of ROS 1, as in its bags.
 
-All is little-endian, and nothing is aligned:
+All fields are little-endian, without alignment:
 
     uint32               number of transforms
     for each transform:
@@ -27,15 +27,23 @@ _unpack_pose = struct.Struct('<7d').unpack_from
 
 
 def unpack(data: bytes) -> list[Row]:
-    """Unpack the bytes of a message into transforms; as `rows`."""
+    """
+    Deserialise a message.
+
+    :param data: the message.
+    :returns: the transforms.
+    :raises MalformedMessage: if the bytes end too early.
+    """
     return list(rows(data))
 
 
 def rows(data: bytes) -> Iterator[Row]:
     """
-    Unpack the bytes of a message, one transform after the other.
+    Deserialise a message, one transform after the other.
 
-    :raises MalformedMessage: when the bytes end too early.
+    :param data: the message.
+    :returns: an iterator over the transforms.
+    :raises MalformedMessage: if the bytes end too early.
     """
     try:
         (count,) = _unpack_length(data)
@@ -53,11 +61,11 @@ def rows(data: bytes) -> Iterator[Row]:
             position += POSE_BYTES
     except struct.error:
         raise MalformedMessage(
-            f'truncated: a TFMessage of {len(data)} bytes ends in the midst of a field') from None
+            f'truncated: a TFMessage of {len(data)} bytes ends in the middle of a field') from None
 
 
 def _name(data: bytes, position: int) -> tuple[str, int]:
-    """Read a name; tell where it ends."""
+    """Return the name at a position, and the position of its end."""
     (length,) = _unpack_length(data, position)
     end = position + 4 + length
     return data[position + 4:end].decode('utf-8', 'replace'), end
@@ -65,9 +73,11 @@ def _name(data: bytes, position: int) -> tuple[str, int]:
 
 def key(data: bytes) -> bytes:
     """
-    Return what messages with the same frames have in common, and few others.
+    Return a key that is the same for messages with the same frames, and rarely for others.
 
-    :returns: the bytes of the first two names, if they are not long.
+    :param data: a message.
+    :returns: the bytes of the first two names; only some of them if a name is longer than 255
+        bytes; b'' if the message is too short.
     """
     try:
         end = _FIRST_NAME + 4 + data[_FIRST_NAME]
@@ -76,26 +86,26 @@ def key(data: bytes) -> bytes:
         return b''
 
 
-#: Unpacks the eight bytes of a stamp: s, ns.
+#: Unpack the eight bytes of a stamp to seconds and nanoseconds.
 unpack_stamp = struct.Struct('<II').unpack
-#: How a message begins: with the number of transforms.
+#: A message has no bytes before the number of transforms.
 HEAD = b''
 
 
 def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     """
-    Return where the fields of a message lie whose frames are known.
+    Return the positions of the fields in messages with certain frames.
 
     :param edges: (frame_id, child_frame_id) of each of the n transforms.
-    :returns: as `wire.layout`.
+    :returns: as `cdr.layout`.
     """
-    fields = '<0sI'
+    struct_format = '<0sI'
     names = []
     for edge in edges:
-        fields += '4x8s'
+        struct_format += '4x8s'
         for name in edge:
             text = name.encode()
             names.append(struct.pack('<I', len(text)) + text)
-            fields += f'{len(names[-1])}s'
-        fields += f'{POSE_BYTES}s'
-    return fields, names
+            struct_format += f'{len(names[-1])}s'
+        struct_format += f'{POSE_BYTES}s'
+    return struct_format, names

@@ -1,4 +1,4 @@
-"""Streams of messages: the bytes of TFMessages to batches of poses and to rows."""
+"""Streams of messages: conversion of serialised TFMessages to batches of poses and to rows."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
@@ -10,41 +10,70 @@ from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.cdr import MalformedMessage
 
-#: The layouts that are kept are those of messages of at most so many bytes, added up.
+#: The largest total size (bytes) of the messages whose layouts are kept.
 _MOST_BYTES = 10_000_000
-#: A batch ends with so many transforms: longer arrays would not stay in the caches.
-_LONG = 1000
+#: The number of transforms at which a batch is closed: longer arrays would not fit the CPU caches.
+_FULL_BATCH = 1000
 
 
 class Encoding(Protocol):
-    """What the bytes mean: the module `cdr` (ROS 2) or `ros1`."""
+    """The encoding of messages: the module `cdr` (ROS 2) or `ros1`."""
 
+    #: The first bytes of a message; empty if it begins with the number of transforms.
     HEAD: bytes
 
     def unpack(self, data: bytes) -> list[Row]:
-        """Unpack the bytes of a message into transforms."""
+        """
+        Deserialise a message.
+
+        :param data: the message.
+        :returns: the transforms.
+        :raises MalformedMessage: if the bytes are not a message.
+        """
 
     def rows(self, data: bytes) -> Iterator[Row]:
-        """Unpack the bytes of a message, one transform after the other."""
+        """
+        Deserialise a message, one transform after the other.
+
+        :param data: the message.
+        :returns: an iterator over the transforms.
+        :raises MalformedMessage: if the bytes are not a message.
+        """
 
     def key(self, data: bytes) -> bytes:
-        """Return what messages with the same frames have in common."""
+        """
+        Return a key that is the same for messages with the same frames, and rarely for others.
+
+        :param data: a message.
+        :returns: the key.
+        """
 
     def layout(self, edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
-        """Return where the fields of a message lie whose frames are known."""
+        """
+        Return the positions of the fields in messages with certain frames.
+
+        :param edges: (frame_id, child_frame_id) of each transform.
+        :returns: as `cdr.layout`.
+        """
 
     def unpack_stamp(self, data: bytes) -> tuple[int, ...]:
-        """Unpack the eight bytes of a stamp: s, ns."""
+        """
+        Unpack a stamp.
+
+        :param data: the eight bytes of the stamp.
+        :returns: seconds and nanoseconds.
+        """
 
 
 class _Layout:
-    """Where the fields lie of the messages of one stream, whose frames are always the same."""
+    """The positions of the fields in messages that have the same frames."""
 
     def __init__(self, encoding: Encoding, edges: Sequence[tuple[str, str]]) -> None:
         """
         Create the layout.
 
-        :param edges: frame_id and child_frame_id of each of the n transforms, as on the wire.
+        :param encoding: the encoding of the messages.
+        :param edges: (frame_id, child_frame_id) of each of the n transforms, as in the messages.
         """
         self.parents = [parent.removeprefix('/') for parent, _ in edges]
         self.children = [child.removeprefix('/') for _, child in edges]
@@ -59,8 +88,9 @@ class _Layout:
         """
         Read a message.
 
-        :returns: its stamp (ns), and the pose of each transform (7 float64); None when the message
-            has another layout, or several stamps.
+        :param data: the message.
+        :returns: its stamp (ns), and the bytes of the pose of each transform (7 float64); None if
+            the message has another layout or several stamps.
         """
         if len(data) < self._struct.size:
             return None
@@ -75,33 +105,41 @@ class _Layout:
 
 
 class MessageReader:
-    """Reads the messages of a topic, and remembers the layouts of those whose frames repeat."""
+    """
+    A reader of the messages of a topic.
+
+    It keeps the layouts of messages, so that it can read later messages with the same frames fast.
+    """
 
     def __init__(self, on_malformed: Callable[[MalformedMessage], object], encoding: Encoding = cdr
                  ) -> None:
         """
-        Create a reader that knows no layout.
+        Create a reader without layouts.
 
-        :param on_malformed: is called with the error of each message that cannot be decoded.
-        :param encoding: how messages are written.
+        :param on_malformed: called with the error of each message that cannot be decoded.
+        :param encoding: the encoding of the messages.
         """
         self._on_malformed, self._encoding = on_malformed, encoding
         self._layouts: dict[tuple[int, bytes], _Layout] = {}
-        self._size = 0  # of the messages (bytes)
+        #: The total size of the messages whose layouts are kept (bytes).
+        self._size = 0
 
     def read(self, messages: Iterable[bytes], authority: str, is_static: bool
              ) -> list[BatchOrRows]:
         """
         Read messages.
 
-        :param authority: their publisher.
-        :param is_static: whether they are from /tf_static. Static transforms are inserted in the
-            order in which they were sent, so they are not gathered.
-        :returns: batches; and rows, of a message that is static, whose layout was not known or
-            that has several stamps. The transforms of one child are in the order of arrival.
+        Messages with a known layout and a single stamp are joined to batches. The others become
+        rows, and so do static messages, since static transforms must be inserted in the order in
+        which they were sent.
+
+        :param messages: the messages, in the order of their arrival.
+        :param authority: the name of their publisher.
+        :param is_static: whether they are from /tf_static.
+        :returns: batches and rows. The transforms of each child are in the order of their arrival.
         """
         encoding, result = self._encoding, list[BatchOrRows]()
-        open_batches: dict[_Layout, Batch] = {}  # those that may get more messages
+        open_batches: dict[_Layout, Batch] = {}  # batches to which messages can be appended
         for data in messages:
             try:
                 if is_static:
@@ -118,8 +156,9 @@ class MessageReader:
                     continue
                 stamp, poses = fields
                 batch = open_batches.get(layout)
-                if batch is None or stamp <= batch.stamps[-1] or len(batch.poses) >= _LONG:
-                    # Those with a frame of this one come before it.
+                if batch is None or stamp <= batch.stamps[-1] or len(batch.poses) >= _FULL_BATCH:
+                    # Batches with frames in common are inserted before the new one, so that the
+                    # transforms of each frame stay in order.
                     for other in tuple(open_batches):
                         if not layout.names.isdisjoint(other.names):
                             result.append(open_batches.pop(other))
@@ -135,9 +174,9 @@ class MessageReader:
         """Keep the layout of a message, if it has one stamp."""
         edges = [(row.frame_id, row.child_frame_id) for row in rows]
         if len({row.stamp_ns for row in rows}) != 1 or any(map(is_too_long, chain(*edges))):
-            return  # long names are refused
+            return  # The buffer rejects names that are too long.
         layout = _Layout(self._encoding, edges)
-        # A frame twice in a message would not keep its order in a batch.
+        # If a child is twice in a message, a batch would not keep the order of its transforms.
         if layout.read(data) is not None and len(layout.names) == len(edges):
             if self._size > _MOST_BYTES:
                 self._layouts.clear()
