@@ -23,7 +23,7 @@ setup(
         'bag': ['backports.zstd; python_version < "3.14"', 'lz4', 'mcap', 'pygraphviz', 'rosbags',
                 'ruamel.yaml', 'tqdm'],
         'bench': ['matplotlib'],
-        'pictures': ['matplotlib', 'pypdfium2'],
+        'pictures': ['matplotlib', 'pillow', 'pypdfium2'],
         'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'playwright', 'pypdf', 'pytest',
                  'pytest-xdist', 'ruff'],
     },

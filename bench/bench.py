@@ -1,9 +1,9 @@
 """
-Measure what this package promises of speed and memory, as ratios within one run.
+Measure the speed and memory of this package, as ratios within one run.
 
-The unit u is what `rclpy.serialization.deserialize_message` of one TransformStamped takes. Times
-are the best of five. Prints tables in Markdown, and draws how the cost of a lookup grows into the
-file that is named on the command line.
+The unit u is the time of `rclpy.serialization.deserialize_message` for one TransformStamped. Times
+are the best of five runs. Prints Markdown tables, one for each section of docs/benchmarks.md, and
+draws how the cost of a lookup grows into the file that is named on the command line.
 """
 
 from collections.abc import Iterable
@@ -26,11 +26,12 @@ import sending
 import viewing
 
 
-def table(rows: Iterable[Row]) -> None:
-    """Print a table, row by row."""
-    print('\n| work | cost | compared |\n|---|---|---|')
-    for row in rows:
-        print('| ' + ' | '.join(row) + ' |', flush=True)
+def table(title: str, *parts: Iterable[Row]) -> None:
+    """Print a table under a title, row by row."""
+    print(f'\n## {title}\n\n| work | cost | u | compared |\n|---|---|---|---|')
+    for rows in parts:
+        for row in rows:
+            print('| ' + ' | '.join(row) + ' |', flush=True)
 
 
 def main() -> None:
@@ -40,20 +41,16 @@ def main() -> None:
     u = best(lambda: deserialize_message(data, TransformStamped))
     print(f'Python {sys.version.split()[0]}, numpy {np.__version__}, {os.cpu_count()} cores; '
           f'u = {u * 1e6:.1f} µs')
-    table(lookups.rows(u))
+    table('Listening', listening.over_dds())
+    table('Looking up', lookups.rows(u))
     lookups.plot(sys.argv[1])
-    table(listening.into_the_buffer(u))
-    table(listening.memory())
-    table(listening.over_dds())
-    table(reading.rows(u))
-    table(reading.memory())
-    table(hostile.rows())
-    table(hostile.memory())
-    table(viewing.placing())
-    table(viewing.showing())
-    table(sending.rows(rclpy.create_node('bench'), u))
-    table(sending.other_type(u))
-    table(sending.ticking(rclpy.create_node('listener')))
+    table('Publishing', sending.rows(rclpy.create_node('bench'), u), sending.other_type(u),
+          sending.ticking(rclpy.create_node('listener')))
+    table('Bags', reading.rows(u))
+    table('Memory', listening.memory(), reading.memory())
+    table('One message at a time', listening.into_the_buffer(u))
+    table('The web page', viewing.placing(), viewing.showing())
+    table('Hostile publishers', hostile.rows(), hostile.memory())
     rclpy.shutdown()
 
 

@@ -29,13 +29,14 @@ def rows() -> Iterator[Row]:
     begin = perf_counter()
     BufferCore().insert_batches(MessageReader(_fail).read([message], 'bench', False))
     yield (f'{_PARENTS} transforms of one frame, each with another parent, in one message',
-           f'{perf_counter() - begin:.2f} s', '')
+           f'{perf_counter() - begin:.2f} s', '', '')
     buffer = BufferCore()
     for i in range(_FRAMES - 1):
         buffer.insert(_S, 'map', f'frame_{i}', IDENTITY)
     held = best(buffer._tree.states)
     listed = best(buffer.frames)
-    yield f'frames() of {_FRAMES} frames', f'{listed * 1e3:.0f} ms', f'{held * 1e3:.0f} ms locked'
+    yield (f'frames() of {_FRAMES} frames', f'{listed * 1e3:.0f} ms', '',
+           f'{held * 1e3:.0f} ms locked')
     begin = perf_counter()
     try:
         buffer.lookup_transform('map', 'frame_x')
@@ -43,7 +44,7 @@ def rows() -> Iterator[Row]:
         raised = perf_counter() - begin
         str(error)
     yield (f'error about an unknown frame among {_FRAMES}, with its text',
-           f'{(perf_counter() - begin) * 1e3:.0f} ms', f'{raised * 1e3:.0f} ms locked')
+           f'{(perf_counter() - begin) * 1e3:.0f} ms', '', f'{raised * 1e3:.0f} ms locked')
 
 
 def memory() -> Iterator[Row]:
@@ -56,7 +57,7 @@ def memory() -> Iterator[Row]:
         size, number = subprocess.run(
             [sys.executable, __file__, *map(str, arguments)], stdout=subprocess.PIPE, text=True,
             check=True).stdout.split()
-        yield what, f'{size} MiB', f'{number} samples'
+        yield what, f'{size} MiB', '', f'{number} samples'
 
 
 def status(field: str) -> float:
@@ -77,7 +78,7 @@ def fill(frames: int, samples: int, length: int) -> None:
     begin = '' if length < 100 else '\U0001f600'
     together = 110
     packets = [
-        cdr.Packet([('map', f'{begin}{j:0{length - len(begin)}}')
+        cdr.MessageTemplate([('map', f'{begin}{j:0{length - len(begin)}}')
                      for j in range(i, min(i + together, frames))])
         for i in range(0, frames, together)]
     before = status('VmRSS')

@@ -10,7 +10,7 @@ import sys
 from timeit import timeit
 
 from leak import resident
-from measure import Row
+from measure import cost, Row
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,9 +29,9 @@ RATE_LOST = 2000
 STREAMS = (500, 20), (1000, 4)
 
 
-def chain(frames: int) -> tuple[cdr.Packet, NDArray[np.float64]]:
+def chain(frames: int) -> tuple[cdr.MessageTemplate, NDArray[np.float64]]:
     """Prepare messages of a chain of frames, and their poses."""
-    packet = cdr.Packet([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
+    packet = cdr.MessageTemplate([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
     return packet, np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (frames, 1))
 
 
@@ -51,8 +51,8 @@ def into_the_buffer(u: float) -> Iterator[Row]:
 
         measure(HISTORY + 100)
         seconds = min(measure(200) for _ in range(20))
-        yield (f'message of {frames} frames, from bytes into the buffer', f'{seconds / u:.2f} u',
-               f'{seconds / u / frames:.3f} u a frame')
+        yield (f'message of {frames} frames', *cost(seconds, u),
+               f'{seconds / frames * 1e6:.2f} µs per frame')
 
 
 def memory() -> Iterator[Row]:
@@ -65,8 +65,8 @@ def memory() -> Iterator[Row]:
             (packet.pack(10**18 + number * 10 * MS, poses),), 'bench', False))
         if number in (3_000, 30_000):
             sizes[number // 100] = resident()
-    yield ('resident memory after 30 s of 100 frames at 100 Hz, of which 10 s are kept',
-           f'{sizes[30]:.1f} MiB', f'{sizes[300]:.1f} MiB after 300 s')
+    yield ('resident memory of a listener after 30 s, 100 frames at 100 Hz, cache time 10 s',
+           f'{sizes[30]:.1f} MiB', '', f'{sizes[300]:.1f} MiB after 300 s')
 
 
 def play(*arguments: str) -> 'subprocess.Popen[str]':
@@ -88,11 +88,11 @@ def measured(role: str, listener: str, topic: str, rate: float, frames: int, sec
 def over_dds() -> Iterator[Row]:
     """Measure the CPU time of listening processes."""
     listeners = [
-        ('rclpy to objects, compiled conversion, set one by one', 'Compiled', 'poses'),
-        ("rclpy to objects, this package's TFMessage, set one by one", 'Objects', 'tf'),
+        ('rclpy subscription, compiled conversion, set_transform', 'Compiled', 'poses'),
+        ("rclpy subscription, this package's TFMessage, set_transform", 'Objects', 'tf'),
         ('TransformListener, node spun', 'TransformListener', 'tf'),
         ('TransformListener, node not spun', 'TransformListener unspun', 'tf'),
-        ('the same while a future waits, so that there are no pauses', 'Waiting unspun', 'tf')]
+        ('the same while a future waits', 'Waiting unspun', 'tf')]
     if find_spec('tf2_ros'):
         listeners.insert(0, ('tf2_ros.TransformListener', 'tf2_ros', 'tf'))
     for rate, frames in STREAMS:
@@ -103,15 +103,15 @@ def over_dds() -> Iterator[Row]:
                     measured('cpu', listener, topic, rate, frames, 30))
         reference = mean(results[listeners[0][0]])
         for what, parts in results.items():
-            yield (f'{rate} Hz x {frames} frames: {what}', f'{mean(parts):.1%} of a core',
+            yield (f'{rate} Hz x {frames} frames: {what}', f'{mean(parts):.1%} of a core', '',
                    f'{mean(parts) / reference:.3f} of the first')
     expected = RATE_LOST * 10
     got = measured('count', 'TransformListener', 'tf', RATE_LOST, 20, 10)
-    yield (f'{RATE_LOST} Hz x 20 frames, a queue of 100', f'{got:.0f} of {expected} messages',
+    yield (f'{RATE_LOST} Hz x 20 frames, a queue of 100', f'{got:.0f} of {expected} messages', '',
            f'{expected - got:.0f} lost')
     own = measured('latency', 'subscription', 'tf', 100, 20, 30)
     waiting = measured('latency', 'TransformListener', 'tf', 100, 20, 30)
     yield ('median from publish to the callback of a subscription, 100 Hz x 20 frames',
-           f'{own * 1e3:.2f} ms', '1')
+           f'{own * 1e3:.2f} ms', '', '1')
     yield ('median from publish to the end of a lookup that waits for it',
-           f'{waiting * 1e3:.2f} ms', f'{waiting / own:.2f}')
+           f'{waiting * 1e3:.2f} ms', '', f'{waiting / own:.2f}')

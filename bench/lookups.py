@@ -8,7 +8,7 @@ import tracemalloc
 from typing import Any
 
 import matplotlib.pyplot as plt
-from measure import best, Row
+from measure import best, cost, Row
 import numpy as np
 from rclpy.duration import Duration
 from rclpy.time import Time
@@ -47,7 +47,7 @@ def rows(u: float) -> Iterator[Row]:
     gc.collect()
     size = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
-    yield 'kept transform, 10 s at 1000 Hz', f'{size / 50_000:.0f} bytes', ''
+    yield 'memory of a sample, 10 s at 1000 Hz', f'{size / 50_000:.0f} bytes', '', ''
 
     between = S // 3000  # so that every edge is interpolated
     reference = yield from lookup_rows(buffer, 'this package', newest - between, u)
@@ -67,16 +67,16 @@ def rows(u: float) -> Iterator[Row]:
     anywhere = T + random.integers(0, newest - T, MANY)
     times = cycle([Time(nanoseconds=time) for time in anywhere.tolist()])
     seconds = best(lambda: buffer.lookup_transform('frame_0', 'frame_5', next(times)))
-    yield ('lookup, at another time in the 10 s each', f'{seconds / u:.2f} u',
+    yield ('the same, at another time in the 10 s each', *cost(seconds, u),
            f'{seconds / reference:.2f} of the newest')
-    for name, asked in (('in order', np.sort(anywhere)), ('in any order', anywhere)):
+    for name, asked in (('sorted', np.sort(anywhere)), ('not sorted', anywhere)):
         seconds = best(lambda: buffer.lookup_transforms(
             'frame_0', 'frame_5', asked)) / MANY  # noqa: B023
-        yield (f'{MANY} lookups at once, {name}, each', f'{seconds / u:.3f} u',
+        yield (f'{MANY} lookups in one call, times {name}, each', *cost(seconds, u),
                f'{seconds / reference:.3f} of the newest')
     message = message_of(poses.Row(T + 11 * S, 'frame_0', 'frame_1', pose(0, 1000)))
     seconds = best(lambda: buffer.set_transform(message, 'bench'))
-    yield 'set_transform', f'{seconds / u:.2f} u', ''
+    yield 'set_transform', *cost(seconds, u), ''
 
 
 def lookup_rows(buffer: Any, name: str, newest: int, u: float
@@ -87,11 +87,11 @@ def lookup_rows(buffer: Any, name: str, newest: int, u: float
             ('newest data', 'frame_0', 'frame_5', newest),
             ('9 s old', 'frame_0', 'frame_5', newest - 9 * S),
             ('latest common time', 'frame_0', 'frame_5', 0),
-            ('newest data, the way down', 'frame_5', 'frame_0', newest)):
+            ('newest data, from parent to child', 'frame_5', 'frame_0', newest)):
         stamp = Time(nanoseconds=time)
         seconds = best(lambda: buffer.lookup_transform(target, source, stamp))  # noqa: B023
         reference = reference or seconds
-        yield (f'{name}: lookup over 5 edges, {what}', f'{seconds / u:.2f} u',
+        yield (f'{name}: lookup over 5 edges, {what}', *cost(seconds, u),
                f'{seconds / reference:.2f} of the newest')
     return reference
 
@@ -127,12 +127,12 @@ def growth() -> Iterator[tuple[str, str, int, list[float]]]:
 
 def plot(path: str) -> None:
     """Draw how the cost of a lookup grows; print the same as a table."""
-    print('\n| a lookup (µs) | | at the latest time | of the last 10 samples | of any |')
+    print('\n| a lookup (µs) | | latest time | one of the last 10 samples | any time |')
     print('|---|---|---|---|---|')
     panels: dict[tuple[str, str], list[tuple[int, list[float]]]] = {}
-    for fixed, growing, count, cost in growth():
-        panels.setdefault((fixed, growing), []).append((count, cost))
-        print(f'| {growing} | {count} | {" | ".join(f"{c:.1f}" for c in cost)} |', flush=True)
+    for fixed, growing, count, times in growth():
+        panels.setdefault((fixed, growing), []).append((count, times))
+        print(f'| {growing} | {count} | {" | ".join(f"{t:.1f}" for t in times)} |', flush=True)
     figure, axes = plt.subplots(1, 3, figsize=(11, 3.5), layout='constrained')
     for axis, ((fixed, growing), points) in zip(axes, panels.items()):
         counts, measured = zip(*points)

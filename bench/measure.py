@@ -4,8 +4,8 @@ from collections.abc import Callable
 import os
 from timeit import Timer
 
-#: The work, what it costs, and what that is compared with something else.
-Row = tuple[str, str, str]
+#: The work, its cost, the same in u if it is a time, and what it is compared with.
+Row = tuple[str, str, str, str]
 
 
 def best(work: Callable[[], object]) -> float:
@@ -14,6 +14,15 @@ def best(work: Callable[[], object]) -> float:
     count, _ = timer.autorange()
     count = max(1, count // 2)
     return min(timer.repeat(5, count)) / count
+
+
+def cost(seconds: float, u: float) -> tuple[str, str]:
+    """Write a time in µs, and in u (s); both with three digits."""
+    return f'{_three_digits(seconds * 1e6)} µs', _three_digits(seconds / u)
+
+
+def _three_digits(value: float) -> str:
+    return f'{value:.0f}' if value >= 100.0 else f'{value:#.3g}'
 
 
 def cpu_seconds(pid: int) -> float:

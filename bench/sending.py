@@ -8,7 +8,7 @@ import sys
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, Quaternion, Transform, TransformStamped, Vector3
-from measure import best, cpu_seconds, Row
+from measure import best, cost, cpu_seconds, Row
 from nav_msgs.msg import Path as NavPath
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
@@ -59,7 +59,7 @@ def rows(node: Node, u: float) -> Iterator[Row]:
         poses = np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (count, 1))
         rclpy_time = best(lambda: paths.publish(path))  # noqa: B023
         works = [
-            ('prepared set, packed and sent', lambda: prepared.send(1, poses)),  # noqa: B023
+            ('prepared transforms, send', lambda: prepared.send(1, poses)),  # noqa: B023
             ('sendTransform of built objects',
              lambda: broadcaster.sendTransform(built)),  # noqa: B023
             (f'publish(TFMessage), {"tf2_msgs" if is_real else "this package"}',
@@ -68,12 +68,12 @@ def rows(node: Node, u: float) -> Iterator[Row]:
             works.append(('tf2_ros sendTransform', lambda: real.sendTransform(built)))  # noqa: B023
         for name, work in works:
             seconds = best(work)
-            yield (f'{name}, {count} transforms', f'{seconds / u:.2f} u',
+            yield (f'{name}, {count} transforms', *cost(seconds, u),
                    f'{seconds / rclpy_time:.2f} of rclpy')
         building = best(lambda: transforms(count))  # noqa: B023
-        yield f'building those objects, {count} transforms', f'{building / u:.2f} u', ''
+        yield f'building these objects, {count} transforms', *cost(building, u), ''
         yield (f'rclpy: publish(Path) of {count} poses, compiled conversion',
-               f'{rclpy_time / u:.2f} u', '1')
+               *cost(rclpy_time, u), '1')
 
 
 #: Publishes a message of another type by rclpy's own method and by that of the package, in turn,
@@ -103,13 +103,13 @@ def other_type(u: float) -> Iterator[Row]:
     printed = subprocess.run([sys.executable, '-c', OTHER_TYPE], check=True, text=True,
                              stdout=subprocess.PIPE, cwd=Path(__file__).parent).stdout
     own, ours = map(float, printed.split())
-    yield "publish(String), rclpy's own", f'{own / u:.2f} u', '1'
-    yield ('publish(String), where TFMessage is made at run time', f'{ours / u:.2f} u',
+    yield "publish(String), rclpy's own", *cost(own, u), '1'
+    yield ('publish(String), if TFMessage is made at run time', *cost(ours, u),
            f'{ours / own:.2f} of rclpy, {(ours - own) * 1e6:+.2f} µs')
 
 
 def ticking(node: Node) -> Iterator[Row]:
-    """Count the ticks that the node keeps at 1000 Hz, as another process hears them."""
+    """Count the ticks that the node keeps at 1000 Hz, as another process receives them."""
     stamps: list[int] = []
 
     def take(data: bytes) -> None:
@@ -129,5 +129,6 @@ def ticking(node: Node) -> Iterator[Row]:
         process.terminate()
     seconds = (stamps[-1] - stamps[0]) / 1e9
     due = round(seconds * 1000) + 1
-    yield (f'dummy_arm at 1000 Hz for {seconds:.1f} s', f'{len(set(stamps)) / due:.2%} of ticks',
+    yield (f'dummy_arm at 1000 Hz for {seconds:.1f} s',
+           f'{len(set(stamps)) / due:.2%} of ticks', '',
            f'{cpu / seconds:.0%} of a core')

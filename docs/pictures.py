@@ -1,21 +1,24 @@
-"""Make the pictures that README.md shows, from the arm as it runs: `make pictures`."""
+"""Make the pictures of README.md and docs/ from the running arm: `make pictures`."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from html import escape
-from math import degrees
+from io import BytesIO
+from math import degrees, tau
 import os
 from pathlib import Path
 import shutil
 import subprocess
 import sys
 from tempfile import TemporaryDirectory
+from time import monotonic
 
 os.environ.setdefault('ROS_DOMAIN_ID', '97')  # so that no other arm is in the pictures
 
 import matplotlib.pyplot as plt
 import numpy as np
-from playwright.sync_api import Browser, sync_playwright
+from PIL import Image
+from playwright.sync_api import Browser, Page, sync_playwright
 import pypdfium2
 import rclpy
 from rclpy.duration import Duration
@@ -27,12 +30,16 @@ from dummy_arm.tf import Buffer, TransformListener
 DOCS = Path(__file__).parent
 COMMANDS = Path(sys.executable).parent
 SECONDS = 30.0
+#: The motion repeats after this time (s): all speeds are multiples of 0.1 rad/s.
+PERIOD = tau / 0.1
+#: The animation shows one period in this many pictures, each for this time (ms).
+PICTURES, DURATION = 63, 100
 SOFTWARE = ('--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader')
 
 
 @contextmanager
 def running(command: str) -> Iterator['subprocess.Popen[str]']:
-    """Run a command of the package to the end of the block."""
+    """Run a command of the package until the end of the block."""
     process = subprocess.Popen([COMMANDS / command], stdout=subprocess.PIPE, text=True)
     try:
         yield process
@@ -42,7 +49,7 @@ def running(command: str) -> Iterator['subprocess.Popen[str]']:
 
 
 def output(*arguments: str) -> str:
-    """Run a command of the package to its end; give what it prints."""
+    """Run a command of the package, and return what it prints."""
     command, *others = arguments
     return subprocess.run([COMMANDS / command, *others], check=True, text=True,
                           stdout=subprocess.PIPE).stdout
@@ -67,14 +74,37 @@ def tree(browser: Browser, path: Path) -> None:
 
 
 def page_of_the_arm(browser: Browser, url: str, path: Path) -> None:
-    """Draw the page, when it has been looked at for long enough that the trail is whole."""
-    page = browser.new_page(viewport={'width': 1200, 'height': 760})
-    page.goto(url)
-    page.wait_for_selector('[data-value=rate]', timeout=60e3)
-    page.locator('.mantine-Notification-closeButton').first.click()  # that there is no GPU
-    page.wait_for_timeout(3e3)
+    """Take a screenshot of the page."""
+    page = open_page(browser, url, 1200, 760)
     page.screenshot(path=path)
     page.close()
+
+
+def open_page(browser: Browser, url: str, width: int, height: int) -> Page:
+    """Open the page of web_view, and wait until it shows the arm."""
+    page = browser.new_page(viewport={'width': width, 'height': height})
+    page.goto(url)
+    page.wait_for_selector('[data-value=rate]', timeout=60e3)
+    page.locator('.mantine-Notification-closeButton').first.click()  # there is no GPU, it says
+    page.wait_for_timeout(3e3)
+    return page
+
+
+def animation(browser: Browser, url: str, path: Path) -> None:
+    """Record one period of the motion in the page, as a GIF that repeats without a jump."""
+    page = open_page(browser, url, 900, 480)
+    pictures = []
+    begin = monotonic()
+    for i in range(PICTURES):
+        page.wait_for_timeout(max(0.0, begin + i * PERIOD / PICTURES - monotonic()) * 1e3)
+        pictures.append(Image.open(BytesIO(page.screenshot())).convert('RGB'))
+    page.close()
+    # All pictures share one palette, or their background would flicker and the file be larger.
+    several = Image.fromarray(np.concatenate([np.asarray(each) for each in pictures[::16]]))
+    palette = several.quantize(64, dither=Image.Dither.NONE)
+    first, *others = [each.quantize(palette=palette, dither=Image.Dither.NONE)
+                      for each in pictures]
+    first.save(path, save_all=True, append_images=others, duration=DURATION, loop=0)
 
 
 def angles(buffer: Buffer, path: Path) -> None:
@@ -117,6 +147,7 @@ def main() -> None:
             Duration(seconds=2 * SECONDS))
         angles(buffer, DOCS / 'angles.png')
         page_of_the_arm(browser, url, DOCS / 'web_view.png')
+        animation(browser, url, DOCS / 'arm.gif')
         browser.close()
     rclpy.shutdown()
 

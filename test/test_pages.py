@@ -1,0 +1,184 @@
+"""
+README.md and docs/*.md: every block of code in them runs, and every link leads somewhere.
+
+The commands of a section run one after the other, as in several shells: a command that runs until
+Ctrl-C is ended at the end of the section. Blocks that need Docker or a ROS desktop are marked
+behind the name of their language and listed in `NOT_RUN`. Blocks of `text` are output.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+import json
+import os
+from pathlib import Path
+import re
+import shutil
+import signal
+import sys
+from typing import NamedTuple, Optional
+
+from conftest import ARM
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
+#: How many blocks of a page are not run, by what they need.
+NOT_RUN = {('desktop.md', 'desktop'): 5, ('desktop.md', 'docker'): 4}
+#: What runs until Ctrl-C.
+ENDLESS = re.compile(
+    r'(\.venv/bin/)?(dummy_arm|dynamic_tf_publisher|static_transform_publisher|web_view|tf2_monitor'
+    r'|tf2_echo (?!.*--(once|bag))|view_frames .*--watch|python docs/examples/)')
+#: Where the arm runs beside the commands, in a shell that the text speaks of.
+WITH_ARM = {('lab.md', 'Step 5: the tree of frames'), ('commands.md', 'param'),
+            ('commands.md', 'tf2_echo'), ('commands.md', 'tf2_monitor'),
+            ('commands.md', 'view_frames'), ('bags.md', 'Record a bag')}
+
+
+class Block(NamedTuple):
+    """A block of code."""
+
+    page: str
+    section: str
+    line: int
+    language: str
+    needs: str  #: what marks it behind its language; '' where nothing does
+    code: str
+
+
+def _blocks() -> Iterator[Block]:
+    for page in PAGES:
+        section, begin = '', 0
+        code: Optional[list[str]] = None
+        for number, line in enumerate(page.read_text().splitlines(), 1):
+            if line.startswith('```') and code is None:
+                begin, code, (language, _, needs) = number, [], line[3:].partition(' ')
+            elif line == '```' and code is not None:
+                yield Block(page.name, section, begin, language, needs, '\n'.join(code))
+                code = None
+            elif code is not None:
+                code.append(line)
+            elif line.startswith('#'):
+                section = line.lstrip('# ')
+        assert code is None, f'a block of {page.name} has no end'
+
+
+BLOCKS = list(_blocks())
+
+
+def commands(block):
+    """Return the commands of a block, one a line; without comments."""
+    lines = block.code.replace('\\\n', ' ').splitlines()
+    return [command for line in lines if (command := re.sub(r'(^|\s+)#.*', '', line))]
+
+
+def test_every_block_says_what_it_is():
+    """What is not run is known."""
+    assert {block.language for block in BLOCKS} == {'python', 'sh', 'text'}
+    assert Counter((block.page, block.needs) for block in BLOCKS if block.needs) == NOT_RUN
+    assert all(block.language == 'sh' for block in BLOCKS if block.needs)
+
+
+@pytest.mark.parametrize('block', [
+    pytest.param(block, id=f'{block.page}:{block.line}')
+    for block in BLOCKS if block.language == 'python'])
+def test_python_runs(start, bag_of_a_walk, block):
+    """Each block is a whole program; one needs the arm, and prints where its hand is."""
+    hand = ''
+    if 'end_effector' in block.code:
+        start(*ARM).line_with('t = 0')
+        hand = 'geometry_msgs.msg.Vector3('
+    process = start('-c', block.code, cwd=bag_of_a_walk)
+    assert process.exit_code() == 0, process.output
+    assert process.output.startswith(hand)
+    assert process.output.count('\n') == bool(hand)
+
+
+@pytest.fixture
+def bag_of_a_walk(tmp_path):
+    """Return a directory with the files of the project, robot_bag and robot.mcap."""
+    bags = pytest.importorskip('bags')
+    for path in ROOT.iterdir():
+        if path.name[0] != '.' and path.name not in ('build', 'install', 'log'):
+            (tmp_path / path.name).symlink_to(path)
+    (tmp_path / '.venv').symlink_to(sys.prefix)
+    (file,) = bags.make(tmp_path / 'robot_bag', 'mcap', bags.walk()).glob('*.mcap')
+    shutil.copyfile(file, tmp_path / 'robot.mcap')
+    return tmp_path
+
+
+SECTIONS = list(dict.fromkeys(
+    (block.page, block.section) for block in BLOCKS if block.language == 'sh' and not block.needs))
+
+
+@pytest.mark.parametrize(('page', 'section'), [
+    pytest.param(*section, marks=pytest.mark.soak if section == ('bags.md', 'Install') else ())
+    for section in SECTIONS])
+def test_commands_run(start, bag_of_a_walk, page, section):
+    """They end well, or go on until Ctrl-C and end well then."""
+    if (page, section) in WITH_ARM:
+        start(*ARM).line_with('t = 0')
+    endless = []
+    for block in BLOCKS:
+        if (block.page, block.section, block.needs) != (page, section, '') or (
+                block.language != 'sh'):
+            continue
+        for command in commands(block):
+            if command.startswith('make '):  # a target; its own test, and CI, run it
+                command = re.sub('^make', 'make --dry-run', command)
+            process = start('-c', 'import os, sys; os.execvp("bash", ["bash", "-c", sys.argv[1]])',
+                            f'exec {command}' if ENDLESS.match(command) else command,
+                            cwd=bag_of_a_walk, environment={
+                                'PATH': f'{sys.prefix}/bin{os.pathsep}{os.environ["PATH"]}'})
+            if ENDLESS.match(command):
+                assert process.line(), f'{command} ended: {process.output}'
+                endless.append((command, process))
+            else:
+                assert process.exit_code(300.0) == 0, f'{command}: {process.output}'
+    for command, process in endless:
+        process.end(signal.SIGINT)
+        assert process.exit_code() == 0, f'{command}: {process.output}'
+        assert 'Traceback' not in process.output, f'{command}: {process.output}'
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_links_lead_to_files(page):
+    """Relative ones; and those within a page, to a heading."""
+    anchors = {path: {re.sub(r'[^\w-]', '', heading.lower().replace(' ', '-')) for heading in
+                      re.findall(r'^#+ (.*)$', path.read_text(), re.M)} for path in PAGES}
+    links = re.findall(r'\]\((?!http)([^)]+)\)', page.read_text())
+    for link in links:
+        name, _, anchor = link.partition('#')
+        target = page.parent / name if name else page
+        assert target.exists(), link
+        assert not anchor or anchor in anchors[target.resolve()], link
+
+
+def test_the_readme_is_short_and_its_picture_small():
+    """A page for each reader: this one leads to them."""
+    readme = (ROOT / 'README.md').read_text()
+    assert readme.count('\n') <= 130
+    assert (ROOT / 'docs' / 'arm.gif').stat().st_size <= 1_000_000
+    for page in (ROOT / 'docs').glob('*.md'):
+        assert f'(docs/{page.name})' in readme
+
+
+def test_names_that_are_missing_are_named():
+    """Of tf2_ros and tf2_py, and of the quaternion functions of tf_transformations."""
+    import dummy_arm.tf
+    from dummy_arm.tf import rotations
+    api = json.loads((ROOT / 'test' / 'data' / 'tf2_api.json').read_text())
+    text = (ROOT / 'docs' / 'library.md').read_text()
+    names = {name for package in ('tf2_ros', 'tf2_py') for name in api[package]}
+    missing = {name for name in names if not hasattr(dummy_arm.tf, name)}
+    assert missing == {'BufferClient', 'LookupTransform', 'LookupTransformGoal',
+                       'LookupTransformResult', 'FrameGraph', 'FrameGraphSrvRequest',
+                       'FrameGraphSrvResponse'}
+    missing_methods = {name for name in api['tf2_py']['BufferCore']
+                       if not hasattr(dummy_arm.tf.Buffer, name)}
+    assert missing_methods == {'lookupVelocityCore', 'lookupVelocityFullCore'}
+    quaternion_functions = {name for name in api['tf_transformations'] if 'quaternion' in name}
+    missing_functions = {name for name in quaternion_functions if not hasattr(rotations, name)}
+    assert missing_functions == {'random_quaternion'}
+    for name in ('BufferClient', 'LookupTransform', 'FrameGraph', *missing_methods,
+                 *missing_functions):
+        assert f'`{name}`' in text
