@@ -101,7 +101,8 @@ def animation(browser: Browser, url: str, path: Path) -> None:
     page.close()
     # All pictures share one palette, or their background would flicker and the file be larger.
     several = Image.fromarray(np.concatenate([np.asarray(each) for each in pictures[::16]]))
-    palette = several.quantize(64, dither=Image.Dither.NONE)
+    palette = several.quantize(
+        128, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
     first, *others = [each.quantize(palette=palette, dither=Image.Dither.NONE)
                       for each in pictures]
     first.save(path, save_all=True, append_images=others, duration=DURATION, loop=0)

@@ -20,15 +20,20 @@ from typing import NamedTuple, Optional
 from conftest import ARM
 import pytest
 
+from dummy_arm import tf
+from dummy_arm.tf import Buffer, rotations
+
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
-#: How many blocks of a page are not run, by what they need.
+#: The number of blocks that are not run, by page and mark.
 NOT_RUN = {('desktop.md', 'desktop'): 5, ('desktop.md', 'docker'): 4}
-#: What runs until Ctrl-C.
-ENDLESS = re.compile(
-    r'(\.venv/bin/)?(dummy_arm|dynamic_tf_publisher|static_transform_publisher|web_view|tf2_monitor'
-    r'|tf2_echo (?!.*--(once|bag))|view_frames .*--watch|python docs/examples/)')
-#: Where the arm runs beside the commands, in a shell that the text speaks of.
+#: The commands that run until Ctrl-C, and a text that each prints when it works.
+ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in {
+    'dummy_arm': 't = 0', 'dynamic_tf_publisher': 'publishing map -> moving_frame',
+    'python docs/examples/record.py': 'recording', 'static_transform_publisher': 'translation: ',
+    'tf2_echo (?!.*--(once|bag))': 'At time', 'tf2_monitor': 'RESULTS',
+    'view_frames .*--watch': ' Hz ', 'web_view': 'look at http://'}.items()}
+#: The sections whose commands need the arm, which the text says.
 WITH_ARM = {('lab.md', 'Step 5: the tree of frames'), ('commands.md', 'param'),
             ('commands.md', 'tf2_echo'), ('commands.md', 'tf2_monitor'),
             ('commands.md', 'view_frames'), ('bags.md', 'Record a bag')}
@@ -41,7 +46,7 @@ class Block(NamedTuple):
     section: str
     line: int
     language: str
-    needs: str  #: what marks it behind its language; '' where nothing does
+    needs: str  #: the mark behind the language: 'desktop' or 'docker'; '' if it is run
     code: str
 
 
@@ -65,14 +70,16 @@ def _blocks() -> Iterator[Block]:
 BLOCKS = list(_blocks())
 
 
-def commands(block):
-    """Return the commands of a block, one a line; without comments."""
-    lines = block.code.replace('\\\n', ' ').splitlines()
+def commands(page, section):
+    """Return the commands in the blocks of a section that are run, without comments."""
+    code = '\n'.join(block.code for block in BLOCKS if block.language == 'sh' and (
+        (block.page, block.section, block.needs) == (page, section, '')))
+    lines = code.replace('\\\n', ' ').splitlines()
     return [command for line in lines if (command := re.sub(r'(^|\s+)#.*', '', line))]
 
 
 def test_every_block_says_what_it_is():
-    """What is not run is known."""
+    """The blocks that are not run are those in `NOT_RUN`."""
     assert {block.language for block in BLOCKS} == {'python', 'sh', 'text'}
     assert Counter((block.page, block.needs) for block in BLOCKS if block.needs) == NOT_RUN
     assert all(block.language == 'sh' for block in BLOCKS if block.needs)
@@ -82,7 +89,7 @@ def test_every_block_says_what_it_is():
     pytest.param(block, id=f'{block.page}:{block.line}')
     for block in BLOCKS if block.language == 'python'])
 def test_python_runs(start, bag_of_a_walk, block):
-    """Each block is a whole program; one needs the arm, and prints where its hand is."""
+    """Each block is a complete program. One of them needs the arm, and prints a position."""
     hand = ''
     if 'end_effector' in block.code:
         start(*ARM).line_with('t = 0')
@@ -114,26 +121,22 @@ SECTIONS = list(dict.fromkeys(
     pytest.param(*section, marks=pytest.mark.soak if section == ('bags.md', 'Install') else ())
     for section in SECTIONS])
 def test_commands_run(start, bag_of_a_walk, page, section):
-    """They end well, or go on until Ctrl-C and end well then."""
+    """Each command ends with exit code 0, by itself or after Ctrl-C."""
     if (page, section) in WITH_ARM:
         start(*ARM).line_with('t = 0')
     endless = []
-    for block in BLOCKS:
-        if (block.page, block.section, block.needs) != (page, section, '') or (
-                block.language != 'sh'):
-            continue
-        for command in commands(block):
-            if command.startswith('make '):  # a target; its own test, and CI, run it
-                command = re.sub('^make', 'make --dry-run', command)
-            process = start('-c', 'import os, sys; os.execvp("bash", ["bash", "-c", sys.argv[1]])',
-                            f'exec {command}' if ENDLESS.match(command) else command,
-                            cwd=bag_of_a_walk, environment={
-                                'PATH': f'{sys.prefix}/bin{os.pathsep}{os.environ["PATH"]}'})
-            if ENDLESS.match(command):
-                assert process.line(), f'{command} ended: {process.output}'
-                endless.append((command, process))
-            else:
-                assert process.exit_code(300.0) == 0, f'{command}: {process.output}'
+    for command in commands(page, section):
+        command = re.sub('^make ', 'make --dry-run ', command)  # other tests, and CI, run these
+        texts = [text for pattern, text in ENDLESS.items() if pattern.match(command)]
+        process = start('-c', 'import os, sys; os.execvp("bash", ["bash", "-c", sys.argv[1]])',
+                        f'exec {command}' if texts else command,
+                        cwd=bag_of_a_walk, environment={
+                            'PATH': f'{sys.prefix}/bin{os.pathsep}{os.environ["PATH"]}'})
+        if texts:
+            process.line_with(*texts)
+            endless.append((command, process))
+        else:
+            assert process.exit_code(300.0) == 0, f'{command}: {process.output}'
     for command, process in endless:
         process.end(signal.SIGINT)
         assert process.exit_code() == 0, f'{command}: {process.output}'
@@ -142,7 +145,7 @@ def test_commands_run(start, bag_of_a_walk, page, section):
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
 def test_links_lead_to_files(page):
-    """Relative ones; and those within a page, to a heading."""
+    """A relative link leads to a file, and to a heading of it if it has an anchor."""
     anchors = {path: {re.sub(r'[^\w-]', '', heading.lower().replace(' ', '-')) for heading in
                       re.findall(r'^#+ (.*)$', path.read_text(), re.M)} for path in PAGES}
     links = re.findall(r'\]\((?!http)([^)]+)\)', page.read_text())
@@ -154,7 +157,7 @@ def test_links_lead_to_files(page):
 
 
 def test_the_readme_is_short_and_its_picture_small():
-    """A page for each reader: this one leads to them."""
+    """The README leads to every page, in at most 130 lines."""
     readme = (ROOT / 'README.md').read_text()
     assert readme.count('\n') <= 130
     assert (ROOT / 'docs' / 'arm.gif').stat().st_size <= 1_000_000
@@ -163,18 +166,16 @@ def test_the_readme_is_short_and_its_picture_small():
 
 
 def test_names_that_are_missing_are_named():
-    """Of tf2_ros and tf2_py, and of the quaternion functions of tf_transformations."""
-    import dummy_arm.tf
-    from dummy_arm.tf import rotations
+    """docs/library.md names everything of tf2 and tf_transformations that is missing here."""
     api = json.loads((ROOT / 'test' / 'data' / 'tf2_api.json').read_text())
     text = (ROOT / 'docs' / 'library.md').read_text()
     names = {name for package in ('tf2_ros', 'tf2_py') for name in api[package]}
-    missing = {name for name in names if not hasattr(dummy_arm.tf, name)}
+    missing = {name for name in names if not hasattr(tf, name)}
     assert missing == {'BufferClient', 'LookupTransform', 'LookupTransformGoal',
                        'LookupTransformResult', 'FrameGraph', 'FrameGraphSrvRequest',
                        'FrameGraphSrvResponse'}
     missing_methods = {name for name in api['tf2_py']['BufferCore']
-                       if not hasattr(dummy_arm.tf.Buffer, name)}
+                       if not hasattr(Buffer, name)}
     assert missing_methods == {'lookupVelocityCore', 'lookupVelocityFullCore'}
     quaternion_functions = {name for name in api['tf_transformations'] if 'quaternion' in name}
     missing_functions = {name for name in quaternion_functions if not hasattr(rotations, name)}
