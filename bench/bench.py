@@ -2,8 +2,9 @@
 Measure the speed and memory of this package, as ratios within one run.
 
 The unit u is the time of `rclpy.serialization.deserialize_message` for one TransformStamped. Times
-are the best of five runs. Prints Markdown tables, one for each section of docs/benchmarks.md, and
-draws how the cost of a lookup grows into the file that is named on the command line.
+are the best of five runs. The script prints Markdown tables, one for each section of
+docs/benchmarks.md, and draws how the cost of a lookup grows, into the file that is named on the
+command line.
 """
 
 from collections.abc import Iterable
@@ -35,7 +36,7 @@ def table(title: str, *parts: Iterable[Row]) -> None:
 
 
 def main() -> None:
-    """Print the tables, draw the plot."""
+    """Print the tables and draw the plot."""
     rclpy.init()
     data = serialize_message(sending.transforms(1)[0])
     u = best(lambda: deserialize_message(data, TransformStamped))

@@ -1,4 +1,4 @@
-"""What a hostile peer costs at most: time with the lock held, and memory."""
+"""The highest cost of a hostile publisher: time with the lock held, and memory."""
 
 from collections.abc import Iterator
 import subprocess
@@ -23,7 +23,7 @@ def _fail(error: cdr.MalformedMessage) -> None:
 
 
 def rows() -> Iterator[Row]:
-    """Measure what is linear, so that it is over soon."""
+    """Measure operations whose time is linear in the number of frames or transforms."""
     message = cdr.pack(
         poses.Row(_S + 1000 * i, f'parent_{i}', 'child', IDENTITY) for i in range(_PARENTS))
     begin = perf_counter()
@@ -48,7 +48,7 @@ def rows() -> Iterator[Row]:
 
 
 def memory() -> Iterator[Row]:
-    """Measure the memory of buffers into which a third more comes than their limits allow."""
+    """Measure the memory of buffers that receive a third more than their limits allow."""
     for what, *arguments in (
             ('a buffer with 110 frames, full of samples', 110, 13_300_000 // 110, 5),
             (f'a buffer with {_FRAMES} frames, full of samples', _FRAMES - 1, 133, 12),
@@ -61,7 +61,11 @@ def memory() -> Iterator[Row]:
 
 
 def status(field: str) -> float:
-    """Read an amount of memory of this process from its status (MiB)."""
+    """
+    Return an amount of memory from the status of this process (MiB).
+
+    :param field: the beginning of its line.
+    """
     with open('/proc/self/status') as lines:
         (line,) = (line for line in lines if line.startswith(field))
     return int(line.split()[1]) / 1024
@@ -69,11 +73,12 @@ def status(field: str) -> float:
 
 def fill(frames: int, samples: int, length: int) -> None:
     """
-    Fill a buffer; print how much memory that took at most (MiB), and the number of samples.
+    Fill a buffer; print the growth of its peak memory (MiB), and the number of its samples.
 
-    :param frames: the number of frames beside their parent.
-    :param samples: the number of samples that come for each of them.
-    :param length: that of their names (characters); one of many needs four bytes.
+    :param frames: the number of frames, without their parent.
+    :param samples: the number of samples that each of them receives.
+    :param length: the length of their names (characters); one of 100 or more begins with an emoji,
+        so that Python stores each of its characters in four bytes.
     """
     begin = '' if length < 100 else '\U0001f600'
     together = 110

@@ -1,7 +1,7 @@
 """
-Publish and take a million TFMessages as objects; print how the resident memory goes.
+Publish and take a million TFMessages as objects, and print the resident memory meanwhile.
 
-Bounded: by its count of messages.
+The script ends after that number of messages.
 """
 
 import os
@@ -18,13 +18,13 @@ from dummy_arm.tf._ros.transform_stamped import message_of
 
 
 def resident() -> float:
-    """Read the resident memory (MiB)."""
+    """Return the resident memory of this process (MiB)."""
     with open('/proc/self/statm') as statm:
         return int(statm.read().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 2**20
 
 
 def main(count: int = 1_000_000) -> None:
-    """Print a table in Markdown: messages so far, resident memory."""
+    """Print a Markdown table: the messages so far, and the resident memory."""
     rclpy.init()
     node = rclpy.create_node('leak')
     taken = 0

@@ -1,4 +1,4 @@
-"""What it costs to listen: from bytes into the buffer, and whole processes over DDS."""
+"""The cost of listening: from bytes into the buffer, and of whole processes over DDS."""
 
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -23,20 +23,20 @@ MS = 1_000_000
 RUNS = 2
 #: Samples of each frame (at 1000 Hz).
 HISTORY = 1000
-#: The rate at which it is counted what is lost (Hz).
+#: The rate at which lost messages are counted (Hz).
 RATE_LOST = 2000
-#: Rates (Hz) and frames in a message.
+#: Rates (Hz), and numbers of frames in a message.
 STREAMS = (500, 20), (1000, 4)
 
 
 def chain(frames: int) -> tuple[cdr.MessageTemplate, NDArray[np.float64]]:
-    """Prepare messages of a chain of frames, and their poses."""
+    """Return a template for messages of a chain of frames, and their poses."""
     packet = cdr.MessageTemplate([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
     return packet, np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (frames, 1))
 
 
 def into_the_buffer(u: float) -> Iterator[Row]:
-    """Measure messages from their bytes into a buffer that is full, so that samples expire."""
+    """Measure the insertion of messages, as bytes, into a full buffer, whose samples expire."""
     for frames in 4, 20, 100:
         packet, poses = chain(frames)
         buffer, reader, stamps = BufferCore(HISTORY * MS), MessageReader(print), count(10**18, MS)
@@ -56,7 +56,7 @@ def into_the_buffer(u: float) -> Iterator[Row]:
 
 
 def memory() -> Iterator[Row]:
-    """Measure what a buffer takes while messages go on and on: 100 frames at 100 Hz."""
+    """Measure the memory of a buffer that receives 100 frames at 100 Hz."""
     packet, poses = chain(100)
     buffer, reader = BufferCore(10_000 * MS), MessageReader(print)
     sizes = {}
@@ -70,13 +70,13 @@ def memory() -> Iterator[Row]:
 
 
 def play(*arguments: str) -> 'subprocess.Popen[str]':
-    """Start a process."""
+    """Start a process of roles.py."""
     return subprocess.Popen([sys.executable, ROLES, *arguments], stdout=subprocess.PIPE, text=True)
 
 
 def measured(role: str, listener: str, topic: str, rate: float, frames: int, seconds: float
              ) -> float:
-    """Have a listener measure itself while messages are sent."""
+    """Return what a listening process measures while messages are published."""
     with play('send', topic, str(rate), str(frames), str(seconds)) as sender:
         with play(role, *listener.split()) as process:
             result = float(process.communicate(timeout=60)[0])
@@ -86,7 +86,7 @@ def measured(role: str, listener: str, topic: str, rate: float, frames: int, sec
 
 
 def over_dds() -> Iterator[Row]:
-    """Measure the CPU time of listening processes."""
+    """Measure the CPU time, the losses and the latency of listening processes."""
     listeners = [
         ('rclpy subscription, compiled conversion, set_transform', 'Compiled', 'poses'),
         ("rclpy subscription, this package's TFMessage, set_transform", 'Objects', 'tf'),

@@ -1,4 +1,4 @@
-"""What it costs to look transforms up, and to keep them."""
+"""The cost of lookups, and the memory of samples."""
 
 from collections.abc import Callable, Generator, Iterator
 import gc
@@ -25,7 +25,7 @@ MANY = 10_000
 
 
 def pose(i: int, hertz: int) -> Pose:
-    """Give sample i of a joint that waves."""
+    """Return sample i of a joint that waves."""
     angle = 0.7 * math.sin(0.5 * i / hertz)
     return 0.1, 0.2, 0.3, 0.0, 0.0, math.sin(angle / 2), math.cos(angle / 2)
 
@@ -39,7 +39,7 @@ def fill(insert: Callable[..., object], edges: int, samples: int, hertz: int) ->
 
 
 def rows(u: float) -> Iterator[Row]:
-    """Measure lookups over five edges with 10 s of history at 1000 Hz, and what it takes."""
+    """Measure lookups over five edges with 10 s of history at 1000 Hz, and its memory."""
     buffer = Buffer(CACHE)
     gc.collect()
     tracemalloc.start()
@@ -67,7 +67,7 @@ def rows(u: float) -> Iterator[Row]:
     anywhere = T + random.integers(0, newest - T, MANY)
     times = cycle([Time(nanoseconds=time) for time in anywhere.tolist()])
     seconds = best(lambda: buffer.lookup_transform('frame_0', 'frame_5', next(times)))
-    yield ('the same, at another time in the 10 s each', *cost(seconds, u),
+    yield ('another time for each call, any of the 10 s', *cost(seconds, u),
            f'{seconds / reference:.2f} of the newest')
     for name, asked in (('sorted', np.sort(anywhere)), ('not sorted', anywhere)):
         seconds = best(lambda: buffer.lookup_transforms(
@@ -81,7 +81,7 @@ def rows(u: float) -> Iterator[Row]:
 
 def lookup_rows(buffer: Any, name: str, newest: int, u: float
                 ) -> Generator[Row, None, float]:
-    """Measure lookups in a filled buffer; return the time of one of the newest data (s)."""
+    """Measure lookups in a filled buffer; return the time of one at the newest data (s)."""
     reference = 0.0
     for what, target, source, time in (
             ('newest data', 'frame_0', 'frame_5', newest),
@@ -97,7 +97,7 @@ def lookup_rows(buffer: Any, name: str, newest: int, u: float
 
 
 def costs(buffer: BufferCore, edges: int, newest: int) -> list[float]:
-    """Measure a lookup (µs): at the latest time, of the last 10 samples, of any."""
+    """Return the times of lookups (µs): at the latest time, the last 10 samples, any time."""
     result = []
     for oldest in newest - 1, max(T, newest - S // 100), T:
         asked = np.random.default_rng(1).integers(oldest, newest, 1000)
@@ -108,7 +108,7 @@ def costs(buffer: BufferCore, edges: int, newest: int) -> list[float]:
 
 
 def growth() -> Iterator[tuple[str, str, int, list[float]]]:
-    """Measure how the cost of a lookup grows: what was fixed, what grows, how far, the costs."""
+    """Measure how a lookup grows: yield what is fixed, what grows, its size, and the times."""
     for count in 10, 100, 1000, 10_000:
         buffer = BufferCore(1000 * S)
         newest = fill(buffer.insert, 5, 100, 1000)
@@ -126,7 +126,7 @@ def growth() -> Iterator[tuple[str, str, int, list[float]]]:
 
 
 def plot(path: str) -> None:
-    """Draw how the cost of a lookup grows; print the same as a table."""
+    """Draw how the cost of a lookup grows, and print it as a table."""
     print('\n| a lookup (µs) | | latest time | one of the last 10 samples | any time |')
     print('|---|---|---|---|---|')
     panels: dict[tuple[str, str], list[tuple[int, list[float]]]] = {}

@@ -1,8 +1,8 @@
 """
-What it costs to read TF out of a bag.
+The cost of reading TF from a bag.
 
-    reading.py BAG SECONDS    read it, of which SECONDS are kept, '' for all; print the peak of the
-                           memory (MiB)
+    reading.py BAG SECONDS    read it with a cache time of SECONDS, '' for the whole bag; print the
+                              peak memory (MiB)
 """
 
 from collections.abc import Callable, Iterable, Iterator
@@ -31,13 +31,13 @@ BEGIN = 10**18
 TRANSFORMS = 20_000
 RUNS = 5
 FOR_EVER = 2**62  # ns
-#: A connection of rosbags, the time (ns) and the bytes.
+#: A connection of rosbags, the time (ns) and the bytes of a message.
 Record = tuple[Any, int, bytes]
 NAMES = {'mcap': 'rosbag2 in mcap', 'db3': 'rosbag2 in sqlite3', 'bag': 'ROS 1'}
 
 
 def packets(frames: int, count: int) -> Iterator[tuple[int, bytes]]:
-    """Make messages of a chain of frames at 100 Hz."""
+    """Yield messages of a chain of frames at 100 Hz: stamp (ns) and bytes."""
     packet = cdr.MessageTemplate([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
     for number in range(count):
         half = 0.4 * np.sin(number / 100 + np.arange(frames))
@@ -48,7 +48,7 @@ def packets(frames: int, count: int) -> Iterator[tuple[int, bytes]]:
 
 
 def write(path: Path, kind: str, frames: int, count: int) -> None:
-    """Write a bag of a kind: mcap or db3 of ROS 2, or bag of ROS 1."""
+    """Write a bag: mcap or db3 of ROS 2, or bag of ROS 1."""
     types = get_typestore(Stores.ROS2_JAZZY)
     if kind == 'bag':
         ros1 = get_typestore(Stores.ROS1_NOETIC)
@@ -66,7 +66,7 @@ def write(path: Path, kind: str, frames: int, count: int) -> None:
 
 
 def insert_deserialized(reader: AnyReader, records: Iterable[Record]) -> None:
-    """Have rosbags make objects of the messages, and insert their transforms one by one."""
+    """Let rosbags deserialize messages into objects, and insert their transforms one by one."""
     buffer = BufferCore(FOR_EVER)
     for connection, _, data in records:
         message: Any = reader.deserialize(data, connection.msgtype)
@@ -77,7 +77,7 @@ def insert_deserialized(reader: AnyReader, records: Iterable[Record]) -> None:
 
 
 def insert_objects(path: Path) -> None:
-    """Read a bag so."""
+    """Read a bag by `insert_deserialized`."""
     with AnyReader([path]) as reader:
         insert_deserialized(reader, reader.messages())
 
@@ -90,12 +90,12 @@ def insert_records(records: Iterable[Record], kind: str) -> None:
 
 
 def least(work: Callable[[], object]) -> float:
-    """Measure the least time of some runs (s)."""
+    """Return the least time of some runs (s)."""
     return min(timeit(work, number=1) for _ in range(RUNS))
 
 
 def rows(u: float) -> Iterator[Row]:
-    """Measure both; of what rosbags gives of the file, and of records that are at hand."""
+    """Measure both ways to read a bag, with and without the reading of the file."""
     for kind in 'mcap', 'db3', 'bag':
         for frames in 1, 4, 20:
             with TemporaryDirectory() as directory:
@@ -115,7 +115,7 @@ def rows(u: float) -> Iterator[Row]:
 
 
 def memory() -> Iterator[Row]:
-    """Measure the peak of the memory of a process that reads a bag, of which it keeps a part."""
+    """Measure the peak memory of a process that reads a bag and keeps a part of it."""
     with TemporaryDirectory() as directory:
         peaks = []
         for seconds in 30, 300:
@@ -130,7 +130,11 @@ def memory() -> Iterator[Row]:
 
 
 def peak(path: Path, seconds: str) -> float:
-    """Read a bag in another process, of which some seconds are kept; give its peak (MiB)."""
+    """
+    Return the peak memory of another process that reads a bag (MiB).
+
+    :param seconds: the cache time (s); '': the whole bag.
+    """
     done = subprocess.run([sys.executable, __file__, str(path), seconds], text=True, check=True,
                           stdout=subprocess.PIPE)
     return float(done.stdout)

@@ -1,12 +1,12 @@
 """
-The processes of `listening.py`: those that send, and the listeners that are measured.
+The processes of `listening.py`: publishers, and the listeners that are measured.
 
-    roles.py send tf|poses RATE FRAMES SECONDS    begin with the first subscription
-    roles.py cpu LISTENER [unspun]                print the CPU time it takes over time
-    roles.py count LISTENER                       print how many messages came in, once no more do
-    roles.py latency LISTENER                     print the median time from sending to having (s)
+    roles.py send tf|poses RATE FRAMES SECONDS    publish, from the first subscription on
+    roles.py cpu LISTENER [unspun]                print the used part of a core
+    roles.py count LISTENER                       print how many messages arrived, once none does
+    roles.py latency LISTENER                     print the median time from publishing to use (s)
 
-The node of a listener is spun, unless it says otherwise.
+The node of a listener is spun, unless `unspun` is given.
 """
 
 from contextlib import suppress
@@ -36,13 +36,13 @@ from dummy_arm.tf import Buffer, TFMessage, TransformBroadcaster, TransformListe
 
 SECONDS = 4.0
 LATENCIES = 500
-#: So late a sender may be and still make up for it (s).
+#: The longest delay for which a publisher makes up (s).
 LATE = 0.005
 
 
 def send(topic: str, rate: float, frames: int, seconds: float) -> None:
     """
-    Send a chain of frames that wave, stamped with the time.
+    Publish a chain of frames that wave, stamped with the time.
 
     :param topic: tf: as TFMessage; poses: the same fields, by a type that rclpy converts by
         compiled code.
@@ -56,7 +56,7 @@ def send(topic: str, rate: float, frames: int, seconds: float) -> None:
     poses = np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0], (frames, 1))
     while not (broadcaster.pub_tf if topic == 'tf' else publisher).get_subscription_count():
         time.sleep(0.01)
-    time.sleep(0.5)  # until the subscription knows of it too
+    time.sleep(0.5)  # until the subscription has found the publisher, too
     due = time.monotonic()
     for number in range(int(rate * seconds)):
         half = 0.4 * np.sin(number / rate + np.arange(frames))
@@ -70,14 +70,14 @@ def send(topic: str, rate: float, frames: int, seconds: float) -> None:
                 message.header.frame_id, message.header.stamp = edge[0], stamp
                 message.pose.orientation.z, message.pose.orientation.w = pose[5], pose[6]
             publisher.publish(update)
-        # After a stall of the machine it goes on at the rate: what was missed comes late.
+        # After a stall of the machine, publishing continues at the rate and ends later.
         due = max(due + 1.0 / rate, time.monotonic() - LATE)
         time.sleep(max(0.0, due - time.monotonic()))
-    time.sleep(2.0)  # for what has to be sent again
+    time.sleep(2.0)  # DDS may have to send some messages again
 
 
 class Listener(Protocol):
-    """What fills a buffer."""
+    """An object that fills a buffer."""
 
     buffer: Any
 
@@ -98,7 +98,7 @@ class Objects:
 
 
 class Compiled:
-    """The same with a type that rclpy converts by compiled code, as it does tf2_msgs' own."""
+    """The same with a type that rclpy converts by compiled code, as it does that of tf2_msgs."""
 
     def __init__(self, buffer: Buffer, node: Node) -> None:
         self.buffer = buffer
@@ -117,7 +117,7 @@ class Compiled:
 
 
 class Waiting(TransformListener):
-    """A TransformListener while somebody waits for a transform, so that it never pauses."""
+    """A TransformListener with a future that stays pending, so that it never pauses."""
 
     def __init__(self, buffer: Buffer, node: Node) -> None:
         super().__init__(buffer, node)
@@ -125,7 +125,7 @@ class Waiting(TransformListener):
 
 
 def listener(name: str, node: Node, cache: Duration) -> Listener:
-    """Make a listener."""
+    """Create a listener."""
     if name == 'tf2_ros':
         import tf2_ros
         real: Listener = tf2_ros.TransformListener(tf2_ros.Buffer(cache, node), node)
@@ -138,12 +138,12 @@ def listener(name: str, node: Node, cache: Duration) -> Listener:
 
 
 def samples(buffer: Any) -> int:
-    """Count the samples of the last frame but one of a chain."""
+    """Return the number of samples of frame_1."""
     return next((frame.length for frame in buffer.frames() if frame.name == 'frame_1'), 0)
 
 
 def cpu(name: str, node: Node) -> float:
-    """Measure the CPU time of this process, over time."""
+    """Measure the CPU time of this process per time."""
     filled = listener(name, node, Duration(seconds=2.0)).buffer
     while not filled.can_transform('frame_0', 'frame_1', Time()):
         time.sleep(0.01)
@@ -154,7 +154,7 @@ def cpu(name: str, node: Node) -> float:
 
 
 def count(name: str, node: Node) -> int:
-    """Count the messages that come in, until a second passes without one."""
+    """Count the messages that arrive, until a second passes without one."""
     buffer = listener(name, node, Duration(seconds=1000.0)).buffer
     before, last = -1, 0
     while before != last or not last:
@@ -164,7 +164,7 @@ def count(name: str, node: Node) -> int:
 
 
 def latency(name: str, node: Node) -> float:
-    """Measure the median time from sending to a lookup that waits for it, or to a callback (s)."""
+    """Measure the median time from publishing to the end of a lookup, or to a callback (s)."""
     times: list[float] = []
     if name == 'subscription':
         def take(message: Any) -> None:
@@ -188,13 +188,13 @@ def latency(name: str, node: Node) -> float:
 
 
 def spin(node: Node) -> None:
-    """Spin until the shutdown."""
+    """Spin a node until the shutdown."""
     with suppress(ExternalShutdownException):
         rclpy.spin(node)
 
 
 def main(role: str, *arguments: str) -> None:
-    """Play a role."""
+    """Run a role."""
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit())
     if role == 'send':

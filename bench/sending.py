@@ -1,4 +1,4 @@
-"""What it costs to send transforms."""
+"""The cost of publishing transforms."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,7 +22,7 @@ ARM = (sys.executable, '-c', 'from dummy_arm.cli.entry_points import dummy_arm; 
 
 
 def transforms(count: int) -> list[TransformStamped]:
-    """Build a chain of transforms, by the constructors that everybody uses."""
+    """Return a chain of transforms, built by their constructors."""
     return [TransformStamped(
         header=Header(stamp=Time(sec=1_700_000_000, nanosec=123), frame_id=f'frame_{i}'),
         child_frame_id=f'frame_{i + 1}',
@@ -32,7 +32,7 @@ def transforms(count: int) -> list[TransformStamped]:
 
 
 def poses_of(built: list[TransformStamped]) -> NavPath:
-    """Build the same as poses, for a message that rclpy converts by compiled code."""
+    """Return the same as poses, in a message that rclpy converts by compiled code."""
     path = NavPath()
     for transform in built:
         pose = PoseStamped(header=transform.header)
@@ -43,7 +43,7 @@ def poses_of(built: list[TransformStamped]) -> NavPath:
 
 
 def rows(node: Node, u: float) -> Iterator[Row]:
-    """Measure what it costs to send 4, 100 and 1000 transforms."""
+    """Measure the publishing of 4, 100 and 1000 transforms."""
     broadcaster = TransformBroadcaster(node)
     try:
         import tf2_ros
@@ -59,7 +59,7 @@ def rows(node: Node, u: float) -> Iterator[Row]:
         poses = np.tile([0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8], (count, 1))
         rclpy_time = best(lambda: paths.publish(path))  # noqa: B023
         works = [
-            ('prepared transforms, send', lambda: prepared.send(1, poses)),  # noqa: B023
+            ('prepare once, then send', lambda: prepared.send(1, poses)),  # noqa: B023
             ('sendTransform of built objects',
              lambda: broadcaster.sendTransform(built)),  # noqa: B023
             (f'publish(TFMessage), {"tf2_msgs" if is_real else "this package"}',
@@ -76,8 +76,8 @@ def rows(node: Node, u: float) -> Iterator[Row]:
                *cost(rclpy_time, u), '1')
 
 
-#: Publishes a message of another type by rclpy's own method and by that of the package, in turn,
-#: and prints what each takes (s).
+#: Publish a message of another type by rclpy's own method and by that of the package, in turn,
+#: and print the time of each (s).
 OTHER_TYPE = """
 from measure import best
 import rclpy
@@ -99,7 +99,7 @@ rclpy.shutdown()
 
 
 def other_type(u: float) -> Iterator[Row]:
-    """Measure what a message of another type costs more, where TFMessage is made at run time."""
+    """Measure what another type costs in addition, where TFMessage is made at run time."""
     printed = subprocess.run([sys.executable, '-c', OTHER_TYPE], check=True, text=True,
                              stdout=subprocess.PIPE, cwd=Path(__file__).parent).stdout
     own, ours = map(float, printed.split())
@@ -109,7 +109,7 @@ def other_type(u: float) -> Iterator[Row]:
 
 
 def ticking(node: Node) -> Iterator[Row]:
-    """Count the ticks that the node keeps at 1000 Hz, as another process receives them."""
+    """Count the ticks that the arm keeps at 1000 Hz, as another process receives them."""
     stamps: list[int] = []
 
     def take(data: bytes) -> None:

@@ -1,4 +1,4 @@
-"""What it costs to show frames in the browser."""
+"""The cost of showing frames in the browser."""
 
 from collections.abc import Iterator
 import shutil
@@ -31,14 +31,14 @@ def placing() -> Iterator[Row]:
 
 
 def load(process: 'subprocess.Popen[str]') -> float:
-    """Measure how much of a core a process takes."""
+    """Measure the part of a core that a process uses."""
     before = cpu_seconds(process.pid)
     sleep(SECONDS)
     return (cpu_seconds(process.pid) - before) / SECONDS
 
 
 def showing() -> Iterator[Row]:
-    """Measure the process of web_view, without a viewer, and with one."""
+    """Measure the process of web_view, without and with a viewer."""
     chromium = shutil.which('chromium')
     if chromium is None:
         yield ('web_view', 'not measured', '', 'there is no chromium')

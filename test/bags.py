@@ -1,4 +1,4 @@
-"""Bags for tests: made by the writers of rosbags, of messages that rosbags serializes."""
+"""Bags for tests, written by rosbags from messages that rosbags serializes."""
 
 import bz2
 from functools import cache
@@ -20,7 +20,7 @@ else:
 from dummy_arm.tf._core.pose import Row
 
 S = 10**9
-#: Every kind of bag, and its compressions.
+#: Every kind of bag, with each of its compressions.
 ROS2 = ('db3', 'mcap', 'db3 file', 'db3 message', 'mcap file', 'mcap message', 'mcap storage')
 ROS1 = ('bag', 'bag bz2', 'bag lz4')
 TF = 'tf2_msgs/msg/TFMessage'
@@ -28,12 +28,18 @@ STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def row(stamp, parent, child, pose=STILL):
-    """Make a transform, as the rows of the wire are; its stamp in ns."""
+    """Return a transform as a row of the wire format; the stamp in ns."""
     return Row(stamp, parent, child, pose)
 
 
 def walk(seconds=10, hertz=10, begin=100 * S):
-    """Make what a bag has of a robot: latched map -> odom, and odom -> base_link, which moves."""
+    """
+    Yield the messages of a bag of a robot: topic, time (ns) and rows.
+
+    Static: map -> odom. Dynamic: odom -> base_link, which moves along x at 1 m/s.
+
+    :param begin: the time of the first message (ns).
+    """
     yield '/tf_static', begin, [row(begin, 'map', 'odom', (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0))]
     for i in range(seconds * hertz + 1):
         stamp = begin + i * S // hertz
@@ -45,9 +51,10 @@ def make(path, kind, messages):
     """
     Write a bag.
 
+    :param path: where to write it; in a directory, under a name of its own.
     :param kind: 'db3', 'mcap' or 'bag', and after a blank how it is compressed.
-    :param messages: topic, time (ns), and a list of rows, or the bytes of a message; then the type
-        of the message, and in ROS 1 its sender, if they are others than usual.
+    :param messages: topic, time (ns), and a list of rows or the bytes of a message; optionally the
+        type of the message, and then its publisher, which only ROS 1 records.
     :returns: the path.
     """
     storage, _, compression = kind.partition(' ')
@@ -60,12 +67,12 @@ def make(path, kind, messages):
 
 
 def ros1(rows):
-    """Serialize a message as ROS 1 has it."""
+    """Serialize a message in the format of ROS 1."""
     return bytes(_types(1).serialize_ros1(_message(_types(1), rows), TF))
 
 
 def ros2(rows):
-    """Serialize a message as ROS 2 has it."""
+    """Serialize a message in the format of ROS 2."""
     return bytes(_types(2).serialize_cdr(_message(_types(2), rows), TF))
 
 
@@ -89,11 +96,11 @@ def _write_ros1(path, compression, messages):
         writer.set_compression(Writer1.CompressionFormat[compression.upper()])
     connections = {}
     with writer:
-        for topic, time, content, msgtype, sender in map(_filled, messages):
-            if (topic, sender) not in connections:
-                connections[topic, sender] = writer.add_connection(
-                    topic, msgtype, typestore=_types(1), callerid=sender, latching=0)
-            writer.write(connections[topic, sender], time,
+        for topic, time, content, msgtype, publisher in map(_filled, messages):
+            if (topic, publisher) not in connections:
+                connections[topic, publisher] = writer.add_connection(
+                    topic, msgtype, typestore=_types(1), callerid=publisher, latching=0)
+            writer.write(connections[topic, publisher], time,
                          content if isinstance(content, bytes) else ros1(content))
 
 
@@ -126,16 +133,17 @@ def _message(types, rows):
 
 
 def packed(data, method):
-    """Compress data by 'zstd', 'lz4' or 'bz2'; or not, by ''."""
+    """Compress data by 'zstd', 'lz4' or 'bz2'; return it unchanged for ''."""
     return {'': bytes, 'zstd': zstd.compress, 'lz4': lz4.frame.compress,
             'bz2': bz2.compress}[method](data)
 
 
 def mcap(path, *records, summary=b''):
     """
-    Write an mcap file of records.
+    Write an mcap file that consists of the given records.
 
     :param summary: the records of its index, if it has one.
+    :returns: the path.
     """
     data = b'\x89MCAP0\r\n' + mcap_record(1, _text('ros2') + _text('test')) + b''.join(records)
     data += mcap_record(0x0F, bytes(4))
@@ -146,38 +154,55 @@ def mcap(path, *records, summary=b''):
 
 
 def mcap_record(opcode, content, length=None):
-    """Make a record; its length may be wrong."""
+    """
+    Return a record of an mcap file.
+
+    :param length: the length that it declares (bytes); None: its real one.
+    """
     return struct.pack('<BQ', opcode, len(content) if length is None else length) + content
 
 
 def mcap_channel(topic='/tf', number=1, msgtype=TF, encoding='cdr'):
-    """Make the records of a channel and of its type."""
+    """Return the records of a channel and of its type."""
     return mcap_record(3, struct.pack('<H', number) + _text(msgtype) + _text('ros2msg')
                        + _text('')) + mcap_record(
         4, struct.pack('<HH', number, number) + _text(topic) + _text(encoding) + _text(''))
 
 
 def mcap_message(rows, time=0, number=1):
-    """Make the record of a message: of rows, or bytes as they are."""
+    """
+    Return the record of a message.
+
+    :param rows: its transforms, or its bytes, which are written as they are.
+    """
     return mcap_record(5, struct.pack('<HIQQ', number, 0, time, time) + (
         rows if isinstance(rows, bytes) else ros2(rows)))
 
 
 def mcap_chunk(data, method='', size=None, crc=0):
-    """Make the record of a chunk; its size and CRC may be wrong."""
+    """
+    Return the record of a chunk.
+
+    :param size: the uncompressed size that it declares (bytes); None: its real one.
+    :param crc: the checksum that it declares; 0: none.
+    """
     content = packed(data, method)
     return mcap_record(6, struct.pack('<QQQI', 0, 0, len(data) if size is None else size, crc)
                        + _text(method) + struct.pack('<Q', len(content)) + content)
 
 
 def ros1_chunk(data, method='none', size=None):
-    """Make a chunk of a bag of ROS 1; its size may be wrong."""
+    """
+    Return a chunk of a ROS 1 bag.
+
+    :param size: the uncompressed size that it declares (bytes); None: its real one.
+    """
     return ros1_record({'op': b'\5', 'compression': method.encode(), 'size': struct.pack(
         '<I', len(data) if size is None else size)}, packed(data, method.replace('none', '')))
 
 
 def ros1_record(fields, data):
-    """Make a record of a bag of ROS 1."""
+    """Return a record of a ROS 1 bag."""
     header = b''.join(_bytes(name.encode() + b'=' + value) for name, value in fields.items())
     return _bytes(header) + _bytes(data)
 

@@ -22,7 +22,7 @@ CHROMIUM = next(filter(None, map(shutil.which, (
 if CHROMIUM is None:
     pytest.skip('there is no Chromium: apt install chromium', allow_module_level=True)
 
-_TIMEOUT = 30.0  # s; drawing without a GPU takes its time
+_TIMEOUT = 30.0  # s; drawing without a GPU is slow
 _PAUSE = partial(time.sleep, 0.05)
 _NOTHING_BEYOND_LOOPBACK = (
     '--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1', '--disable-background-networking',
@@ -58,42 +58,42 @@ _TEXTS = """() => Array.from(document.querySelectorAll('[data-text]'),
 
 
 class Scene:
-    """What is drawn."""
+    """The scene that the page draws."""
 
     def __init__(self, drawn: dict[str, Any]) -> None:
-        """Take it as the page tells it."""
-        #: The names that are shown, and where (m).
+        """Create a scene from the result of _SCENE."""
+        #: The names that are shown, and their positions (m).
         self.names = {name: np.array(place) for name, place in drawn['names'].items()}
         rods = np.array(drawn['rods']).reshape(4, -1, 19)
-        #: (4, n, 3): where each axis and line begins (m); the x, y and z axes, and the lines.
+        #: (4, n, 3): the beginnings of x, y and z axes and of lines to the parents (m).
         self.begins = rods[..., 12:15]
-        #: (4, n, 3): where it ends.
+        #: (4, n, 3): their ends (m).
         self.ends = self.begins + rods[..., 8:11]
-        #: (n,): of the axes of each frame (m).
+        #: (n,): the radii of the axes of each frame (m).
         self.radii = np.linalg.norm(rods[0, :, :3], axis=1)
-        #: (4, n, 3): red, green, blue, each up to 1.
+        #: (4, n, 3): red, green and blue, from 0 to 1.
         self.colours = rods[..., 16:]
-        #: (m, 2, 3): the lines of the trail.
+        #: (m, 2, 3): the segments of the trail (m).
         self.trail = np.array(drawn['trail']).reshape(-1, 2, 3)
 
     def index(self, name: str) -> int:
-        """Find the frame that is drawn where a name is."""
+        """Return the index of the frame that is drawn at the position of a name."""
         distances = np.linalg.norm(self.begins[0] - self.names[name], axis=1)
         assert distances.min() < 0.05, f'{name} is {distances.min()} m from the next axes'
         return int(distances.argmin())
 
 
-class Look:
-    """Somebody who looks."""
+class BrowserPage:
+    """The page of web_view, open in a browser."""
 
     def __init__(self, page: 'Page', url: str) -> None:
         """Open the page."""
         self.page = page
         self.faults: list[str] = []
-        self.asked: set[str] = set()
+        self.hosts: set[str] = set()
         page.set_default_timeout(_TIMEOUT * 1e3)
-        page.on('request', lambda request: self.asked.add(urlsplit(request.url).hostname))
-        page.on('websocket', lambda socket: self.asked.add(urlsplit(socket.url).hostname))
+        page.on('request', lambda request: self.hosts.add(urlsplit(request.url).hostname))
+        page.on('websocket', lambda socket: self.hosts.add(urlsplit(socket.url).hostname))
         page.on('pageerror', lambda error: self.faults.append(str(error)))
         page.on('console', self._note)
         page.goto(url)
@@ -103,20 +103,20 @@ class Look:
             self.faults.append(message.text)
 
     def scene(self) -> Scene:
-        """Tell what is drawn now."""
+        """Return the scene that is drawn now."""
         return Scene(self.page.evaluate(_SCENE))
 
     def scene_with(self, *names: str) -> Scene:
-        """Wait until names are shown, and their frames drawn."""
+        """Wait until names are shown and their frames drawn, and return the scene."""
         found: Scene = self.until(lambda: (scene := self.scene()).names.keys() >= {*names}
                                   and (scene.begins.size or not names) and scene)
         return found
 
     def until(self, condition, timeout=_TIMEOUT, pause=_PAUSE):
         """
-        Wait until something holds; give it.
+        Wait until a condition is true, and return its value.
 
-        :param pause: what is done between one look and the next.
+        :param pause: what is called between two checks.
         """
         deadline = time.monotonic() + timeout
         while True:
@@ -129,7 +129,7 @@ class Look:
             pause()
 
     def description(self) -> str:
-        """Describe what the page shows, for a test that fails."""
+        """Return what the page shows, for the message of a test that fails."""
         try:
             texts, names = self.page.evaluate(_TEXTS), self.scene().names
         except playwright.Error as error:
@@ -138,36 +138,36 @@ class Look:
         return f'faults: {self.faults}\n{texts}\nnames: {places}'
 
     def value(self, key: str) -> str:
-        """Read a value in the table of the selected frame."""
+        """Return a value in the table of the selected frame."""
         text: str = self.page.inner_text(f'[data-value="{key}"]')
         return text
 
     def numbers(self, key: str) -> list[float]:
-        """Read the numbers of a value."""
+        """Return the numbers of a value."""
         return [*map(float, self.value(key).split())]
 
     def overview(self) -> str:
-        """Read what is told of all frames."""
+        """Return the text about all frames."""
         text: str = self.page.inner_text('[data-text="overview"]')
         return text
 
     def choose(self, label: str, frame: str) -> None:
-        """Choose a frame in a control."""
+        """Choose a frame in a dropdown."""
         self.page.get_by_label(label, exact=True).click()
         self.page.get_by_role('option', name=frame, exact=True).click()
 
     def click(self, point: np.ndarray) -> None:
-        """Click what is drawn at a point (m)."""
+        """Click the point of the scene (m)."""
         self.page.mouse.click(*self.page.evaluate(_WHERE, point.tolist()))
 
     def tick(self, label: str, is_on: bool) -> None:
-        """Turn a control on or off."""
+        """Check or uncheck a checkbox."""
         self.page.get_by_label(label, exact=True).set_checked(is_on, force=True)
 
 
 @contextmanager
 def chromium() -> Iterator['Browser']:
-    """Have a browser from here to the end of the block."""
+    """Start a browser, which is closed at the end of the block."""
     with playwright.sync_playwright() as started:
         browser = started.chromium.launch(executable_path=CHROMIUM, args=[
             '--no-sandbox', *_NOTHING_BEYOND_LOOPBACK, *_IN_SOFTWARE])

@@ -1,4 +1,4 @@
-"""Fixtures: ROS on loopback only, a domain of its own for every test, processes that end."""
+"""Fixtures: ROS on loopback only, a ROS domain for each test, processes that always end."""
 
 import os
 
@@ -33,36 +33,36 @@ from dummy_arm.tf._core.pose import BatchOrRows, Row
 from dummy_arm.tf._wire.cdr import Fields
 from dummy_arm.tf._wire.streams import MessageReader
 
-TIMEOUT = 20.0  # s; for what takes well under a second on a machine that is not overloaded
-_GRACE = 3.0  # s; for what ends in 0.2 s
-_GIVEN_UP = 3.0  # s; after 1 s Fast DDS gives up a lock of one that was killed
+TIMEOUT = 20.0  # s; most waits take well under a second, unless the machine is overloaded
+_GRACE = 3.0  # s; a process normally ends within 0.2 s
+_RECOVERY = 3.0  # s; Fast DDS gives up the lock of a killed process after 1 s
 
-#: The environment of programs as on a Jazzy desktop, with tf2_msgs or a stand-in.
+#: Variables with which programs find tf2_msgs, as on a Jazzy desktop, or else a stand-in for it.
 DESKTOP = {} if find_spec('tf2_msgs') else {'PYTHONPATH': os.pathsep.join(filter(None, (
     str(Path(__file__).parent / 'desktop'), os.environ.get('PYTHONPATH'))))}
-#: The processes of these tests.
+#: The ids of the processes that belong to these tests.
 _pids = {os.getpid()}
 _HAS_ROS = find_spec('rclpy') is not None
 
-# How long an example takes is no matter: the machine may be busy.
+# Examples have no deadline, since the machine may be busy.
 settings.register_profile('unhurried', deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile('unhurried')
 
 
 @cache
 def needs_ros(path: Path) -> bool:
-    """Return whether a module of tests needs ROS to be imported."""
+    """Return whether a test module cannot be imported without ROS."""
     return bool(of_ros(reached(path, is_late=False)))
 
 
 def pytest_ignore_collect(collection_path: Path) -> Optional[bool]:
-    """Leave out the modules that cannot be imported, where there is no ROS."""
+    """Ignore the modules that cannot be imported where there is no ROS."""
     is_out = not _HAS_ROS and collection_path.suffix == '.py' and needs_ros(collection_path)
     return True if is_out else None
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Mark the tests that need no ROS, and leave out the others where there is none."""
+    """Mark the tests that need no ROS, and deselect the others where there is no ROS."""
     fixtures = {item: {*getattr(item, 'fixturenames', ())} for item in items}
     for item in items:
         if not needs_ros(item.path) and not {'domain_id', 'ros'} & fixtures[item]:
@@ -71,27 +71,27 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         left_out = [item for item in items if 'no_ros' not in item.keywords]
         items[:] = [item for item in items if 'no_ros' in item.keywords]
         config.hook.pytest_deselected(items=left_out)
-    # Those of the page take the longest: last, one worker would go on with them alone.
+    # Browser tests take the longest: if they came last, one worker would run them alone.
     items.sort(key=lambda item: 'browser' not in fixtures[item])
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """Say that tests were left out: pytest-xdist does not report what its workers leave out."""
+    """Report deselected tests: pytest-xdist does not report what its workers deselect."""
     if not _HAS_ROS:
-        terminalreporter.write_line('rclpy is not installed: tests that need ROS were left out')
+        terminalreporter.write_line('rclpy is not installed: tests that need ROS were deselected')
 
 
 def tool(name: str, *arguments: str) -> tuple[str, ...]:
-    """Give the arguments of python that run a command."""
+    """Return the arguments with which python runs a command of the package."""
     return '-c', f'import sys, dummy_arm.cli.entry_points as e; sys.exit(e.{name}())', *arguments
 
 
 ARM = tool('dummy_arm')
 
 
-def without(modules: Iterable[str]) -> str:
+def code_without(modules: Iterable[str]) -> str:
     """
-    Give code by which a program does not find modules, as if they were not installed.
+    Return code that makes modules impossible to import, as if they were not installed.
 
     :param modules: the beginnings of their names.
     """
@@ -104,60 +104,60 @@ def without(modules: Iterable[str]) -> str:
         'sys.meta_path.insert(0, Blocked())\n')
 
 
-WITHOUT_ROS = without(ROS)
+WITHOUT_ROS = code_without(ROS)
 
 
 def tool_without(modules: Iterable[str], name: str, *arguments: str) -> tuple[str, ...]:
-    """Give the arguments of python that run a command where modules are not installed."""
+    """Return the arguments with which python runs a command where modules are not installed."""
     _, code, *rest = tool(name, *arguments)
-    return '-c', without(modules) + code, *rest
+    return '-c', code_without(modules) + code, *rest
 
 
 def tool_without_ros(name: str, *arguments: str) -> tuple[str, ...]:
-    """Give the arguments of python that run a command where there is no ROS."""
+    """Return the arguments with which python runs a command where there is no ROS."""
     return tool_without(ROS, name, *arguments)
 
 
 made_at_run_time = pytest.mark.skipif(
     find_spec('tf2_msgs') is not None,
-    reason='about the TFMessage made where tf2_msgs is not installed')
+    reason='tf2_msgs is installed: its TFMessage is used, none is made at run time')
 
 
 @pytest.fixture(scope='session')
 def golden_messages() -> list[dict[str, Any]]:
-    """TFMessages with the bytes that tf2_msgs' own type support makes of them."""
+    """TFMessages, with the bytes into which the type support of tf2_msgs serialises them."""
     path = Path(__file__).parent / 'data' / 'tf_message_cdr.json'
     cases: list[dict[str, Any]] = json.loads(path.read_text())['cases']
     return cases
 
 
-def unexpected(error: Exception) -> NoReturn:
-    """Fail, since there was an error: what a reader or a source is given to tell of them."""
+def fail_on_error(error: Exception) -> NoReturn:
+    """Fail the test: the error callback of readers and sources that must not report any."""
     pytest.fail(repr(error))
 
 
-class Arrived:
-    """A source of a buffer, with messages that have arrived on /tf."""
+class ArrivedMessages:
+    """A source of a buffer whose messages have all arrived on /tf."""
 
     def __init__(self, *messages: bytes) -> None:
-        self._batches = MessageReader(unexpected).read(messages, 'sent', False)
+        self._batches = MessageReader(fail_on_error).read(messages, 'sent', False)
 
     def take(self) -> list[BatchOrRows]:
-        """Return them, as long as nobody has inserted them."""
+        """Return the decoded messages; the buffer clears this list when it has inserted them."""
         return self._batches
 
     def wake(self) -> None:
-        """Do nothing: there is no thread."""
+        """Do nothing, since no thread waits for messages."""
 
 
 def golden_fields(case: dict[str, Any]) -> list[Fields]:
-    """Read the transforms of a golden case as they are on the wire."""
+    """Return the transforms of a golden case with their fields as on the wire."""
     return [(t['sec'], t['nanosec'], t['frame_id'], t['child_frame_id'], (*t['xyz'], *t['xyzw']))
             for t in case['transforms']]
 
 
 def golden_rows(case: dict[str, Any]) -> list[Row]:
-    """Read the transforms of a golden case as rows."""
+    """Return the transforms of a golden case as rows."""
     return [Row(sec * 10**9 + nanosec, parent, child, pose)
             for sec, nanosec, parent, child, pose in golden_fields(case)]
 
@@ -165,11 +165,12 @@ def golden_rows(case: dict[str, Any]) -> list[Row]:
 @pytest.fixture
 def domain_id() -> Iterator[int]:
     """
-    Reserve a ROS domain id, so that test runs side by side do not hear each other.
+    Reserve a ROS domain id, so that tests that run at the same time are separated.
 
-    Others than tests reserve none: see `Ros.strangers`.
+    Other programs do not reserve theirs: see `Ros.foreign_publishers`.
     """
-    # Each worker of pytest-xdist has a share of its own; in 0 there are others, too.
+    # Each worker of pytest-xdist has its own share of the domains. Domain 0 is left to other
+    # programs, since it is their default.
     worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
     share = range(1 + worker, 101, int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1')))
     for domain in random.sample(share, len(share)):
@@ -184,19 +185,22 @@ def domain_id() -> Iterator[int]:
 
 
 class Process:
-    """A program that is run by a test, in a domain; its output comes line by line."""
+    """A program that a test runs in a ROS domain, and whose output is read line by line."""
 
     def __init__(self, domain: int, *arguments: str, environment: Mapping[str, str] = {},
-                 **how: Any) -> None:
+                 **kwargs: Any) -> None:
         """
-        Start python with the arguments, as the leader of a process group.
+        Start python, as the leader of a process group.
 
-        :param environment: variables to set.
+        :param domain: the ROS domain id of the process.
+        :param arguments: the arguments of python.
+        :param environment: environment variables to set.
+        :param kwargs: further arguments of `subprocess.Popen`.
         """
         self._popen = subprocess.Popen(
             [sys.executable, '-u', *arguments], text=True, stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT, start_new_session=True,
-            env={**os.environ, 'ROS_DOMAIN_ID': str(domain), **environment}, **how)
+            env={**os.environ, 'ROS_DOMAIN_ID': str(domain), **environment}, **kwargs)
         _pids.add(self._popen.pid)
         assert self._popen.stdout is not None
         self._stdout = self._popen.stdout
@@ -212,31 +216,31 @@ class Process:
         self._lines.put('')
 
     def line(self) -> str:
-        """Wait for the next line of output; '' at its end."""
+        """Wait for the next line of output and return it; '' means the end of the output."""
         return self._lines.get(timeout=TIMEOUT)
 
     def line_with(self, text: str) -> str:
-        """Wait for a line that has the text in it."""
+        """Wait for a line of output that contains the text, and return it."""
         while text not in (line := self.line()):
-            assert line, f'ended without {text!r}:\n{self.output}'
+            assert line, f'the process ended without printing {text!r}:\n{self.output}'
         return line
 
     def end(self, signal_number: int, timeout: float = TIMEOUT) -> float:
-        """Send a signal and wait for the end; return the time that it took (s)."""
+        """Send a signal and wait until the process ends; return the time that this took (s)."""
         start = time.monotonic()
         self._popen.send_signal(signal_number)
         self._popen.wait(timeout)
         return time.monotonic() - start
 
     def press_ctrl_c(self) -> None:
-        """Send SIGINT to the process and all that it has started, as a terminal does."""
+        """Send SIGINT to the process and to all that it has started, as a terminal does."""
         os.killpg(self._popen.pid, signal.SIGINT)
 
     def descendants(self) -> list[int]:
-        """List the ids of the processes that it has started, and of those that these have."""
+        """Return the ids of the processes that it has started, directly or indirectly."""
         children: dict[int, list[int]] = {}
         for path in Path('/proc').glob('[0-9]*/stat'):
-            with contextlib.suppress(OSError):  # it has ended by now
+            with contextlib.suppress(OSError):  # the process has ended meanwhile
                 parent = path.read_text().rpartition(')')[2].split()[1]
                 children.setdefault(int(parent), []).append(int(path.parent.name))
         found = [self._popen.pid]
@@ -244,19 +248,19 @@ class Process:
             found += children.get(pid, [])
         return found[1:]
 
-    def ended(self) -> bool:
-        """Tell whether it has ended."""
+    def has_ended(self) -> bool:
+        """Return whether the process has ended."""
         return self._popen.poll() is not None
 
     def exit_code(self, timeout: float = TIMEOUT) -> int:
-        """Wait for the end."""
+        """Wait until the process ends, and return its exit code."""
         code = self._popen.wait(timeout)
         self._reader.join(timeout)
-        assert not self._reader.is_alive(), 'it has left others behind, who hold its output'
+        assert not self._reader.is_alive(), 'its output is held open by processes it left behind'
         return code
 
     def close(self) -> None:
-        """End the process, by Ctrl-C if it heeds that: see `kill` for what is left otherwise."""
+        """End the process by SIGINT, or by SIGKILL if it does not react; see `kill`."""
         try:
             self.end(signal.SIGINT, _GRACE)
         except subprocess.TimeoutExpired:
@@ -266,8 +270,8 @@ class Process:
         self._reader.join()
         self._stdout.close()
 
-    def has_left_others(self) -> bool:
-        """Tell whether something that the process has started goes on."""
+    def has_left_processes(self) -> bool:
+        """Return whether processes that it has started are still running."""
         try:
             os.killpg(self._popen.pid, 0)
         except ProcessLookupError:
@@ -275,28 +279,31 @@ class Process:
         return True
 
     def _end_group(self) -> None:
-        """End what the process has started, and left behind."""
+        """End the processes that it has started and left behind."""
         for number in signal.SIGINT, signal.SIGKILL:
             deadline = time.monotonic() + _GRACE
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(self._popen.pid, number)
-            while self.has_left_others() and time.monotonic() < deadline:
+            while self.has_left_processes() and time.monotonic() < deadline:
                 time.sleep(0.01)
 
 
 def is_running(pid: int) -> bool:
-    """Tell whether there is a process that has not ended."""
+    """Return whether a process exists and has not ended."""
     try:
         return Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[0] not in 'XZ'
     except OSError:
         return False
 
 
-def in_a_terminal(domain, *arguments, until):
+def run_in_terminal(domain, *arguments, until):
     """
-    Run python in a terminal of 80 columns until what it wrote has something; give that.
+    Run python in a terminal of 80 columns, and return what it has written.
 
-    :param arguments: of python, as `tool` gives them.
+    :param domain: the ROS domain id of the process.
+    :param arguments: the arguments of python, as `tool` returns them.
+    :param until: called with the output so far; returns whether to end the process by SIGINT. A
+        process that takes too long is ended, too.
     """
     reading, writing = pty.openpty()
     fcntl.ioctl(writing, termios.TIOCSWINSZ, struct.pack('4H', 24, 80, 0, 0))
@@ -322,40 +329,40 @@ def in_a_terminal(domain, *arguments, until):
 
 @pytest.fixture
 def start(domain_id: int) -> Iterator[Callable[..., Process]]:
-    """Start programs: `start('-m', 'module', …)`."""
+    """Start programs by `start('-m', 'module', …)`, and end them after the test."""
     processes = []
 
-    def start_process(*arguments: str, **how: Any) -> Process:
-        processes.append(Process(domain_id, *arguments, **how))
+    def start_process(*arguments: str, **kwargs: Any) -> Process:
+        processes.append(Process(domain_id, *arguments, **kwargs))
         return processes[-1]
 
     yield start_process
     for process in processes:
         process.close()
-        print(process.output)  # shown where the test failed
+        print(process.output)  # pytest shows it if the test failed
 
 
 @pytest.fixture
 def kill(ros: 'Ros') -> Iterator[Callable[[Process], object]]:
     """
-    Kill a process without a word: `kill(process)`.
+    Kill a process by `kill(process)`; after the test, wait until Fast DDS has recovered.
 
-    It leaves half a megabyte in shared memory, and may have held the lock of a port there, by
-    which it sent. The port's owner gives that up after a second; a participant that is ended
-    meanwhile, as that of the test itself, crashes in Fast DDS (2.14.5, in
-    SharedMemChannelResource::release).
+    The process leaves half a megabyte in shared memory, and it may have held the lock of a port
+    there, through which it was sending. The owner of the port gives up this lock after a second. A
+    participant that is destroyed before that, such as that of the test itself, crashes in Fast DDS
+    (2.14.5, in SharedMemChannelResource::release).
     """
     yield lambda process: process.end(signal.SIGKILL)
-    time.sleep(_GIVEN_UP)
+    time.sleep(_RECOVERY)
 
 
 @pytest.fixture
 def logs() -> Iterator[list[logging.LogRecord]]:
     """
-    List the warnings that the package logs where there is no ROS.
+    The warnings that the package logs where there is no ROS.
 
-    By a handler of its own: with the pytest plugins of launch, `caplog` records nothing, since
-    launch replaces the class of loggers by one whose loggers do not propagate.
+    This fixture has its own handler: with the pytest plugins of launch, `caplog` records nothing,
+    since launch replaces the class of loggers by one whose loggers do not propagate.
     """
     records: list[logging.LogRecord] = []
 
@@ -372,7 +379,7 @@ def logs() -> Iterator[list[logging.LogRecord]]:
 
 @pytest.fixture
 def failed(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]:
-    """Call a `main` that fails: `failed(main, 'argument', …)`; give its exit code and stderr."""
+    """Call a `main` that fails, by `failed(main, 'argument', …)`; return exit code, stderr."""
     def call(main: Callable[[list[str]], int], *arguments: str) -> tuple[int, str]:
         code: object
         try:
@@ -388,10 +395,10 @@ def failed(capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str]]
 
 
 class Ros:
-    """A node of the test's own, and the executor that spins it."""
+    """A node of the test itself, and the executor that spins it."""
 
     def __init__(self, domain: int) -> None:
-        """Make a context in the domain and a node in it."""
+        """Create a context in the domain, a node and its executor."""
         from rclpy.context import Context
         from rclpy.executors import SingleThreadedExecutor
         from rclpy.node import Node
@@ -403,37 +410,37 @@ class Ros:
         self.executor.add_node(self.node)
 
     def until(self, condition: Callable[[], object], timeout: float = TIMEOUT) -> None:
-        """Spin until the condition holds."""
+        """Spin until the condition holds; fail if it does not within the timeout (s)."""
         deadline = time.monotonic() + timeout
         while not condition():
-            assert time.monotonic() < deadline, f'waited in vain{self.told_of_strangers()}'
+            assert time.monotonic() < deadline, f'waited in vain{self.foreign_publishers_text()}'
             self.executor.spin_once(timeout_sec=0.05)
 
-    def strangers(self) -> list[str]:
+    def foreign_publishers(self) -> list[str]:
         """
-        List what publishes TF in this domain, and is of no process that the tests have started.
+        Return the publishers of TF in this domain that no process of the tests has created.
 
         Fast DDS writes the lower half of the process id into the fifth and sixth byte of a gid.
         """
         from rclpy.utilities import get_rmw_implementation_identifier
         if not self.context.ok() or 'fastrtps' not in get_rmw_implementation_identifier():
             return []
-        ours = {pid & 0xffff for pid in _pids}
+        own = {pid & 0xffff for pid in _pids}
         return sorted({
             f'{info.node_namespace.rstrip("/")}/{info.node_name} of process {pid}'
             for topic in ('/tf', '/tf_static')
             for info in self.node.get_publishers_info_by_topic(topic)
-            if (pid := int.from_bytes(bytes(info.endpoint_gid[4:6]), 'little')) not in ours})
+            if (pid := int.from_bytes(bytes(info.endpoint_gid[4:6]), 'little')) not in own})
 
-    def told_of_strangers(self) -> str:
-        """Tell of those, and what to do; '' where there is none."""
-        if strangers := self.strangers():
-            return (f'; in the domain {self.context.get_domain_id()} of this test, others publish '
-                    f'TF that it receives: {", ".join(strangers)}. End them')
+    def foreign_publishers_text(self) -> str:
+        """Return a text that names the foreign publishers and the remedy; '' if there is none."""
+        if publishers := self.foreign_publishers():
+            return (f'; in the domain {self.context.get_domain_id()} of this test, other '
+                    f'processes publish TF: {", ".join(publishers)}. End them')
         return ''
 
     def close(self) -> None:
-        """Destroy it all."""
+        """Destroy the executor, the node and the context."""
         from dummy_arm.cli.fast_dds import destroy
         self.executor.shutdown()
         destroy(self.node)
@@ -442,9 +449,9 @@ class Ros:
 
 @pytest.fixture
 def ros(domain_id: int) -> Iterator[Ros]:
-    """A node in the domain of the test."""
+    """A node in the ROS domain of the test."""
     node = Ros(domain_id)
     yield node
-    told = node.told_of_strangers()
+    text = node.foreign_publishers_text()
     node.close()
-    assert not told, told
+    assert not text, text

@@ -1,17 +1,18 @@
 """
-End a listener in the midst of traffic, again and again.
+End a listener while messages arrive, repeatedly.
 
-    endings.py COUNT in WHERE OFFSET    in one process, by all orders of unregister(),
+    endings.py COUNT in WHERE OFFSET    In one process, by every order of unregister(),
                                         destroy_node() and shutdown(): in the main thread (`main`),
                                         in a callback of the executor that spins the node
-                                        (`executor`), or in one that the listener's thread calls
-                                        (`thread`)
-    endings.py COUNT by HOW OFFSET      in processes of their own: what ends them is the end of
-                                        their program (`end`), sys.exit() in a callback (`exit`),
-                                        or SIGINT while they spin (`spin`) or wait (`lookup`)
+                                        (`executor`), or in a callback of the listener's thread
+                                        (`thread`).
+    endings.py COUNT by HOW OFFSET      In separate processes, which are ended by the end of their
+                                        program (`end`), by sys.exit() in a callback (`exit`), or
+                                        by SIGINT while they spin (`spin`) or wait (`lookup`).
 
-OFFSET is added to the domain id, for two that run at the same time. A thread has to be over in
-time, a process with exit code 0 and without a word. Prints 'all ended'.
+OFFSET is added to the domain id, so that two of these programs can run at the same time. Each
+listener's thread must end in time, and each process with exit code 0 and without output. At the
+end, the program prints 'all ended'.
 """
 
 from itertools import permutations
@@ -24,9 +25,10 @@ import time
 import traceback
 import warnings
 
-import dummy_arm.tf.buffer_core  # noqa: F401  (all that may be imported before a fork)
+import dummy_arm.tf.buffer_core  # noqa: F401  (nothing more may be imported before a fork)
 
-ENDING = 0.5  # s
+#: The longest time in which a thread may end (s).
+ENDING = 0.5
 STILL = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 FRAMES = 20
 STEPS = ('unregister', 'destroy_node', 'shutdown')
@@ -34,15 +36,15 @@ ORDERS = [(step,) for step in STEPS] + [*permutations(STEPS)]
 
 
 def listener_threads():
-    """List the threads of listeners."""
+    """Return the threads of listeners."""
     return [thread for thread in threading.enumerate() if thread.name.startswith('tf of')]
 
 
 class Ending:
-    """A listener to what its own process publishes."""
+    """A listener that receives what its own process publishes, and the ways to end it."""
 
     def __init__(self, steps=()):
-        """Listen, until there is something."""
+        """Start the listener, and wait until it has received a message."""
         import rclpy
         from rclpy.duration import Duration
         from rclpy.time import Time
@@ -64,44 +66,45 @@ class Ending:
             'frame_0', f'frame_{FRAMES}', self.latest, timeout=Duration(seconds=10))
 
     def publish(self, count):
-        """Publish messages, as fast as can be."""
+        """Publish messages as fast as possible."""
         for _ in range(count):
             self.prepared.send(time.time_ns(), [STILL] * FRAMES)
 
     def end(self, *_):
-        """Do the steps while messages come in; then a lookup gives an answer still."""
+        """Do the steps while messages arrive; check that a lookup still works after them."""
         self.publish(10)
         (thread,) = listener_threads()
-        over = []
-        watching = threading.Thread(target=lambda: over.append((thread.join(), time.monotonic())))
+        ends = []
+        watching = threading.Thread(target=lambda: ends.append((thread.join(), time.monotonic())))
         watching.start()
         for step in self.steps:
             getattr(self, step)()
-        done = time.monotonic()  # no sooner, since rclpy keeps the GIL while DDS takes its time
+        # The time is measured from here: rclpy holds the GIL during the steps, which are slow.
+        done = time.monotonic()
         if threading.current_thread() is not thread:
             watching.join()
-            if over[0][1] - done > ENDING:
-                sys.exit(f'{self.steps}: the thread went on for {over[0][1] - done:.2f} s')
+            if ends[0][1] - done > ENDING:
+                sys.exit(f'{self.steps}: the thread went on for {ends[0][1] - done:.2f} s')
         self.buffer.lookup_transform('frame_0', f'frame_{FRAMES}', self.latest)
 
     def unregister(self):
-        """End it as tf2 does."""
+        """End the listener as with tf2."""
         self.listener.unregister()
 
     def destroy_node(self):
-        """End it by its node."""
+        """End the listener by destroying its node."""
         self.node.destroy_node()
 
     def shutdown(self):
-        """End it with all of ROS."""
+        """End the listener by shutting ROS down."""
         self.rclpy.try_shutdown()
 
     def in_main(self):
-        """End it here."""
+        """Do the steps in the main thread."""
         self.end()
 
     def in_executor(self):
-        """End it in a callback of an executor."""
+        """Do the steps in a callback of the executor that spins the node."""
         def end():
             timer.cancel()
             self.end()
@@ -116,7 +119,7 @@ class Ending:
         executor.shutdown()
 
     def in_thread(self):
-        """End it in its own thread."""
+        """Do the steps in a callback of the listener's thread."""
         ended = threading.Event()
 
         def end(_):
@@ -135,13 +138,13 @@ class Ending:
 
 
 def by_end(_):
-    """Come to the end of the program while messages come in."""
+    """Return, so that the program ends while messages arrive."""
     ending = Ending()
     ending.publish(10)
 
 
 def by_exit(_):
-    """Leave the interpreter in a callback."""
+    """Call sys.exit() in a callback."""
     ending = Ending()
     ending.node.create_timer(0.0, sys.exit)
     ending.publish(10)
@@ -149,51 +152,51 @@ def by_exit(_):
 
 
 def by_spin(ready):
-    """Spin until SIGINT."""
+    """Spin until SIGINT; write to the pipe `ready` once the node is spinning."""
     ending = Ending()
 
-    def tell():
+    def report_ready():
         timer.cancel()
         os.write(ready, b'.')
 
-    timer = ending.node.create_timer(0.0, tell)
-    # SIGINT may interrupt rclpy's executor where it has made a coroutine and not begun it, or half
-    # of a task: their ends are said, and are not ours.
+    timer = ending.node.create_timer(0.0, report_ready)
+    # SIGINT may interrupt rclpy's executor between the creation and the start of a coroutine, or
+    # of a task. Python warns about them then; the listener is not the cause.
     warnings.filterwarnings('ignore', "coroutine 'Executor", RuntimeWarning)
-    sys.unraisablehook = without_rclpy
+    sys.unraisablehook = print_unraisable
     ending.rclpy.spin(ending.node)
 
 
 def by_lookup(ready):
-    """Wait for a transform until SIGINT."""
+    """Wait for a transform until SIGINT; write to the pipe `ready` meanwhile."""
     ending = Ending()
     threading.Timer(0.01, lambda: os.write(ready, b'.')).start()
     ending.buffer.lookup_transform('frame_0', 'nobody', ending.latest,
                                    timeout=ending.rclpy.duration.Duration(seconds=60))
 
 
-def without_rclpy(unraisable):
-    """Say what could not be raised, unless only rclpy has a part in it."""
+def print_unraisable(unraisable):
+    """Print an unraisable exception, unless its traceback consists of rclpy only."""
     files = [summary.filename for summary in traceback.extract_tb(unraisable.exc_traceback)]
     if not files or not all(f'{os.sep}rclpy{os.sep}' in file for file in files):
         sys.__unraisablehook__(unraisable)
 
 
-def without_others(output):
+def without_library_lines(output):
     """
-    Leave out what others say.
+    Remove the lines that Fast DDS and rclpy may print in such a run.
 
-    Fast DDS says that processes which start at the same time wanted the same shared memory. The
-    thread of rclpy that handles signals shuts the context down and then triggers the guard
-    conditions of executors; if one of them is destroyed in between, it says so.
+    Fast DDS prints a line if processes that start at the same time want the same shared memory.
+    The thread of rclpy that handles signals shuts the context down, and then triggers the guard
+    conditions of executors; if one of them is destroyed in between, rclpy prints a line.
     """
     return ''.join(
         line for line in output.splitlines(keepends=True) if 'RTPS_TRANSPORT_SHM' not in line
         and '[rclpy.signals]: rcl_trigger_guard_condition() failed' not in line)
 
 
-def process(how):
-    """Run a process until it ends; give its exit code and all that it said."""
+def run_process(ending):
+    """Run a process until it ends; return its exit status and its output."""
     ready, in_child = os.pipe()
     output, error = os.pipe()
     pid = os.fork()
@@ -201,40 +204,40 @@ def process(how):
         os.dup2(error, 1)
         os.dup2(error, 2)
         try:
-            globals()[f'by_{how}'](in_child)
+            globals()[f'by_{ending}'](in_child)
         except KeyboardInterrupt:
             pass
-        except Exception as problem:  # of a spin or a wait that is ended by SIGINT
+        except Exception as problem:  # a spin or a wait that SIGINT ends raises one of these
             if type(problem).__name__ not in (
                     'ExternalShutdownException', 'LookupException', 'RCLError'):
                 raise
         sys.exit()
     os.close(error)
     os.close(in_child)
-    if how in ('spin', 'lookup'):
+    if ending in ('spin', 'lookup'):
         os.read(ready, 1)
         os.kill(pid, signal.SIGINT)
-    said = b''
+    written = b''
     while select.select([output], [], [], 20)[0] and (part := os.read(output, 4096)):
-        said += part
+        written += part
     os.close(output)
     os.close(ready)
-    return os.waitpid(pid, 0)[1], without_others(said.decode()).strip()
+    return os.waitpid(pid, 0)[1], without_library_lines(written.decode()).strip()
 
 
 def main(count, kind, which, offset):
-    """Do it so often."""
+    """End listeners, or processes with a listener, as often as `count` says."""
     os.environ['ROS_DOMAIN_ID'] = str(int(os.environ['ROS_DOMAIN_ID']) + int(offset))
     for _ in range(int(count)):
         if kind == 'by':
-            status, said = process(which)
-            if status or said:
-                sys.exit(f'status {status}: {said}')
+            status, written = run_process(which)
+            if status or written:
+                sys.exit(f'status {status}: {written}')
             continue
         for steps in ORDERS:
             ending = Ending(steps)
             getattr(ending, f'in_{which}')()
-            ending.destroy_node()  # else its participant would go on beside the next
+            ending.destroy_node()  # otherwise its participant would exist beside the next one
     print('all ended', flush=True)
 
 

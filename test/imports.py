@@ -1,4 +1,4 @@
-"""Who imports whom: the imports of Python files, as they are written."""
+"""The imports of Python files, read from their source."""
 
 import ast
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from typing import Optional
 from dummy_arm import tf
 
 ROOT = Path(__file__).parent.parent
-#: The beginnings of the names of modules that come with ROS.
+#: The prefixes of the names of modules that come with ROS.
 ROS = ('rclpy', 'rosidl', 'ament', 'builtin_interfaces', 'geometry_msgs', 'nav_msgs',
        'rcl_interfaces', 'sensor_msgs', 'std_msgs', 'tf2_', 'visualization_msgs')
 
@@ -28,7 +28,7 @@ def _nodes(tree: ast.AST, is_late: bool) -> Iterator[ast.AST]:
     """
     Yield the nodes of a tree, but not those for type checkers only.
 
-    :param is_late: also those in functions, which run later than the import.
+    :param is_late: whether to yield those in functions, too, which run later than the import.
     """
     for node in ast.iter_child_nodes(tree):
         if isinstance(node, ast.If) and 'TYPE_CHECKING' in ast.unparse(node.test):
@@ -43,7 +43,7 @@ def imported(path: Path, is_late: bool = True) -> frozenset[str]:
     """
     Return the modules that a file imports, and of dummy_arm.tf the names: 'dummy_arm.tf:Buffer'.
 
-    :param is_late: also those that it imports in functions.
+    :param is_late: whether to return those that it imports in functions, too.
     """
     found = set()
     for node in _nodes(ast.parse(path.read_text()), is_late):
@@ -60,7 +60,7 @@ def imported(path: Path, is_late: bool = True) -> frozenset[str]:
 
 
 def file_of(name: str) -> Optional[Path]:
-    """Return the file of a module, here or of the tests, or of a name of dummy_arm.tf."""
+    """Return the file of a module of the package or the tests, or of a name of dummy_arm.tf."""
     if name.startswith('dummy_arm.tf:'):
         name = f'dummy_arm.tf.{tf._MODULES[name.partition(":")[2]]}'
     beside = ROOT / 'test' / f'{name}.py'
@@ -68,7 +68,11 @@ def file_of(name: str) -> Optional[Path]:
 
 
 def reached(path: Path, is_late: bool = True) -> set[str]:
-    """Return the modules that are imported when a file is; through those of the package, too."""
+    """
+    Return the modules that a file imports, directly or through other modules of the package.
+
+    :param is_late: as for `imported`.
+    """
     found: set[str] = set()
     waiting = [path]
     while waiting:
@@ -80,5 +84,5 @@ def reached(path: Path, is_late: bool = True) -> set[str]:
 
 
 def of_ros(names: set[str]) -> set[str]:
-    """Return the modules of ROS among some."""
+    """Return those of some modules that come with ROS."""
     return {name for name in names if name.startswith(ROS)}

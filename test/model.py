@@ -1,4 +1,4 @@
-"""TF by the book, slow and obvious: lists and 4 x 4 matrices, to compare the package with."""
+"""A reference implementation of TF with lists and 4 x 4 matrices: slow, and easy to check."""
 
 import numpy as np
 from transforms3d import affines, quaternions
@@ -8,17 +8,21 @@ UNKNOWN, UNCONNECTED, OUT_OF_REACH = (
 
 
 class Loop(Exception):
-    """The frames that were asked for are in a loop, or below one."""
+    """The requested frames are in a loop, or below one."""
 
 
 def matrix(xyz, xyzw):
-    """Make the matrix of a pose."""
+    """Return the 4 x 4 matrix of a pose."""
     x, y, z, w = np.array(xyzw) / np.linalg.norm(xyzw)
     return affines.compose(xyz, quaternions.quat2mat((w, x, y, z)), np.ones(3))
 
 
 def between(before, after, ratio):
-    """Interpolate: the translation on a line, the rotation about one axis, the short way."""
+    """
+    Interpolate between two poses.
+
+    The translation moves on a line. The rotation turns about one axis, by the smaller angle.
+    """
     difference = quaternions.mat2quat(before[:3, :3].T @ after[:3, :3])
     axis, angle = quaternions.quat2axangle(difference if difference[0] >= 0 else -difference)
     result = np.eye(4)
@@ -29,15 +33,19 @@ def between(before, after, ratio):
 
 
 class Model:
-    """A buffer: of every child, either a static pose or its samples, the newest first."""
+    """A buffer: it keeps a static pose, or a list of samples, newest first, of each child."""
 
     def __init__(self, cache_time):
-        """Begin without frames."""
+        """
+        Create a buffer without frames.
+
+        :param cache_time: how much older than the newest sample of its frame a sample may be (ns).
+        """
         self.cache_time = cache_time
         self.names, self.static, self.samples = set(), {}, {}
 
     def insert(self, stamp, parent, child, xyz, xyzw, is_static):
-        """Insert a good pose; tell whether it was taken."""
+        """Insert a valid pose; return False if it was refused because it is too old."""
         self.names |= {parent, child}
         sample = (stamp, parent, matrix(xyz, xyzw))
         if is_static:
@@ -58,7 +66,12 @@ class Model:
         return True
 
     def edge(self, child, time):
-        """Give the parent and the pose of a child; None if it has none; False for no data."""
+        """
+        Return the parent of a frame, and its pose in the parent.
+
+        :returns: (parent, matrix); None if the frame has no parent; False if the time is not
+            covered.
+        """
         if child in self.static:
             return self.static[child][1:]
         if child not in self.samples:
@@ -77,7 +90,13 @@ class Model:
         return parent, between(before, after, (time - older) / (newer - older))
 
     def ancestors(self, frame, time):
-        """List (frame, its pose in the frame asked from) up to the top; and why it ends there."""
+        """
+        Return the chain from a frame to its root, and why it ends there.
+
+        :returns: a list of (ancestor, matrix of the frame's pose in it), and the last result of
+            `edge`: None at a root, False where data are missing.
+        :raises Loop: if the chain comes back to one of its frames.
+        """
         pose, chain = np.eye(4), [(frame, np.eye(4))]
         while edge := self.edge(frame, time):
             frame, pose = edge[0], edge[1] @ pose
@@ -87,7 +106,11 @@ class Model:
         return chain, edge
 
     def latest_common_time(self, target, source):
-        """Find the newest time of all moving edges on the newest path; None: two trees."""
+        """
+        Return the latest time for which all dynamic edges on the newest path have data.
+
+        :returns: time (ns); 0 if there are no such edges; None if the frames are in two trees.
+        """
         chains = [[name for name, _ in self.ancestors(frame, 0)[0]] for frame in (target, source)]
         common = [name for name in chains[0] if name in chains[1]]
         if not common:
@@ -97,7 +120,7 @@ class Model:
         return min((stamp for stamp in stamps if stamp), default=0)
 
     def lookup(self, target, source, time):
-        """Give the time and the matrix, or the name of the exception."""
+        """Return the time and the matrix, or the name of the exception."""
         if target == source:
             latest = self.samples[target][0][0] if target in self.samples else 0
             return time or latest, np.eye(4)
@@ -116,7 +139,7 @@ class Model:
         return OUT_OF_REACH if False in (source_end, target_end) else UNCONNECTED
 
     def lookup_full(self, target, target_time, source, source_time, fixed):
-        """Give the time and the matrix, or the name of the exception."""
+        """Return the target time and the matrix, or the name of the exception."""
         if not {target, source, fixed} <= self.names:
             return UNKNOWN
         first = self.lookup(fixed, source, source_time)

@@ -1,4 +1,4 @@
-"""The arm: geometry and motion."""
+"""The geometry and the motion of the arm."""
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -13,7 +13,7 @@ limits = st.floats(0, np.pi)
 
 
 def matrix(pose):
-    """Build the 4x4 matrix of a pose, by the textbook formula."""
+    """Return the 4x4 matrix of a pose, by the textbook formula."""
     x, y, z, qx, qy, qz, qw = pose
     return np.array([
         [1 - 2 * (qy * qy + qz * qz), 2 * (qx * qy - qz * qw), 2 * (qx * qz + qy * qw), x],
@@ -23,7 +23,7 @@ def matrix(pose):
 
 
 def test_the_numbers_of_the_course():
-    """Offsets, speeds and limits as they were set."""
+    """Frames, offsets, speeds and limits are those of the assignment."""
     arm = Arm()
     assert arm.frames == ('base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector')
     assert [joint.speed for joint in arm.joints] == [0.3, 0.5, 0.7]
@@ -35,7 +35,7 @@ def test_the_numbers_of_the_course():
 
 @given(st.tuples(*[st.floats(-20, 20)] * 3))
 def test_the_end_effector_is_where_a_planar_arm_has_it(phases):
-    """The product of the poses is the textbook's sum of links."""
+    """The product of the poses equals the sum of the links of a planar arm."""
     arm = Arm()
     a, b, c = np.radians([45, 30, 60]) * np.sin(phases)
     along = np.array([np.cos([a, a + b, a + b + c]), np.sin([a, a + b, a + b + c])])
@@ -44,7 +44,7 @@ def test_the_end_effector_is_where_a_planar_arm_has_it(phases):
 
 
 def test_another_axis():
-    """A joint turns about its own axis."""
+    """A joint turns about its own axis, here y."""
     y = (0.0, 1.0, 0.0)
     arm = Arm((Joint('elbow', 2.0, y, y, 1.0, np.pi / 2),))
     np.testing.assert_allclose(
@@ -52,20 +52,20 @@ def test_another_axis():
 
 
 def test_an_axis_must_be_a_unit_vector():
-    """Else the quaternion would be none."""
+    """Another axis would not result in a unit quaternion."""
     with pytest.raises(ValueError, match='unit vector'):
         Joint('elbow', 1.0, (1.0, 0.0, 0.0), (1.0, 1.0, 0.0), 1.0, 1.0)
 
 
 @given(times, speeds, limits)
 def test_a_wave_is_a_sine(t, speed, limit):
-    """Limit * sin(speed * t), before zero too."""
+    """The angle is limit * sin(speed * t), also for negative times."""
     assert Wave(speed, limit).angle(t) == pytest.approx(limit * np.sin(speed * t), abs=1e-9)
 
 
 @given(st.lists(st.tuples(st.floats(0, 3), st.booleans(), speeds, limits), max_size=8))
 def test_changes_do_not_make_it_jump(changes):
-    """However speed and limit are changed, the angle at that time stays."""
+    """The angle at the time of a change is the same before and after the change."""
     wave, t = Wave(0.3, 1.0), 0.0
     for wait, is_speed, speed, limit in changes:
         t += wait
@@ -76,7 +76,7 @@ def test_changes_do_not_make_it_jump(changes):
 
 
 def test_a_new_limit_is_reached_after_a_second():
-    """Blended in between, and never beyond the two."""
+    """In between, the limit rises steadily from the old one to the new one."""
     wave = Wave(0.5, 1.0).with_limit(2.0, 10.0)
     assert [wave.limit_at(t) for t in (9.0, 10.0, 10.5, 11.0, 99.0)] == [1.0, 1.0, 1.5, 2.0, 2.0]
     blend = [wave.limit_at(t) for t in np.linspace(10.0, 11.0, 50)]
@@ -84,6 +84,6 @@ def test_a_new_limit_is_reached_after_a_second():
 
 
 def test_a_new_speed_keeps_the_phase():
-    """The phase goes on from where it was, at the new speed."""
+    """From the phase at the time of the change, the phase advances at the new speed."""
     wave = Wave(0.5, 1.0).with_speed(2.0, 10.0)
     assert [wave.phase(t) for t in (9.0, 10.0, 11.0)] == [3.0, 5.0, 7.0]

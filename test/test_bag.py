@@ -1,4 +1,4 @@
-"""TF out of bags: of every kind, with what real ones do, damaged, and without TF."""
+"""TF read from bags: of every kind, with the oddities of real ones, damaged, and without TF."""
 
 from contextlib import closing
 import fcntl
@@ -27,19 +27,19 @@ PLAIN = 'db3', 'mcap', 'bag'
 
 
 def messages(logs):
-    """Give all that was logged, as one text."""
+    """Return all that was logged, as one text."""
     return '\n'.join(record.getMessage() for record in logs)
 
 
 @pytest.mark.parametrize('partial', [False, True])
 @pytest.mark.parametrize('kind', KINDS)
 def test_every_kind_gives_the_same(tmp_path, logs, kind, partial):
-    """All that was written, looked up between the samples too; of ROS 1 with the sender."""
+    """Every kind of bag gives the same frames and poses; only ROS 1 records the publisher."""
     buffer = read(bags.make(tmp_path, kind, bags.walk()), partial=partial)
-    sender = '/sender' if kind.startswith('bag') else 'not recorded'
+    authority = '/sender' if kind.startswith('bag') else 'not recorded'
     assert buffer.frames() == [
-        Frame('odom', 'map', sender, True, 1, 0, 0),
-        Frame('base_link', 'odom', sender, False, 101, 110 * S, 100 * S)]
+        Frame('odom', 'map', authority, True, 1, 0, 0),
+        Frame('base_link', 'odom', authority, False, 101, 110 * S, 100 * S)]
     assert buffer.lookup_transform('map', 'base_link', 105 * S + S // 20).translation == (
         pytest.approx((6.05, 2.0, 3.0)))
     assert not logs
@@ -47,7 +47,7 @@ def test_every_kind_gives_the_same(tmp_path, logs, kind, partial):
 
 @pytest.mark.parametrize('kind', ['db3', 'mcap', 'db3 message', 'mcap storage'])
 def test_a_file_of_a_bag(tmp_path, kind):
-    """Is enough, even where metadata.yaml says how its messages are compressed."""
+    """One file of a bag can be read alone, without metadata.yaml and under any name."""
     (file,) = (path for path in bags.make(tmp_path, kind, bags.walk()).iterdir()
                if path.suffix != '.yaml')
     assert len(read(file).frames()) == 2
@@ -56,7 +56,7 @@ def test_a_file_of_a_bag(tmp_path, kind):
 
 @pytest.mark.parametrize('kind', PLAIN)
 def test_what_real_bags_do(tmp_path, kind):
-    """Static transforms late and in several messages, stamps out of order, one of them twice."""
+    """Static transforms may come late and in several messages, stamps out of order or twice."""
     def moving(*tenths):
         return [('/tf', 100 * S + i, [bags.row(
             tenth * S // 10, 'odom', 'base', (tenth, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))])
@@ -77,14 +77,14 @@ def test_what_real_bags_do(tmp_path, kind):
             pytest.approx(3.0 + tenth))
 
 
-def test_senders_of_ros1(tmp_path):
-    """Several, by turns: each with its frames; the static ones in the order of the bag."""
-    def sent(number, sender, child, static=False, x=0.0):
+def test_publishers_of_ros1(tmp_path):
+    """Each frame names its own publisher; static transforms keep the order of the bag."""
+    def message(number, publisher, child, static=False, x=0.0):
         return ('/tf_static' if static else 'tf', 100 * S + number, [
-            bags.row(100 * S + number, 'map', child, (x, *bags.STILL[1:]))], bags.TF, sender)
+            bags.row(100 * S + number, 'map', child, (x, *bags.STILL[1:]))], bags.TF, publisher)
 
-    messages = [sent(i, f'/node_{i % 3}', f'frame_{i % 3}') for i in range(3000)]
-    messages += [sent(3000 + i, f'/node_{i % 2}', 'fixed', True, i) for i in range(5)]
+    messages = [message(i, f'/node_{i % 3}', f'frame_{i % 3}') for i in range(3000)]
+    messages += [message(3000 + i, f'/node_{i % 2}', 'fixed', True, i) for i in range(5)]
     messages += [('/tf', 100 * S + 4000, bags.ros1([bags.row(100 * S, 'map', 'old')]),
                   'tf/msg/tfMessage', '/old_node')]
     buffer = read(bags.make(tmp_path, 'bag', messages))
@@ -94,19 +94,20 @@ def test_senders_of_ros1(tmp_path):
     assert buffer.lookup_transform('map', 'fixed').translation[0] == 4.0
 
 
-def test_the_cache_is_as_long_as_the_bag_unless_told(tmp_path):
-    """However the stamps lie."""
+def test_the_cache_is_as_long_as_the_bag_by_default(tmp_path):
+    """All samples are kept, however far apart their stamps are, unless cache_time limits them."""
     path = bags.make(tmp_path, 'mcap', [
         *bags.walk(5, begin=1000 * S), *bags.walk(5, begin=2_000_000_000 * S)])
     assert read(path).frames()[1].length == 102
     for kept in 2 * S, 5 * S:
         frame = read(path, cache_time=kept).frames()[1]
-        assert kept <= frame.latest - frame.oldest <= kept + S // 10  # as tf2 counts
+        # Expired samples are dropped before each insertion, so one more may be left.
+        assert kept <= frame.latest - frame.oldest <= kept + S // 10
 
 
 @pytest.mark.parametrize('kind', PLAIN)
 def test_a_namespace(tmp_path, kind):
-    """Is given as one likes; without it, the error names it."""
+    """A namespace is accepted with or without slashes; without it, the error names it."""
     path = bags.make(tmp_path, kind, [
         (f'/robot/left{topic}', *rest) for topic, *rest in bags.walk()])
     for namespace in 'robot/left', '/robot/left', '/robot/left/':
@@ -123,7 +124,7 @@ def test_a_namespace(tmp_path, kind):
 @pytest.mark.parametrize('partial', [False, True])
 @pytest.mark.parametrize('kind', PLAIN)
 def test_a_bag_without_tf(tmp_path, kind, partial):
-    """What it has instead is named; ten topics of it."""
+    """The error lists the topics that the bag has instead, at most ten of them."""
     text = (5).to_bytes(4, 'little') + b'text\0'
     path = bags.make(tmp_path, kind, [
         (f'/topic_{i:02}', S, text if kind == 'bag' else b'\0\1\0\0' + text,
@@ -138,7 +139,7 @@ def test_a_bag_without_tf(tmp_path, kind, partial):
 
 
 def test_another_type_on_tf(tmp_path):
-    """Is named."""
+    """A topic /tf of another type is not TF, and the error names the type."""
     path = bags.make(tmp_path, 'mcap', [('/tf', S, b'\0\1\0\0\0', 'std_msgs/msg/Bool')])
     with pytest.raises(BagError, match=r'its topics: /tf \(std_msgs/msg/Bool\)'):
         read(path)
@@ -146,7 +147,7 @@ def test_another_type_on_tf(tmp_path):
 
 @pytest.mark.parametrize('partial', [False, True])
 def test_what_is_no_bag(tmp_path, partial):
-    """One line each, that names it; or the error of the system."""
+    """The error is one line that names the path; a missing file is a FileNotFoundError."""
     for name, content, why in (
             ('notes.mcap', b'Dear diary', 'is not a bag: a bag is a directory written by'),
             ('empty.db3', b'', 'is not a bag: it is empty'),
@@ -164,7 +165,7 @@ def test_what_is_no_bag(tmp_path, partial):
 
 
 def test_a_database_of_something_else(tmp_path):
-    """Is SQLite, and no bag."""
+    """An SQLite file without the tables of a bag is refused."""
     with closing(sqlite3.connect(tmp_path / 'x.db3')) as database:
         database.execute('CREATE TABLE friends (name TEXT)')
     for partial in False, True:
@@ -173,7 +174,7 @@ def test_a_database_of_something_else(tmp_path):
 
 
 def is_a_part(buffer):
-    """Tell whether a buffer has a part of a walk, from its begin on, and nothing else."""
+    """Return True if a buffer has the beginning of a walk without gaps, and nothing else."""
     moving = {frame.name: frame for frame in buffer.frames()}.get('base_link')
     if moving is None:
         return True
@@ -184,7 +185,7 @@ def is_a_part(buffer):
 
 
 def read_or_not(path, partial=True):
-    """Read a bag; give the buffer, or None and the error."""
+    """Read a bag; return the buffer and '', or None and the error."""
     try:
         return read(path, partial=partial), ''
     except BagError as error:
@@ -193,7 +194,7 @@ def read_or_not(path, partial=True):
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_a_truncated_file(tmp_path, logs, kind):
-    """Wherever it ends: an error; or what comes before, with a warning, if that is asked for."""
+    """A truncated file is an error; with partial=True its beginning is read, with a warning."""
     path = bags.make(tmp_path, kind, bags.walk(40, 100))
     (file,) = [path] if path.is_file() else (
         each for each in path.iterdir() if each.suffix != '.yaml')
@@ -222,7 +223,7 @@ def test_a_truncated_file(tmp_path, logs, kind):
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_a_damaged_file(tmp_path, kind):
-    """Whatever byte is another: no other error, and no pose that is not there."""
+    """Wherever bytes are damaged, the only error is a BagError with a text of one line."""
     path = bags.make(tmp_path, kind, bags.walk(5))
     (file,) = [path] if path.is_file() else (
         each for each in path.iterdir() if each.suffix != '.yaml')
@@ -239,7 +240,7 @@ def test_a_damaged_file(tmp_path, kind):
 
 
 def test_a_recording_that_was_killed(tmp_path, logs):
-    """Has no metadata.yaml; its files are read in the order of their numbers, on request."""
+    """Without metadata.yaml, the files are read in numeric order, if partial=True asks for it."""
     whole = bags.make(tmp_path, 'mcap', bags.walk(3))
     directory = tmp_path / 'killed'
     directory.mkdir()
@@ -261,7 +262,7 @@ def test_a_recording_that_was_killed(tmp_path, logs):
 
 
 def test_a_database_that_was_not_closed(tmp_path):
-    """Has its newest messages in a second file, beside it."""
+    """Its newest messages are in a second file, which is read with partial=True only."""
     path = bags.make(tmp_path / 'robot', 'db3', bags.walk(3))
     with closing(sqlite3.connect(path / 'robot.db3')) as database:
         database.execute('PRAGMA journal_mode = wal')
@@ -280,7 +281,7 @@ def test_a_database_that_was_not_closed(tmp_path):
 
 
 def test_a_bag_of_several_files(tmp_path):
-    """As ros2 bag record splits them."""
+    """All files that ros2 bag record has split a bag into are read; none may be missing."""
     path = bags.make(tmp_path / 'robot', 'db3', bags.walk(3))
     other = bags.make(tmp_path / 'second', 'db3', bags.walk(3, begin=104 * S))
     (other / 'second.db3').rename(path / 'second.db3')
@@ -296,7 +297,7 @@ def test_a_bag_of_several_files(tmp_path):
 
 @pytest.mark.parametrize('kind', PLAIN)
 def test_messages_that_cannot_be_decoded(tmp_path, logs, kind):
-    """Are left out, with a warning; a bag that has no others has no TF."""
+    """They are skipped with a warning; a bag that has no other TF messages is an error."""
     bad = [('/tf', 105 * S, b'\0\1\0\0\7\0\0\0' if kind != 'bag' else b'\7\0\0\0')]
     buffer = read(bags.make(tmp_path / 'some', kind, [*bags.walk(), *bad * 3]))
     assert buffer.frames()[1].length == 101
@@ -308,7 +309,7 @@ def test_messages_that_cannot_be_decoded(tmp_path, logs, kind):
 
 
 def test_what_tf2_refuses_is_refused(tmp_path, logs):
-    """In the words of its log, and names the sender."""
+    """The warning has the words of tf2's log and names the publisher."""
     read(bags.make(tmp_path, 'bag', [*bags.walk(1), (
         '/tf', 102 * S, [bags.row(102 * S, 'odom', 'odom')], bags.TF, '/culprit')]))
     assert 'TF_SELF_TRANSFORM: Ignoring transform from authority "/culprit"' in messages(logs)
@@ -319,7 +320,7 @@ READ = ('import sys; from dummy_arm.cli.bag_options import read_bag; '
 
 
 def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path):
-    """On stderr; nothing of it stays."""
+    """The progress bar is written to stderr if that is a terminal, and only goes forward."""
     *_, (topic, time, rows) = bags.walk()
     data = bags.ros2(rows)
     path = str(bags.make(tmp_path, 'mcap', ((topic, time, data) for _ in range(100_000))))
@@ -342,7 +343,7 @@ def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path):
 @pytest.mark.parametrize('partial', [False, True])
 @pytest.mark.parametrize('kind', KINDS)
 def test_progress_is_called_back(tmp_path, kind, partial):
-    """With the part that has been read, from 0 to 1."""
+    """The callback receives the fraction that has been read, which grows up to 1."""
     parts: list[float] = []
     read(bags.make(tmp_path, kind, bags.walk(100)), partial=partial, on_progress=parts.append)
     assert len(parts) > 1
@@ -353,7 +354,7 @@ def test_progress_is_called_back(tmp_path, kind, partial):
 
 @pytest.mark.parametrize('kind', KINDS)
 def test_what_the_callback_raises_ends_the_reading(tmp_path, kind):
-    """At whichever call, and is raised; also where its type is that of a damage."""
+    """read() raises the same exception, also if its type is one by which damage is detected."""
     def fail(number, error):
         calls = count()
 
@@ -378,7 +379,7 @@ def test_what_the_callback_raises_ends_the_reading(tmp_path, kind):
 @pytest.mark.parametrize('partial', [False, True])
 @pytest.mark.parametrize('kind', ['mcap', 'bag'])
 def test_ctrl_c_ends_a_command_that_reads(tmp_path, kind, partial):
-    """Long before the end, although there is hardly any TF among the other messages."""
+    """It ends long before the end of the bag, also where hardly any messages are TF."""
     text = (5).to_bytes(4, 'little') + b'text\0'
     path = bags.make(tmp_path, kind, [
         *bags.walk(1), *(('/text', 200 * S, text, 'std_msgs/msg/String') for _ in range(300_000)),
@@ -388,7 +389,7 @@ def test_ctrl_c_ends_a_command_that_reads(tmp_path, kind, partial):
             'from dummy_arm.cli.signals import record_signals\n'
             'def ended(*_):\n'
             '    os.kill(os.getpid(), signal.SIGINT)\n'
-            'begin = time.process_time()\n'  # whatever else the machine does
+            'begin = time.process_time()\n'  # does not depend on what else the machine does
             'read_bag(sys.argv[1], "", len(sys.argv) > 2)\n'
             'whole = time.process_time() - begin\n'
             'record_signals()\n'
@@ -399,12 +400,13 @@ def test_ctrl_c_ends_a_command_that_reads(tmp_path, kind, partial):
             'except KeyboardInterrupt: print((time.process_time() - begin) / whole)\n')
     done = subprocess.run([sys.executable, '-c', code, str(path), *['partial'] * partial],
                           capture_output=True, text=True, timeout=60)
-    if done.stdout or kind == 'bag':  # else rosbags leaves out what is not TF, and is too fast
+    # In mcap, rosbags skips the other messages, so the reading may end before the signal.
+    if done.stdout or kind == 'bag':
         assert float(done.stdout) < 0.8, done.stderr
 
 
 def test_a_damaged_chunk_of_many(tmp_path, logs):
-    """Is left out, and told; what comes after it is read."""
+    """It is skipped with a warning, and the chunks after it are read."""
     for kind, magic in (('mcap storage', b'\x28\xb5\x2f\xfd'), ('bag lz4', b'\x04\x22\x4d\x18')):
         logs.clear()
         path = bags.make(tmp_path / kind, kind, bags.walk(400, 100))
@@ -422,7 +424,7 @@ def test_a_damaged_chunk_of_many(tmp_path, logs):
 
 
 def test_several_damaged_files(tmp_path, logs):
-    """Are all told."""
+    """A warning names each of the damaged files."""
     directory = tmp_path / 'robot'
     directory.mkdir()
     for number in range(3):
@@ -432,15 +434,15 @@ def test_several_damaged_files(tmp_path, logs):
         (directory / f'robot_{number}.mcap').write_bytes(data[:-len(data) // 3 or None]
                                                          if number != 1 else data)
     buffer = read(directory, partial=True)
-    for number, is_told in enumerate((True, False, True)):
-        assert (f'robot_{number}.mcap: it ends too early.' in messages(logs)) is is_told
+    for number, is_damaged in enumerate((True, False, True)):
+        assert (f'robot_{number}.mcap: it ends too early.' in messages(logs)) is is_damaged
     count = sum(frame.length for frame in buffer.frames() if not frame.is_static)
     assert f'Read {count + 3} TF messages' in messages(logs)
 
 
 @pytest.mark.parametrize('name', ['odd#name', 'pct%20name', 'what?', 'ctrl\nname'])
 def test_odd_paths(tmp_path, name):
-    """As they are."""
+    """The characters of a path are taken literally, also those that are special in a URI."""
     for kind in PLAIN:
         path = bags.make(tmp_path / 'plain', kind, bags.walk(1)).rename(
             tmp_path / f'{name}.{kind}')
@@ -449,14 +451,14 @@ def test_odd_paths(tmp_path, name):
 
 
 def test_a_pipe_is_no_bag(tmp_path):
-    """It would never end."""
+    """A pipe is refused, since reading it might never end."""
     os.mkfifo(tmp_path / 'pipe')
     with pytest.raises(BagError, match='pipe is not a bag: it is not a regular file'):
         read(tmp_path / 'pipe')
 
 
-def test_two_senders_of_one_frame_and_a_short_cache(tmp_path, logs):
-    """What was in order in the bag is not taken for late."""
+def test_two_publishers_of_one_frame_and_a_short_cache(tmp_path, logs):
+    """Messages that are in order in the bag are not discarded as too old."""
     read(bags.make(tmp_path, 'bag', [
         ('/tf', 100 * S + i * S // 10, [bags.row(100 * S + i * S // 10, 'map', 'odom')], bags.TF,
          f'/node_{i % 2}') for i in range(400)]), cache_time=5 * S)
@@ -464,7 +466,7 @@ def test_two_senders_of_one_frame_and_a_short_cache(tmp_path, logs):
 
 
 def test_memory_does_not_grow_with_other_messages(tmp_path):
-    """Of ROS 1, where rosbags would keep the index of all."""
+    """ROS 1 bags are read without rosbags' index, which lists the messages of all topics."""
     text = (5).to_bytes(4, 'little') + b'text\0'
     code = ('import sys\n'
             'from dummy_arm.tf.bag import read\n'
@@ -482,6 +484,6 @@ def test_memory_does_not_grow_with_other_messages(tmp_path):
 
 
 def test_paths_may_be_text(tmp_path):
-    """Or pathlib's."""
+    """A path is a str or a pathlib.Path."""
     path = bags.make(tmp_path, 'bag', bags.walk())
     assert read(str(path)).frames() == read(Path(path)).frames()

@@ -1,4 +1,4 @@
-"""Bags that would take all memory, hang or hide damage; and in which order messages come."""
+"""Bags that would exhaust the memory, hang or hide damage; and the order of their messages."""
 
 from contextlib import closing
 import os
@@ -27,18 +27,26 @@ TRAILER = bags.mcap_chunk(bags.mcap_message([bags.row(S, 'map', 'after')], S))
 
 
 def messages(logs):
-    """Give all that was logged, as one text."""
+    """Return all that was logged, as one text."""
     return '\n'.join(record.getMessage() for record in logs)
 
 
 def mcap_bomb(path, method, declared):
-    """Make an mcap file with a chunk of zeros, which tells its size or lies, between others."""
+    """
+    Write an mcap file with a chunk of zeros between two other chunks.
+
+    :param declared: the size that the chunk of zeros declares (bytes); None: its real one.
+    """
     return bags.mcap(path / 'bomb.mcap', HEADER, bags.mcap_chunk(
         bytes(BOMB), method, declared), TRAILER)
 
 
 def ros1_bomb(path, method, declared):
-    """Make a bag of ROS 1 with a chunk of zeros, which tells its size or lies, between others."""
+    """
+    Write a ROS 1 bag with a chunk of zeros between two other chunks.
+
+    :param declared: the size that the chunk of zeros declares (bytes); None: its real one.
+    """
     whole, other = (bags.make(path / f'{child}.bag', 'bag', [
         ('/tf', S, [bags.row(S, 'map', child)])]) for child in ('before', 'after'))
     with whole.open('ab') as file:
@@ -48,7 +56,7 @@ def ros1_bomb(path, method, declared):
 
 
 def message_bomb(path, storage, _):
-    """Make a bag with a compressed message of zeros between others."""
+    """Write a bag with a compressed message of zeros between two other messages."""
     return bags.make(path / 'bomb', f'{storage} message', [
         ('/tf', S, [bags.row(S, 'map', 'before')]), ('/tf', S, bytes(BOMB)),
         ('/tf', S, [bags.row(S, 'map', 'after')])])
@@ -56,7 +64,7 @@ def message_bomb(path, storage, _):
 
 BOMBS = [(mcap_bomb, 'zstd'), (mcap_bomb, 'lz4'), (ros1_bomb, 'bz2'), (ros1_bomb, 'lz4')]
 MESSAGE_BOMBS = [(message_bomb, 'mcap'), (message_bomb, 'db3')]
-#: Reads a bag, prints what came of it, and by how much the peak of the memory grew (kB).
+#: Read a bag; print its frames or the error, and by how much the peak memory grew (kB).
 PEAK = """
 import sys
 from dummy_arm.tf.bag import BagError, read
@@ -74,27 +82,31 @@ print(peak() - before)
 
 
 def peak(path, partial, limit):
-    """Read a bag in another process; give what it says, and the growth of its memory (bytes)."""
+    """
+    Read a bag in another process.
+
+    :returns: the output of the process, and the growth of its peak memory (bytes).
+    """
     done = subprocess.run([sys.executable, '-c', PEAK, str(path), str(partial), str(limit)],
                           stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=60)
-    *said, growth = done.stdout.splitlines()
-    return '\n'.join(said), int(growth) * 1024
+    *output, growth = done.stdout.splitlines()
+    return '\n'.join(output), int(growth) * 1024
 
 
 @pytest.mark.parametrize('declared', [None, 1000])
 @pytest.mark.parametrize(('make', 'method'), BOMBS)
 def test_a_chunk_that_is_too_large(tmp_path, make, method, declared):
-    """Whether it tells its size or lies, is refused before it takes memory, in one line."""
+    """It is refused in one line before it takes memory, also if it declares a wrong size."""
     path = make(tmp_path, method, declared)
-    said, growth = peak(path, False, LIMIT)
+    output, growth = peak(path, False, LIMIT)
     why = (f'takes {BOMB} bytes, more than the limit of {LIMIT}: if that is expected, pass '
            'a larger max_bytes to bag.read' if declared is None else
            'takes more than the 1000 bytes that it declares')
     assert re.fullmatch(rf'{re.escape(str(path))} cannot be read: a chunk of \d+ bytes {why}\..*',
-                        said)
+                        output)
     assert growth < BOMB / 2
-    said, growth = peak(path, True, LIMIT)
-    warning, frames = said.split('\n')
+    output, growth = peak(path, True, LIMIT)
+    warning, frames = output.split('\n')
     assert re.search(why, warning)
     assert frames == "['before', 'after']"
     assert growth < BOMB / 2
@@ -102,19 +114,19 @@ def test_a_chunk_that_is_too_large(tmp_path, make, method, declared):
 
 @pytest.mark.parametrize(('make', 'method'), MESSAGE_BOMBS)
 def test_a_message_that_is_too_large(tmp_path, make, method):
-    """Is refused before it takes memory."""
+    """A compressed message is refused before it takes memory."""
     path = make(tmp_path, method, None)
     why = f'takes more than {LIMIT} bytes, more than the limit of {LIMIT}'
     for partial, rest in (False, 'max_bytes'), (True, r"\n\['before', 'after'\]$"):
-        said, growth = peak(path, partial, LIMIT)
-        assert re.search(f'{why}.*{rest}', said, re.DOTALL)
+        output, growth = peak(path, partial, LIMIT)
+        assert re.search(f'{why}.*{rest}', output, re.DOTALL)
         assert growth < BOMB / 2
 
 
 @pytest.mark.parametrize('partial', [False, True])
 @pytest.mark.parametrize('kind', bags.ROS2 + bags.ROS1)
 def test_a_limit_that_is_large_enough(tmp_path, logs, kind, partial):
-    """Changes nothing; one of a byte refuses all."""
+    """Such a limit changes nothing, while a limit of one byte refuses everything."""
     path = bags.make(tmp_path, kind, bags.walk(1))
     assert len(read(path, partial=partial, max_bytes=100_000).frames()) == 2
     assert not logs
@@ -124,7 +136,7 @@ def test_a_limit_that_is_large_enough(tmp_path, logs, kind, partial):
 
 @pytest.mark.parametrize('limit', [0, -1])
 def test_a_limit_must_be_positive(tmp_path, limit):
-    """And a number."""
+    """Zero and negative numbers are a ValueError, and a float is a TypeError."""
     with pytest.raises(ValueError, match=f'max_bytes must be a positive .*, got {limit}'):
         read(tmp_path, max_bytes=limit)
     with pytest.raises(TypeError):
@@ -134,31 +146,31 @@ def test_a_limit_must_be_positive(tmp_path, limit):
 @pytest.mark.parametrize('partial', [False, True])
 @pytest.mark.parametrize('opcode', [3, 5, 6, 9])
 def test_a_length_of_exabytes(tmp_path, opcode, partial):
-    """Is no reason to ask for so much memory."""
+    """Memory is not allocated by the length that a record declares."""
     path = bags.mcap(tmp_path / 'x.mcap', HEADER, bags.mcap_record(
         opcode, b'\1\0' + bytes(100), 2**62))
-    said, growth = peak(path, partial, 2**62)
-    assert said.endswith("['before']") if partial else 'cannot be read: ' in said
-    assert 'MemoryError' not in said
+    output, growth = peak(path, partial, 2**62)
+    assert output.endswith("['before']") if partial else 'cannot be read: ' in output
+    assert 'MemoryError' not in output
     assert growth < BOMB / 2
 
 
 def test_a_file_that_is_compressed_as_a_whole(tmp_path):
-    """And is huge: of mcap, nothing is kept; of sqlite3, not more than half of what is free."""
+    """A huge mcap file is decompressed as a stream, of which nothing is kept."""
     plain = bags.mcap(tmp_path / 'x.mcap', HEADER, bags.mcap_record(0x80, bytes(BOMB)), TRAILER)
     path = bags.make(tmp_path, 'mcap file', bags.walk(1))
     (file,) = path.glob('*.zstd')
     file.write_bytes(bags.packed(plain.read_bytes(), 'zstd'))
     plain.unlink()
     for partial in False, True:
-        said, growth = peak(path, partial, LIMIT)
-        assert said == "['before', 'after']"
+        output, growth = peak(path, partial, LIMIT)
+        assert output == "['before', 'after']"
         assert growth < BOMB / 2
 
 
 @pytest.mark.parametrize('partial', [False, True])
 def test_a_temporary_directory_without_room(tmp_path, monkeypatch, partial):
-    """Is named, with the remedy, before it is full."""
+    """The error names the directory and the remedy, before the directory is full."""
     path = bags.make(tmp_path, 'db3 file', bags.walk(10))
     monkeypatch.setattr(shutil, 'disk_usage', lambda _: SimpleNamespace(free=20_000))
     with pytest.raises(BagError, match=(
@@ -170,7 +182,7 @@ def test_a_temporary_directory_without_room(tmp_path, monkeypatch, partial):
 
 @pytest.mark.parametrize('partial', [False, True])
 def test_a_chunk_in_a_chunk(tmp_path, partial):
-    """Is damage, however deep."""
+    """Nested chunks are damage, at any depth."""
     inner = TRAILER
     for _ in range(2000):
         inner = bags.mcap_chunk(inner)
@@ -203,7 +215,7 @@ DAMAGES = [
 
 @pytest.mark.parametrize(('damage', 'why'), DAMAGES, ids=map(str, range(len(DAMAGES))))
 def test_damaged_records(tmp_path, logs, damage, why):
-    """Are told, and what comes after them is read."""
+    """A damaged record is an error; with partial=True it is skipped with a warning."""
     path = bags.mcap(tmp_path / 'x.mcap', HEADER, damage, TRAILER)
     with pytest.raises(BagError, match=why):
         read(path)
@@ -213,7 +225,7 @@ def test_damaged_records(tmp_path, logs, damage, why):
 
 
 def test_zeros_at_the_end(tmp_path, logs):
-    """As a file system leaves them after a crash."""
+    """A file system may leave zeros at the end of a file after a crash."""
     path = bags.mcap(tmp_path / 'x.mcap', HEADER)
     path.write_bytes(path.read_bytes()[:-50] + bytes(10_000))
     assert [frame.name for frame in read(path, partial=True).frames()] == ['before']
@@ -221,7 +233,7 @@ def test_zeros_at_the_end(tmp_path, logs):
 
 
 def of_rosbags(path):
-    """Read a bag by rosbags' reader, in its order, and insert the transforms one by one."""
+    """Read a bag by rosbags' reader, and insert its transforms one by one in that order."""
     from rosbags.highlevel import AnyReader
     buffer = BufferCore(2**62)
     with AnyReader([path]) as reader:
@@ -237,7 +249,7 @@ def of_rosbags(path):
 
 
 def disordered(count=60):
-    """Make messages whose times are in no order, of 10 frames that move and 3 that do not."""
+    """Yield messages of 10 dynamic and 3 static frames, whose times are in no order."""
     choice = random.Random(7)
     text = b'\0\1\0\0' + (300_000).to_bytes(4, 'little') + bytes(300_000)
     for number in range(count):
@@ -251,7 +263,7 @@ def disordered(count=60):
 
 @pytest.mark.parametrize('kind', ['db3', 'mcap', 'mcap storage', 'db3 file', 'db3 message'])
 def test_times_in_no_order(tmp_path, kind):
-    """Give what they give in the order of rosbags, by time: the last static transform wins."""
+    """Messages are inserted by time, as rosbags does: the last static transform wins."""
     path = bags.make(tmp_path, kind, disordered())
     ours, theirs = read(path), of_rosbags(path)
     assert {*ours.frames()} == {*theirs.frames()}
@@ -263,7 +275,7 @@ def test_times_in_no_order(tmp_path, kind):
 
 @pytest.mark.parametrize('kind', bags.ROS2)
 def test_what_is_read_is_what_rosbags_reads(tmp_path, kind):
-    """Of every kind, message by message."""
+    """The buffer equals one that is filled by rosbags, message by message."""
     path = bags.make(tmp_path, kind, bags.walk(20))
     ours, theirs = read(path), of_rosbags(path)
     assert ours.frames() == theirs.frames()
@@ -273,7 +285,7 @@ def test_what_is_read_is_what_rosbags_reads(tmp_path, kind):
 
 
 def test_times_in_no_order_in_a_chunk_without_an_index(tmp_path):
-    """Come by time in each chunk."""
+    """The messages of one chunk are inserted by time."""
     still = [bags.mcap_message([bags.row(0, 'map', 'still', (time, *bags.STILL[1:]))], time)
              for time in (3, 5, 4)]
     path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_chunk(
@@ -283,7 +295,7 @@ def test_times_in_no_order_in_a_chunk_without_an_index(tmp_path):
 
 
 def test_chunks_without_tf_are_not_decompressed(tmp_path, logs):
-    """Of a bag with an index: one that is damaged is not even noticed, but as partial."""
+    """The index tells which these are, so only partial=True notices damage in them."""
     text = b'\0\1\0\0' + (2 * MIB).to_bytes(4, 'little') + bytes(2 * MIB)
     path = bags.make(tmp_path, 'mcap storage', [
         *bags.walk(1), *[('/text', 200 * S, text, 'std_msgs/msg/String')] * 3,
@@ -299,7 +311,7 @@ def test_chunks_without_tf_are_not_decompressed(tmp_path, logs):
     assert f'{file}: ' in logs[0].getMessage()
 
 
-def damaged_pages(path, first, last):
+def damage_pages(path, first, last):
     """Overwrite pages of a database."""
     data = bytearray(path.read_bytes())
     size = int.from_bytes(data[16:18], 'big')
@@ -309,14 +321,14 @@ def damaged_pages(path, first, last):
 
 @pytest.mark.parametrize('places', [[(0.5, 1)], [(0.5, 3)], [(0.3, 1), (0.6, 2)], [(0.1, 20)]])
 def test_damaged_records_of_a_database(tmp_path, logs, places):
-    """Are skipped and counted; what comes before and after is read."""
+    """They are skipped and counted, and the records before and after them are read."""
     path = bags.make(tmp_path / 'walk', 'db3', bags.walk(60, 100)) / 'walk.db3'
-    with closing(sqlite3.connect(path)) as database:  # so that all pages are those of messages
+    with closing(sqlite3.connect(path)) as database:  # so that all pages are of messages
         database.execute('DROP INDEX timestamp_idx')
         database.execute('VACUUM')
     pages = path.stat().st_size // 4096
     for part, count in places:
-        damaged_pages(path, int(pages * part), int(pages * part) + count)
+        damage_pages(path, int(pages * part), int(pages * part) + count)
     with pytest.raises(BagError, match=r'cannot be read: .*malformed.*partial=True \(--partial\)'):
         read(path)
     moving = read(path, partial=True).frames()[1]
@@ -329,7 +341,7 @@ def test_damaged_records_of_a_database(tmp_path, logs, places):
 
 
 def test_a_database_that_is_damaged_up_to_its_end(tmp_path, logs):
-    """Has at least the records that are counted."""
+    """The number of damaged records in the warning is then a lower bound."""
     path = bags.make(tmp_path / 'walk', 'db3', bags.walk(60, 100)) / 'walk.db3'
     path.write_bytes(path.read_bytes()[:path.stat().st_size // 2])
     assert read(path, partial=True).frames()[1].length > 1000
@@ -340,7 +352,7 @@ def test_a_database_that_is_damaged_up_to_its_end(tmp_path, logs):
 @pytest.mark.parametrize('value', [
     "'text'", "CAST(X'ff00ff' AS TEXT)", '7', '1.5', "X''", 'NULL'])
 def test_values_that_are_no_messages(tmp_path, logs, value, partial):
-    """Are left out and counted, whatever their type."""
+    """They are skipped and counted, whatever their type is."""
     path = bags.make(tmp_path / 'walk', 'db3', bags.walk(10)) / 'walk.db3'
     with closing(sqlite3.connect(path)) as database:
         database.execute('CREATE TABLE other (id INTEGER PRIMARY KEY, topic_id, timestamp, data)')
@@ -356,7 +368,7 @@ def test_values_that_are_no_messages(tmp_path, logs, value, partial):
 
 @pytest.mark.parametrize('partial', [False, True])
 def test_topics_that_are_no_text(tmp_path, partial):
-    """Are no reason not to read the others."""
+    """Such topics do not prevent the others from being read."""
     path = bags.make(tmp_path / 'walk', 'db3', bags.walk(1)) / 'walk.db3'
     with closing(sqlite3.connect(path)) as database:
         database.execute("INSERT INTO topics VALUES (9, CAST(X'ff' AS TEXT), X'00', '', '', '')")
@@ -365,7 +377,7 @@ def test_topics_that_are_no_text(tmp_path, partial):
 
 
 def test_a_database_that_computes_large_values(tmp_path):
-    """By a view or a generated column, out of nothing."""
+    """A generated column of huge values is refused in one line, before it takes memory."""
     path = bags.make(tmp_path / 'walk', 'db3', bags.walk(1)) / 'walk.db3'
     with closing(sqlite3.connect(path)) as database:
         database.execute('ALTER TABLE messages RENAME TO others')
@@ -374,15 +386,15 @@ def test_a_database_that_computes_large_values(tmp_path):
         database.execute('INSERT INTO messages SELECT id, topic_id, timestamp FROM others')
         database.commit()
     for partial in False, True:
-        said, growth = peak(path, partial, LIMIT)
-        assert 'map' not in said
-        assert said.count('\n') == 0
+        output, growth = peak(path, partial, LIMIT)
+        assert 'map' not in output
+        assert output.count('\n') == 0
         assert growth < BOMB / 2
 
 
 @pytest.mark.parametrize('partial', [False, True])
 def test_messages_are_decompressed_where_metadata_declare_it(tmp_path, logs, partial):
-    """Of a database: nothing else is, although it begins as zstd does."""
+    """Otherwise a message that begins like zstd is one that cannot be decoded."""
     packed = bags.packed(bags.ros2([bags.row(105 * S, 'map', 'packed')]), 'zstd')
     path = bags.make(tmp_path / 'plain', 'db3', [*bags.walk(1), ('/tf', 105 * S, packed)])
     for each in path, path / 'plain.db3', tmp_path / 'x.db3':
@@ -395,7 +407,7 @@ def test_messages_are_decompressed_where_metadata_declare_it(tmp_path, logs, par
 
 @pytest.mark.parametrize('partial', [False, True])
 def test_metadata_beside_a_file(tmp_path, partial):
-    """Are used if they name it; old databases have none of their own."""
+    """A metadata.yaml that names a file applies to it; old databases have no metadata inside."""
     path = bags.make(tmp_path / 'walk', 'db3 message', bags.walk(1))
     with closing(sqlite3.connect(path / 'walk.db3')) as database:
         database.execute('DROP TABLE metadata')
@@ -407,7 +419,7 @@ def test_metadata_beside_a_file(tmp_path, partial):
 
 
 def test_metadata_that_cannot_be_read(tmp_path, logs):
-    """Are an error, or damage."""
+    """Unsupported or malformed metadata are an error; with partial=True, a warning."""
     for number, (old, new, why) in enumerate([
             ('version: 9', 'version: 10', 'its version is 10, the newest supported version is 9'),
             ('compression_format: zstd', 'compression_format: rar',
@@ -425,7 +437,7 @@ def test_metadata_that_cannot_be_read(tmp_path, logs):
 
 
 def test_metadata_that_are_too_long(tmp_path):
-    """Are not parsed, which would take minutes."""
+    """They are not parsed, since that would take minutes."""
     path = bags.make(tmp_path, 'mcap', bags.walk(1))
     with (path / 'metadata.yaml').open('a') as metadata:
         metadata.write('#' * 10_000_000)
@@ -435,14 +447,14 @@ def test_metadata_that_are_too_long(tmp_path):
 
 
 def test_a_topic_in_another_encoding(tmp_path):
-    """Is no TF, and named."""
+    """A topic that is not encoded as CDR is not TF, and the error names its encoding."""
     path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(encoding='json'))
     with pytest.raises(BagError, match=re.escape(f'its topics: /tf ({bags.TF} in json)')):
         read(path)
 
 
 def test_control_characters_of_a_bag(tmp_path):
-    """Are escaped in errors."""
+    """Control characters are escaped in errors, and long names are shortened."""
     path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(
         '/\x1b[2J', msgtype='\x07' + 'x' * 200))
     with pytest.raises(BagError) as caught:
@@ -456,16 +468,16 @@ def test_control_characters_of_a_bag(tmp_path):
 @pytest.mark.parametrize('name', [
     'metadata.yaml', 'x.db3', 'x.db3-wal', 'x.db3-journal', 'y.db3.zstd'])
 def test_a_pipe_in_a_bag(tmp_path, name, partial):
-    """Is refused; nobody will ever write into it."""
+    """A pipe is refused, since reading it would never end."""
     path = bags.make(tmp_path / 'x', 'db3', bags.walk(1))
     (path / name).unlink(missing_ok=True)
     os.mkfifo(path / name)
     metadata = path / 'metadata.yaml'
     if name[0] == 'y':
         metadata.write_text(metadata.read_text().replace('- x.db3', '- x.db3\n  - y.db3.zstd'))
-    said, _ = peak(path, partial, LIMIT)
-    assert f'{path / name} is not a bag: it is not a regular file' in said
-    assert ('odom' in said) is (partial and name[0] == 'y')
+    output, _ = peak(path, partial, LIMIT)
+    assert f'{path / name} is not a bag: it is not a regular file' in output
+    assert ('odom' in output) is (partial and name[0] == 'y')
 
 
 INTERRUPTED = """
@@ -473,14 +485,14 @@ import os, signal, sys, time
 from dummy_arm.cli.bag_options import read_bag
 from dummy_arm.cli.parser import CommandError
 from dummy_arm.cli.signals import record_signals
-def duration():  # whatever else the machine does
+def duration():  # does not depend on what else the machine does
     begin = time.process_time()
     try:
         read_bag(sys.argv[1], '', False)
     except (CommandError, KeyboardInterrupt) as error:
         print(repr(error))
     return time.process_time() - begin
-duration()  # with what is imported late
+duration()  # to finish the late imports
 whole = duration()
 record_signals()
 signal.signal(signal.SIGPROF, lambda *_: os.kill(os.getpid(), signal.SIGINT))
@@ -491,7 +503,7 @@ print(duration() / whole)
 
 @pytest.mark.parametrize('kind', ['chunk', 'file'])
 def test_ctrl_c_while_one_thing_is_decompressed(tmp_path, kind):
-    """Long before its end."""
+    """Ctrl-C ends the reading long before the end of one huge chunk or file."""
     if kind == 'chunk':
         path = bags.make(tmp_path / 'x.bag', 'bag', bags.walk(1))
         with path.open('ab') as file:
@@ -511,14 +523,19 @@ def test_ctrl_c_while_one_thing_is_decompressed(tmp_path, kind):
 
 
 def long_message(kind, number=60_000, end=None):
-    """Make a message of 5 MB; or a part."""
+    """
+    Return the bytes of a message, of 5 MB by default.
+
+    :param number: the number of its transforms.
+    :param end: the index at which the bytes are cut off; None: they are complete.
+    """
     rows = [bags.row(S + i, 'map', 'tool', (float(i), *bags.STILL[1:])) for i in range(number)]
     return (bags.ros1 if kind == 'bag' else bags.ros2)(rows)[:end]
 
 
 @pytest.mark.parametrize('kind', ['mcap', 'bag'])
 def test_a_long_message(tmp_path, kind):
-    """Between others it is in order."""
+    """A long message is inserted whole, and in order with the others."""
     path = bags.make(tmp_path / f'long.{kind}', kind, [
         ('/tf', S, [bags.row(S, 'map', 'tool')]), ('/tf', 2 * S, long_message(kind)),
         ('/tf_static', 3 * S, [bags.row(S, 'map', 'fixed')])])
@@ -528,17 +545,17 @@ def test_a_long_message(tmp_path, kind):
 
 
 def test_a_long_message_is_not_a_list_of_transforms(tmp_path):
-    """Which would take six times its memory."""
+    """A list of its transforms would take six times its memory."""
     data = long_message('bag', 200_000)
     path = bags.make(tmp_path / 'long.bag', 'bag', [('/tf', S, data)])
-    said, growth = peak(path, False, LIMIT * 10)
-    assert said == "['tool']"
+    output, growth = peak(path, False, LIMIT * 10)
+    assert output == "['tool']"
     assert growth < 5 * len(data)
 
 
 @pytest.mark.parametrize('kind', ['mcap', 'bag'])
 def test_a_long_message_that_is_cut_off(tmp_path, logs, kind):
-    """Is left out as a whole, as a short one."""
+    """It is skipped as a whole, like a short one."""
     path = bags.make(tmp_path / f'long.{kind}', kind, [
         ('/tf', S, [bags.row(S, 'map', 'tool')]), ('/tf', 2 * S, long_message(kind, end=-1))])
     assert read(path).frames()[0].length == 1
@@ -546,7 +563,7 @@ def test_a_long_message_that_is_cut_off(tmp_path, logs, kind):
 
 
 def test_ctrl_c_in_a_long_message(tmp_path):
-    """It is noticed at each of its transforms."""
+    """The signal is noticed at each of its transforms."""
     path = bags.make(tmp_path / 'long', 'mcap', [('/tf', S, long_message('mcap'))])
     code = ('from dummy_arm.cli import bag_options, signals\n'
             'from dummy_arm.tf import bag, BufferCore\n'
@@ -565,7 +582,7 @@ def test_ctrl_c_in_a_long_message(tmp_path):
 
 
 def test_a_bag_has_no_limit_of_samples_unless_asked(tmp_path, logs):
-    """Neither of the buffer nor of a frame, with any cache time."""
+    """By default neither a buffer nor a frame has one, whatever the cache time is."""
     path = bags.make(tmp_path, 'mcap', [
         ('/tf', S + i, [bags.row(S + i, 'map', child)]) for i in range(700) for child in 'ab'])
     assert [frame.length for frame in read(path, cache_time=S // 100).frames()] == [700, 700]

@@ -18,7 +18,7 @@ LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def transform(frame_id='map', child_frame_id='base_link', x=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
-    """Build a transform."""
+    """Return a TransformStamped."""
     message = TransformStamped(child_frame_id=child_frame_id)
     message.header.frame_id = frame_id
     message.transform.translation.x = x
@@ -28,7 +28,7 @@ def transform(frame_id='map', child_frame_id='base_link', x=0.0, rotation=(0.0, 
 
 
 @pytest.fixture
-def heard(ros):
+def received(ros):
     """The transforms of every message on /tf."""
     messages = []
     ros.node.create_subscription(TFMessage, '/tf', lambda m: messages.append(m.transforms), 100)
@@ -39,7 +39,7 @@ def heard(ros):
     (TransformBroadcaster, '/tf', DurabilityPolicy.VOLATILE),
     (StaticTransformBroadcaster, '/tf_static', DurabilityPolicy.TRANSIENT_LOCAL)])
 def test_quality_of_service(ros, broadcaster, topic, durability):
-    """As tf2_ros has it; a profile or a depth may be given, and a depth keeps the latch."""
+    """The profile is that of tf2_ros, unless one is given; a depth alone keeps the durability."""
     for qos in (None, 7):
         pub_tf = broadcaster(ros.node, qos).pub_tf
         assert pub_tf.topic_name == topic
@@ -51,21 +51,21 @@ def test_quality_of_service(ros, broadcaster, topic, durability):
 
 
 @pytest.mark.parametrize('several', [list, tuple, iter, lambda pair: (t for t in pair)])
-def test_sends_any_iterable_in_one_message(ros, heard, several):
-    """A list, a tuple, an iterator, a generator."""
+def test_sends_any_iterable_in_one_message(ros, received, several):
+    """The iterable may be a list, a tuple, an iterator or a generator."""
     pair = [transform('map', 'a', 1.5), transform('/a', 'b')]
     TransformBroadcaster(ros.node).sendTransform(several(pair))
-    ros.until(lambda: heard)
-    assert heard == [pair]
+    ros.until(lambda: received)
+    assert received == [pair]
 
 
-def test_sends_one_transform(ros, heard):
-    """Without a list around it, and as the message that it is."""
+def test_sends_one_transform(ros, received):
+    """A single transform needs no list, and arrives as it was sent."""
     message = transform('map', 'odom', 2.0, (0.0, 0.0, 0.6, 0.8))
     message.header.stamp = Time(nanoseconds=1_700_000_000_123_456_789).to_msg()
     TransformBroadcaster(ros.node).sendTransform(message)
-    ros.until(lambda: heard)
-    assert heard == [[message]]
+    ros.until(lambda: received)
+    assert received == [[message]]
 
 
 BAD = [
@@ -92,7 +92,7 @@ BAD = [
 @pytest.mark.parametrize(('bad', 'error'), BAD)
 @pytest.mark.parametrize('kind', [TransformBroadcaster, StaticTransformBroadcaster])
 def test_a_bad_transform_is_a_value_error(ros, kind, bad, error):
-    """It names the frame and the remedy."""
+    """The error names the frame and says what is wrong."""
     with pytest.raises(ValueError, match=error):
         kind(ros.node).sendTransform([transform('a', 'b'), bad])
 
@@ -100,37 +100,37 @@ def test_a_bad_transform_is_a_value_error(ros, kind, bad, error):
 @pytest.mark.parametrize('bad', [42, None, 'map', [transform(), 42], [None], [[transform()]]])
 @pytest.mark.parametrize('kind', [TransformBroadcaster, StaticTransformBroadcaster])
 def test_what_is_no_transform_is_a_type_error(ros, kind, bad):
-    """Alone or in a list."""
+    """Anything else than a TransformStamped is refused, alone or in a list."""
     with pytest.raises(TypeError, match='expected a TransformStamped, got'):
         kind(ros.node).sendTransform(bad)
 
 
-def test_odd_but_sound_transforms_are_sent(ros, heard):
-    """Huge numbers, quaternions that are not of length one, integers."""
+def test_odd_but_sound_transforms_are_sent(ros, received):
+    """Huge numbers, integers and quaternions of another length than one are valid."""
     odd = [transform('map', 'far', 1.7e308), transform('map', 'b', 0.0, (0.0, 0.0, 0.0, 2.0)),
            transform('map', 'c', 3)]
     odd[0].transform.translation.y = 1.7e308
     TransformBroadcaster(ros.node).sendTransform(odd)
-    ros.until(lambda: heard)
-    assert heard == [odd]
+    ros.until(lambda: received)
+    assert received == [odd]
 
 
-def test_a_list_with_one_bad_element_sends_nothing(ros, heard):
-    """What arrives first is the message after it."""
+def test_a_list_with_one_bad_element_sends_nothing(ros, received):
+    """The first message that arrives is the one after it."""
     broadcaster = TransformBroadcaster(ros.node)
     with pytest.raises(ValueError, match='finite'):
         broadcaster.sendTransform([transform('a', 'b'), transform(x=math.nan)])
     broadcaster.sendTransform(transform('a', 'c'))
-    ros.until(lambda: heard)
-    assert heard == [[transform('a', 'c')]]
+    ros.until(lambda: received)
+    assert received == [[transform('a', 'c')]]
 
 
 def test_statics_accumulate(ros):
-    """A later subscriber has all at once, the newest of each child, as it was when sent."""
+    """A late subscriber receives the newest transform of each child, as it was when sent."""
     broadcaster = StaticTransformBroadcaster(ros.node)
     kept = transform('map', 'a', 1.0)
     broadcaster.sendTransform(kept)
-    kept.transform.translation.x = 99.0  # the caller's, not the broadcaster's
+    kept.transform.translation.x = 99.0  # the broadcaster has made a copy
     broadcaster.sendTransform([transform('map', 'b', 2.0), transform('map', 'c', 3.0)])
     with pytest.raises(ValueError, match='finite'):
         broadcaster.sendTransform([transform('map', 'a', 7.0), transform('map', 'd', math.nan)])
@@ -151,12 +151,12 @@ POSES = np.array([[1, 2, 3, 0, 0, 0, 1], [4, 5, 6, 0, 0, 0.6, 0.8]])
 @pytest.mark.parametrize('stamp', [
     1_500_000_000, Time(nanoseconds=1_500_000_000), Time(nanoseconds=1_500_000_000).to_msg(),
     np.int64(1_500_000_000)])
-def test_a_prepared_set(ros, heard, stamp):
-    """Names once, then poses and a stamp at each send."""
+def test_a_prepared_set(ros, received, stamp):
+    """The names are given once, then only poses and a stamp for each send."""
     prepared = TransformBroadcaster(ros.node).prepare(EDGES)
     prepared.send(stamp, POSES)
-    ros.until(lambda: heard)
-    assert [row_of(t) for t in heard[0]] == [
+    ros.until(lambda: received)
+    assert [row_of(t) for t in received[0]] == [
         Row(1_500_000_000, *edge, tuple(pose)) for edge, pose in zip(EDGES, POSES.tolist())]
 
 
@@ -165,53 +165,53 @@ def test_a_prepared_set(ros, heard, stamp):
     (0, 2, math.inf, "'map' -> 'odom': every number must be finite"),
     (0, 6, math.nan, 'finite'), (0, 6, 0.0, "'map' -> 'odom': the quaternion .* cannot be norm"),
     (1, 5, 1e200, "'odom' -> 'base_link': the quaternion .* cannot be normalised")])
-def test_a_prepared_set_refuses_bad_poses(ros, heard, row, column, value, error):
-    """It names the frame, and sends nothing."""
+def test_a_prepared_set_refuses_bad_poses(ros, received, row, column, value, error):
+    """The error names the frame, and nothing is sent."""
     prepared = TransformBroadcaster(ros.node).prepare(EDGES)
     poses = POSES.copy()
     poses[row, column] = value
     with pytest.raises(ValueError, match=error):
         prepared.send(1, poses)
     prepared.send(2, POSES)
-    ros.until(lambda: heard)
-    assert heard[0][0].header.stamp.nanosec == 2
+    ros.until(lambda: received)
+    assert received[0][0].header.stamp.nanosec == 2
 
 
 @pytest.mark.parametrize('edges', [[], [('map', '')], [('map', 'odom'), ('a', '/a')]])
 def test_a_prepared_set_refuses_bad_names(ros, edges):
-    """When it is prepared, not when it is sent."""
+    """The names are checked when they are prepared, not when they are sent."""
     with pytest.raises(ValueError, match=r'at least one pair|is empty|its own parent'):
         TransformBroadcaster(ros.node).prepare(edges)
 
 
 @pytest.mark.parametrize('edge', [
-    ('map', 5), ('map', None), ('map', ['a']), ('map', 'a', 'b'), ('map',), 'ab'])
+    ('map', 5), ('map', None), ('map', ['a']), ('map', 'a', 'b'), ('map',), 'ab', 3])
 def test_an_edge_must_be_two_names(ros, edge):
-    """Else it is a TypeError that shows it."""
+    """An edge of any other form is a TypeError."""
     with pytest.raises(TypeError, match='an edge must be two names'):
         TransformBroadcaster(ros.node).prepare([('a', 'b'), edge])
 
 
-def test_a_prepared_set_sends_huge_numbers_without_a_warning(ros, heard):
-    """Their sum overflows, they do not."""
+def test_a_prepared_set_sends_huge_numbers_without_a_warning(ros, received):
+    """Their sum overflows, although each of them is finite."""
     poses = POSES.copy()
     poses[:, 0] = 1.7e308
     with warnings.catch_warnings():
         warnings.simplefilter('error')
         TransformBroadcaster(ros.node).prepare(EDGES).send(1, poses)
-    ros.until(lambda: heard)
-    assert heard[0][1].transform.translation.x == 1.7e308
+    ros.until(lambda: received)
+    assert received[0][1].transform.translation.x == 1.7e308
 
 
 @pytest.mark.parametrize('stamp', [None, 1.5, 'now'])
 def test_a_stamp_must_be_a_time(ros, stamp):
-    """The error says what is taken."""
+    """The error says which attributes a stamp needs."""
     with pytest.raises(TypeError, match='time must have sec and nanosec, or nanoseconds'):
         TransformBroadcaster(ros.node).prepare(EDGES).send(stamp, POSES)
 
 
 def test_a_remapping_applies(domain_id):
-    """The node's `-r /tf:=…` holds for the broadcaster."""
+    """The remapping `-r /tf:=…` of a node applies to its broadcasters."""
     from rclpy.context import Context
     from rclpy.node import Node
     context = Context()

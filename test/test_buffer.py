@@ -1,4 +1,4 @@
-"""The buffer of tf2_ros: its interface, waiting, and what it leaves behind."""
+"""Buffer: the interface of tf2_ros, waiting, and the release of resources."""
 
 import gc
 import inspect
@@ -33,8 +33,8 @@ T = Time(seconds=100)
 SOON, LONG = Duration(seconds=0.05), Duration(seconds=20)
 
 
-def made(parent='map', child='tool', at=T, x=42.0):
-    """Make a transform, not turned."""
+def stamped(parent='map', child='tool', at=T, x=42.0):
+    """Return a transform without rotation."""
     message = TransformStamped(child_frame_id=child)
     message.header.frame_id, message.header.stamp = parent, at.to_msg()
     message.transform.translation = Vector3(x=x, y=-3.14, z=0.0)
@@ -42,8 +42,8 @@ def made(parent='map', child='tool', at=T, x=42.0):
     return message
 
 
-def later(function, *arguments):
-    """Call a function in another thread in a moment."""
+def call_later(function, *arguments):
+    """Call a function in another thread after 50 ms; return the timer."""
     timer = threading.Timer(0.05, function, arguments)
     timer.start()
     return timer
@@ -91,7 +91,7 @@ SIGNATURES: dict[str, tuple[str, dict[str, object]]] = {
 
 @pytest.mark.parametrize('name', SIGNATURES)
 def test_has_the_signatures_of_tf2_ros(name):
-    """What comes on top comes after, with a default."""
+    """Additional parameters follow those of tf2_ros, and have defaults."""
     names, defaults = SIGNATURES[name]
     parameters = list(inspect.signature(getattr(Buffer, name)).parameters.values())[1:]
     count = len(names.split())
@@ -103,7 +103,7 @@ def test_has_the_signatures_of_tf2_ros(name):
 
 
 def test_has_the_names_of_tf2_ros():
-    """In the package and in modules of the same names."""
+    """The names are in the package, and in modules with the same names as those of tf2_ros."""
     from dummy_arm.tf.buffer import Buffer as InModule
     from dummy_arm.tf.buffer_interface import BufferInterface as InInterface
     assert (InModule, InInterface) == (Buffer, BufferInterface)
@@ -123,16 +123,16 @@ def test_has_the_names_of_tf2_ros():
 
 
 def test_answers_with_the_message():
-    """The very one that was set; for time 0 the latest."""
+    """The lookup of one edge returns a message equal to the one that was set."""
     buffer = Buffer()
-    tip = made('tool', 'tip')
-    assert buffer.set_transform(made(), 'test') is None  # type: ignore[func-returns-value]
+    tip = stamped('tool', 'tip')
+    assert buffer.set_transform(stamped(), 'test') is None  # type: ignore[func-returns-value]
     assert buffer.set_transform_static(tip, 'test') is None  # type: ignore[func-returns-value]
-    assert buffer.lookup_transform('map', 'tool', T) == made()
-    assert buffer.lookup_transform('map', 'tool', T.to_msg()) == made()
-    assert buffer.lookup_transform_core('map', 'tool', Time()) == made()
-    assert buffer.lookup_transform_full('map', T, 'tool', T, 'map') == made()
-    assert buffer.lookup_transform_full_core('map', T, 'tool', T, 'map') == made()
+    assert buffer.lookup_transform('map', 'tool', T) == stamped()
+    assert buffer.lookup_transform('map', 'tool', T.to_msg()) == stamped()
+    assert buffer.lookup_transform_core('map', 'tool', Time()) == stamped()
+    assert buffer.lookup_transform_full('map', T, 'tool', T, 'map') == stamped()
+    assert buffer.lookup_transform_full_core('map', T, 'tool', T, 'map') == stamped()
     assert buffer.lookup_transform('tool', 'tip', Time()).header.stamp == Time().to_msg()
     assert buffer.can_transform('map', 'tool', T) is True
     assert buffer.can_transform_core('map', 'tool', T) == (True, '')
@@ -151,12 +151,12 @@ def test_answers_with_the_message():
 
 
 def test_times_are_no_plain_numbers():
-    """Since 5 might be meant as seconds."""
+    """A number is refused as a time, since 5 might be meant as seconds."""
     buffer = Buffer()
     for time_like in 5, 5.0, None:
         with pytest.raises(TypeError, match='time must have sec and nanosec, or nanoseconds'):
             buffer.lookup_transform('a', 'b', time_like)  # type: ignore[arg-type]
-    buffer.set_transform(made(), 'test')
+    buffer.set_transform(stamped(), 'test')
     with pytest.raises(TypeError, match=r'timeout must have .* Got 1\.0 of type float'):
         buffer.lookup_transform('map', 'tool', T, timeout=1.0)  # type: ignore[arg-type]
     with pytest.raises(TypeError, match='timeout must have'):
@@ -166,10 +166,10 @@ def test_times_are_no_plain_numbers():
 
 
 def test_the_cache_time():
-    """A Duration, or its message; none that is negative."""
+    """It is a Duration or its message, and must not be negative."""
     buffer = Buffer(Duration(seconds=1))
-    buffer.set_transform(made(at=Time(seconds=10)), 'test')
-    buffer.set_transform(made(at=Time(seconds=8)), 'test')
+    buffer.set_transform(stamped(at=Time(seconds=10)), 'test')
+    buffer.set_transform(stamped(at=Time(seconds=8)), 'test')
     assert not buffer.can_transform('map', 'tool', Time(seconds=8))
     Buffer(cache_time=Duration(seconds=1).to_msg())
     with pytest.raises(ValueError, match='cache_time must not be negative, got -1000000000 ns'):
@@ -182,9 +182,9 @@ def test_the_cache_time():
     (lambda message: setattr(message.header.stamp, 'sec', 0.5), r'stamp\.sec must be'),
     (lambda message: setattr(message, 'child_frame_id', None), 'child_frame_id must be')])
 def test_a_field_that_is_none_of_its_kind(break_it, error):
-    """Is named, and the buffer stays as it was."""
-    buffer, bad = Buffer(), made(child='other')
-    buffer.set_transform(made(), 'test')
+    """The error names the field with the wrong type, and the buffer stays as it was."""
+    buffer, bad = Buffer(), stamped(child='other')
+    buffer.set_transform(stamped(), 'test')
     break_it(bad)
     with pytest.raises(ValueError, match=error):
         buffer.set_transform(bad, 'test')
@@ -193,8 +193,8 @@ def test_a_field_that_is_none_of_its_kind(break_it, error):
     assert buffer._getFrameStrings() == ['tool', 'map']
 
 
-def test_a_subclass_may_watch_what_comes_in():
-    """By overriding set_transform."""
+def test_a_subclass_may_watch_inserted_transforms():
+    """Overriding set_transform does not keep the transform from completing a future."""
     class Watching(Buffer):
         seen = 0
 
@@ -204,8 +204,8 @@ def test_a_subclass_may_watch_what_comes_in():
 
     buffer = Watching()
     future = buffer.wait_for_transform_async('map', 'tool', T)
-    buffer.set_transform(made(), 'test')
-    assert (buffer.seen, future.result()) == (1, made())
+    buffer.set_transform(stamped(), 'test')
+    assert (buffer.seen, future.result()) == (1, stamped())
 
 
 @pytest.mark.parametrize(('target', 'source', 'fixed', 'chain'), [
@@ -215,19 +215,19 @@ def test_a_subclass_may_watch_what_comes_in():
     ('eye', 'map', 'map', ['map', 'base', 'head', 'eye']),
     ('eye', 'eye', 'eye', ['eye'])])
 def test_the_chain_of_frames(target, source, fixed, chain):
-    """From the source to the target, without detour."""
+    """The chain leads from the source to the target, and passes no frame twice."""
     buffer = Buffer()
     for parent, child in (('map', 'base'), ('base', 'arm'), ('arm', 'tool'), ('base', 'head'),
                           ('head', 'eye')):
-        buffer.set_transform(made(parent, child), 'test')
+        buffer.set_transform(stamped(parent, child), 'test')
     assert buffer._chain(target, T, source, Time(), fixed) == chain
 
 
 def test_what_programs_use_although_it_begins_with_an_underscore():
-    """Names, and the graph in DOT with all names quoted."""
+    """Programs list the frames, and draw the graph in DOT, where all names are quoted."""
     buffer = Buffer()
     assert '"no tf data received"' in buffer._allFramesAsDot()
-    buffer.set_transform(made('map', 'a "b"'), 'test')
+    buffer.set_transform(stamped('map', 'a "b"'), 'test')
     assert buffer._getFrameStrings() == ['a "b"', 'map']
     assert buffer._frameExists('map')
     assert not buffer._frameExists('nobody')
@@ -235,7 +235,7 @@ def test_what_programs_use_although_it_begins_with_an_underscore():
 
 
 def test_a_subclass_may_look_up_in_its_own_way():
-    """By way of the core methods, as tf2_ros does; waits do not go by way of the subclass."""
+    """It may call the core methods, as with tf2_ros; futures do not use its lookup_transform."""
     class Patient(Buffer):
         def can_transform(  # type: ignore[override]
                 self, target_frame, source_frame, time, timeout=LONG):
@@ -250,12 +250,12 @@ def test_a_subclass_may_look_up_in_its_own_way():
     future = buffer.wait_for_transform_async('map', 'tool', T)
     with pytest.raises(RuntimeError):
         buffer.lookup_transform('map', 'tool', T)
-    buffer.set_transform(made(), 'test')
-    assert buffer.lookup_transform('map', 'tool', T) == future.result() == made()
+    buffer.set_transform(stamped(), 'test')
+    assert buffer.lookup_transform('map', 'tool', T) == future.result() == stamped()
 
 
-def test_an_error_of_a_lookup_goes_to_who_waits():
-    """Not to who brings the data, nor to others that wait."""
+def test_an_error_of_a_lookup_goes_to_its_future():
+    """Neither the caller of set_transform nor the other futures get the error."""
     class Broken(Buffer):
         broken = False
 
@@ -267,18 +267,18 @@ def test_an_error_of_a_lookup_goes_to_who_waits():
     buffer = Broken()
     futures = [buffer.wait_for_transform_async('map', name, T) for name in ('tool', 'tip')]
     buffer.broken = True
-    buffer.set_transform(made(child='tip'), 'test')
+    buffer.set_transform(stamped(child='tip'), 'test')
     assert isinstance(futures[0].exception(), RuntimeError)
-    assert futures[1].result() == made(child='tip')
+    assert futures[1].result() == stamped(child='tip')
 
 
 def test_a_lookup_waits_for_the_data():
-    """Woken by them; what is not enough does not end the wait."""
+    """Data that complete the path end the wait at once; other data do not end it."""
     buffer = Buffer()
-    timers = [later(buffer.set_transform, made(child='other'), 'test'),
-              later(buffer.set_transform_static, made(), 'test')]
+    timers = [call_later(buffer.set_transform, stamped(child='other'), 'test'),
+              call_later(buffer.set_transform_static, stamped(), 'test')]
     began = time.monotonic()
-    assert buffer.lookup_transform('map', 'tool', T, timeout=LONG) == made()
+    assert buffer.lookup_transform('map', 'tool', T, timeout=LONG) == stamped()
     assert time.monotonic() - began < 10.0
     assert buffer.can_transform('map', 'other', T, LONG)
     assert buffer.can_transform_full('map', T, 'other', T, 'map', timeout=LONG)
@@ -286,11 +286,11 @@ def test_a_lookup_waits_for_the_data():
         timer.join()
 
 
-def test_a_lookup_waits_no_longer_than_told():
-    """And then says what is missing now."""
+def test_a_lookup_waits_no_longer_than_its_timeout():
+    """The error then says what is missing after the wait, not before it."""
     buffer = Buffer()
-    timer = later(buffer.set_transform, made('other', 'tool'), 'test')
-    buffer.set_transform(made('map', 'base'), 'test')
+    timer = call_later(buffer.set_transform, stamped('other', 'tool'), 'test')
+    buffer.set_transform(stamped('map', 'base'), 'test')
     began = time.monotonic()
     with pytest.raises(ConnectivityException):
         buffer.lookup_transform('map', 'tool', T, timeout=Duration(seconds=0.3))
@@ -301,7 +301,7 @@ def test_a_lookup_waits_no_longer_than_told():
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
 def test_a_wait_ends_with_the_program(start, number):
-    """On Ctrl-C and on SIGTERM, not after its minute; of the shutdown, or of KeyboardInterrupt."""
+    """A signal ends the lookup by KeyboardInterrupt or, after the shutdown, LookupException."""
     process = start('-c', """
 import threading
 import time
@@ -334,33 +334,33 @@ except (KeyboardInterrupt, LookupException) as error:
 
 
 def test_a_coroutine_gets_what_is_there_at_once():
-    """As upstream tests it."""
+    """An available transform is returned without suspension, as in the tests of tf2_ros."""
     buffer = Buffer()
-    buffer.set_transform(made(), 'test')
+    buffer.set_transform(stamped(), 'test')
     for coroutine in (buffer.lookup_transform_async('map', 'tool', T),
                       buffer.lookup_transform_full_async('map', T, 'tool', T, 'map')):
         with pytest.raises(StopIteration) as done:
             coroutine.send(None)
-        assert done.value.value == made()
+        assert done.value.value == stamped()
 
 
 def test_a_coroutine_waits_for_what_is_not_there():
-    """And goes on when it is."""
+    """The coroutine returns the transform when it is resumed after the insertion."""
     buffer = Buffer()
     coroutines = [buffer.lookup_transform_async('map', 'tool', T),
                   buffer.lookup_transform_full_async('map', T, 'tool', T, 'map')]
     for coroutine in coroutines:
         coroutine.send(None)
-    buffer.set_transform(made(), 'test')
+    buffer.set_transform(stamped(), 'test')
     for coroutine in coroutines:
         with pytest.raises(StopIteration) as done:
             coroutine.send(None)
-        assert done.value.value == made()
+        assert done.value.value == stamped()
     assert not buffer.has_waiters
 
 
 def test_a_future_times_out():
-    """With what was missing; the thread that saw to it is gone."""
+    """The error says what was missing, and the thread that watched the deadline ends."""
     buffer, threads = Buffer(), threading.active_count()
     done = threading.Event()
     future = buffer.wait_for_transform_async('map', 'tool', T, timeout=SOON)
@@ -372,8 +372,8 @@ def test_a_future_times_out():
         future.result()
     assert not buffer.has_waiters
     full = buffer.wait_for_transform_full_async('map', T, 'tool', T, 'map', timeout=LONG)
-    buffer.set_transform(made(), 'test')
-    assert full.result() == made()
+    buffer.set_transform(stamped(), 'test')
+    assert full.result() == stamped()
     for _ in range(200):
         if threading.active_count() == threads:
             break
@@ -383,7 +383,7 @@ def test_a_future_times_out():
 
 @pytest.mark.parametrize('abandon', ['drop', 'cancel', 'close', 'stop spinning'])
 def test_an_abandoned_wait_leaves_nothing_behind(ros, abandon):
-    """No future, no thread, no reference to the buffer."""
+    """Neither a future nor a thread remains, and nothing keeps the buffer alive."""
     buffer, threads = Buffer(node=ros.node), threading.active_count()
     if abandon == 'close':
         coroutine = buffer.lookup_transform_async('map', 'tool', T, timeout=LONG)
@@ -396,12 +396,12 @@ def test_an_abandoned_wait_leaves_nothing_behind(ros, abandon):
         assert buffer.has_waiters
         if abandon == 'stop spinning':
             ros.executor.spin_until_future_complete(waiting, 0.05)
-            ros.executor.spin_once(timeout_sec=0.0)  # till then it holds what it has waited for
+            ros.executor.spin_once(timeout_sec=0.0)  # else the executor holds the future
         if abandon == 'cancel':
             waiting.add_done_callback(lambda _: None)
             waiting.cancel()
             assert not buffer.has_waiters
-            buffer.set_transform(made(), 'test')
+            buffer.set_transform(stamped(), 'test')
             assert waiting.cancelled()
         del waiting
     gc.collect()
@@ -418,50 +418,50 @@ def test_an_abandoned_wait_leaves_nothing_behind(ros, abandon):
 
 
 def test_a_future_that_is_done_holds_no_buffer():
-    """However long somebody keeps it."""
+    """A program may keep the future without keeping all data of the buffer."""
     buffer = Buffer()
     future = buffer.wait_for_transform_async('map', 'tool', T)
-    buffer.set_transform(made(), 'test')
+    buffer.set_transform(stamped(), 'test')
     gone = weakref.ref(buffer)
     del buffer
     gc.collect()
-    assert (gone(), future.result()) == (None, made())
+    assert (gone(), future.result()) == (None, stamped())
 
 
 def test_a_future_with_a_callback_needs_no_other_reference():
-    """As in tf2_ros."""
+    """The buffer keeps a future with a done callback, as tf2_ros does."""
     buffer, results = Buffer(), []
     buffer.wait_for_transform_async('map', 'tool', T).add_done_callback(
         lambda future: results.append(future.result()))
     gc.collect()
-    buffer.set_transform(made(child='other'), 'test')
+    buffer.set_transform(stamped(child='other'), 'test')
     assert results == []
-    buffer.set_transform(made(), 'test')
-    buffer.set_transform(made(x=1.0), 'test')
-    assert results == [made()]
+    buffer.set_transform(stamped(), 'test')
+    buffer.set_transform(stamped(x=1.0), 'test')
+    assert results == [stamped()]
 
 
-@pytest.mark.parametrize('how', ['callback', 'spun until done'])
-def test_an_executor_that_was_shut_down_harms_nobody(ros, how):
-    """Neither who brings the data, nor who waits besides."""
+@pytest.mark.parametrize('mode', ['callback', 'spun until done'])
+def test_an_executor_that_was_shut_down_harms_nobody(ros, mode):
+    """The insertion does not raise, and all futures are completed."""
     executor, buffer = SingleThreadedExecutor(context=ros.context), Buffer(node=ros.node)
     seen: list[object] = []
     ros.executor.remove_node(ros.node)
     executor.add_node(ros.node)
     first = buffer.wait_for_transform_async('map', 'tool', T)
     second = buffer.wait_for_transform_async('map', 'tool', T)
-    if how == 'callback':
+    if mode == 'callback':
         first.add_done_callback(seen.append)
     else:
         executor.spin_until_future_complete(first, 0.01)
     executor.shutdown()
-    buffer.set_transform(made(), 'test')
-    assert (first.result(), second.result()) == (made(), made())
-    assert seen == ([first] if how == 'callback' else [])
+    buffer.set_transform(stamped(), 'test')
+    assert (first.result(), second.result()) == (stamped(), stamped())
+    assert seen == ([first] if mode == 'callback' else [])
 
 
 def test_hundreds_wait_with_one_thread():
-    """And all are told in time, the one that waits longest, too."""
+    """A single thread handles all timeouts, from 50 ms to centuries."""
     buffer, threads = Buffer(), threading.active_count()
     waiting = [buffer.wait_for_transform_async('map', 'tool', T, timeout=LONG)
                for _ in range(200)]
@@ -473,12 +473,12 @@ def test_hundreds_wait_with_one_thread():
     assert done.wait(20)
     assert [type(future.exception()) for future in (soon, waiting[0])] == [
         TimeoutException, type(None)]
-    buffer.set_transform(made(), 'test')
-    assert all(future.result() == made() for future in waiting)
+    buffer.set_transform(stamped(), 'test')
+    assert all(future.result() == stamped() for future in waiting)
 
 
 def test_ended_waits_are_not_kept_for_their_deadlines():
-    """Behind one that goes on."""
+    """They are removed even if a wait with an earlier deadline goes on."""
     buffer = Buffer()
     kept = buffer.wait_for_transform_async('map', 'tool', T, timeout=LONG)
     for _ in range(1000):
@@ -489,9 +489,9 @@ def test_ended_waits_are_not_kept_for_their_deadlines():
 
 @pytest.mark.filterwarnings('ignore::pytest.PytestUnhandledThreadExceptionWarning')
 def test_timeouts_go_on_after_a_callback_that_ended_their_thread():
-    """By SystemExit, which rclpy lets through."""
+    """The SystemExit of a done callback is not caught by rclpy."""
     buffer, done = Buffer(), threading.Event()
-    timeout = Duration(seconds=0.5)  # else it might be over before there is a callback
+    timeout = Duration(seconds=0.5)  # else it may end before the callback is added
     buffer.wait_for_transform_async('map', 'tool', T, timeout=timeout).add_done_callback(
         lambda _: sys.exit())
     thread = buffer._futures._thread
@@ -504,7 +504,7 @@ def test_timeouts_go_on_after_a_callback_that_ended_their_thread():
 
 @pytest.mark.filterwarnings('ignore::pytest.PytestUnhandledThreadExceptionWarning')
 def test_a_callback_that_exits_does_not_keep_other_futures_from_their_end():
-    """Neither from their timeouts nor from their answers."""
+    """The others are completed, both by timeouts and by an insertion."""
     buffer, done = Buffer(), threading.Event()
     futures = [buffer.wait_for_transform_async('map', 'tool', T, timeout=Duration(seconds=0.5))
                for _ in range(3)]
@@ -519,12 +519,12 @@ def test_a_callback_that_exits_does_not_keep_other_futures_from_their_end():
     for future in futures:
         future.add_done_callback(lambda _: sys.exit())
     with pytest.raises(SystemExit):
-        buffer.set_transform(made(), 'test')
-    assert all(future.result() == made() for future in futures)
+        buffer.set_transform(stamped(), 'test')
+    assert all(future.result() == stamped() for future in futures)
 
 
 def test_a_finalizer_may_cancel_a_wait():
-    """Wherever the garbage collector finds it, in the midst of another wait's beginning."""
+    """The garbage collector may call it at any point where another wait is being started."""
     buffer = Buffer()
 
     class Owner:
@@ -546,22 +546,22 @@ def test_a_finalizer_may_cancel_a_wait():
 
 
 def test_a_callback_may_use_the_buffer():
-    """Look up, insert and wait anew."""
+    """A done callback may insert transforms, and wait for others."""
     buffer, seen = Buffer(), []
 
     def on_tool(future):
         seen.append(future.result().child_frame_id)
         buffer.wait_for_transform_async('map', 'tip', T).add_done_callback(
             lambda future: seen.append(future.result().child_frame_id))
-        buffer.set_transform(made('tool', 'tip'), 'test')
+        buffer.set_transform(stamped('tool', 'tip'), 'test')
 
     buffer.wait_for_transform_async('map', 'tool', T).add_done_callback(on_tool)
-    buffer.set_transform(made(), 'test')
+    buffer.set_transform(stamped(), 'test')
     assert seen == ['tool', 'tip']
 
 
 def test_an_awaiting_callback_goes_on_when_another_thread_brings_the_data(ros):
-    """Although nothing else wakes the executor."""
+    """The completion of the future wakes the executor; nothing else does."""
     buffer = Buffer(node=ros.node)
     results: list[TransformStamped] = []
 
@@ -570,18 +570,22 @@ def test_an_awaiting_callback_goes_on_when_another_thread_brings_the_data(ros):
         results.append(await buffer.lookup_transform_async('map', 'tool', T))
 
     timer = ros.node.create_timer(0.0, on_timer)
-    feeder = threading.Timer(0.3, buffer.set_transform, [made(), 'test'])
+    feeder = threading.Timer(0.3, buffer.set_transform, [stamped(), 'test'])
     feeder.start()
     began = time.monotonic()
     while not results and time.monotonic() - began < 15:
         ros.executor.spin_once(timeout_sec=15)
     assert time.monotonic() - began < 10
-    assert results == [made()]
+    assert results == [stamped()]
     feeder.join()
 
 
 def test_done_callbacks_need_no_executor(ros):
-    """They run where the data come in, as in tf2_ros; so a callback may wait for one."""
+    """
+    They run in the thread that inserts the data, as in tf2_ros.
+
+    So a callback of the executor may block until one of them has run.
+    """
     buffer, done = Buffer(node=ros.node), threading.Event()
     results: list[bool] = []
 
@@ -592,14 +596,14 @@ def test_done_callbacks_need_no_executor(ros):
         results.append(done.wait(20))
 
     timer = ros.node.create_timer(0.0, on_timer)
-    feeder = later(buffer.set_transform, made(), 'test')
+    feeder = call_later(buffer.set_transform, stamped(), 'test')
     ros.until(lambda: results)
     assert results == [True]
     feeder.join()
 
 
 def test_a_callback_that_waits_gets_the_data_of_another_thread(ros):
-    """In a single-threaded executor, too."""
+    """A blocked lookup in a single-threaded executor does not prevent the insertion."""
     buffer = Buffer(node=ros.node)
     results: list[TransformStamped] = []
 
@@ -608,14 +612,18 @@ def test_a_callback_that_waits_gets_the_data_of_another_thread(ros):
         results.append(buffer.lookup_transform('map', 'tool', T, timeout=LONG))
 
     timer = ros.node.create_timer(0.0, on_timer)
-    feeder = later(buffer.set_transform, made(), 'test')
+    feeder = call_later(buffer.set_transform, stamped(), 'test')
     ros.until(lambda: results)
-    assert results == [made()]
+    assert results == [stamped()]
     feeder.join()
 
 
 def test_a_clock_that_jumps_back_clears_the_buffer(ros):
-    """By a second or more, or to another clock; not by less."""
+    """
+    A jump back by less than a second does not clear it; a change of the clock's source does.
+
+    Static transforms stay.
+    """
     clock = ros.node.get_clock()
     buffer = Buffer(node=ros.node)
     clock._set_ros_time_is_active(True)
@@ -624,21 +632,21 @@ def test_a_clock_that_jumps_back_clears_the_buffer(ros):
         clock.set_ros_time_override(Time(seconds=seconds, clock_type=ClockType.ROS_TIME))
 
     to(50)
-    buffer.set_transform(made(), 'test')
-    buffer.set_transform_static(made('tool', 'tip'), 'test')
+    buffer.set_transform(stamped(), 'test')
+    buffer.set_transform_static(stamped('tool', 'tip'), 'test')
     to(49.5)
     to(60)
     assert buffer.can_transform('map', 'tip', T)
     to(58)
     assert not buffer.can_transform('map', 'tip', T)
     assert buffer.can_transform('tool', 'tip', T)
-    buffer.set_transform(made(), 'test')
+    buffer.set_transform(stamped(), 'test')
     clock._set_ros_time_is_active(False)
     assert not buffer.can_transform('map', 'tip', T)
 
 
 def test_a_clock_may_jump_when_the_buffer_is_gone(start):
-    """Which the clock does not keep, nor crash on."""
+    """The clock does not keep the buffer alive, and does not use its freed jump handle."""
     process = start('-c', """
 import gc
 import weakref
@@ -666,17 +674,21 @@ print('end')
 
 
 def test_the_buffer_of_tf2_py():
-    """Messages and rclpy's times, but no node, nothing that waits and nothing that transforms."""
+    """
+    MessageBufferCore takes messages and the times of rclpy.
+
+    It has no node, no method that waits, and no `transform`.
+    """
     buffer = MessageBufferCore(Duration(seconds=5))
-    buffer.set_transform(made(), 'me')
-    buffer.set_transform_static(made('tool', 'tip', x=1.0), 'me')
-    assert buffer.lookup_transform_core('map', 'tool', T) == made()
-    assert buffer.lookup_transform_full_core('map', T, 'tool', Time(), 'map') == made()
+    buffer.set_transform(stamped(), 'me')
+    buffer.set_transform_static(stamped('tool', 'tip', x=1.0), 'me')
+    assert buffer.lookup_transform_core('map', 'tool', T) == stamped()
+    assert buffer.lookup_transform_full_core('map', T, 'tool', Time(), 'map') == stamped()
     assert buffer.can_transform_core('map', 'tip', Time()) == (True, '')
     assert buffer.can_transform_full_core('map', T, 'tip', T, 'map') == (True, '')
-    is_there, why = buffer.can_transform_core('map', 'tip', Time(seconds=1))
-    assert not is_there
-    assert 'extrapolation' in why
+    is_available, text = buffer.can_transform_core('map', 'tip', Time(seconds=1))
+    assert not is_available
+    assert 'extrapolation' in text
     assert buffer.get_latest_common_time('map', 'tip') == T
     assert buffer._getFrameStrings() == ['tool', 'map', 'tip']
     assert not hasattr(buffer, 'lookup_transform')
@@ -686,18 +698,18 @@ def test_the_buffer_of_tf2_py():
 
 
 def test_a_buffer_without_node_has_a_clock():
-    """That of the system."""
+    """The clock is a plain Clock, which shows the system time."""
     assert type(Buffer().clock) is Clock
 
 
 @made_at_run_time
 def test_without_tf2_msgs_there_is_no_service(ros):
-    """Where there is, see test_desktop.py."""
+    """test_desktop.py tests the service where tf2_msgs is installed."""
     assert Buffer(node=ros.node).srv is None
 
 
 def test_refusals_go_to_the_log_of_ros(start):
-    """With tf2's words, as a warning of tf2_buffer."""
+    """The line has tf2's words, and is a warning of the logger tf2_buffer."""
     process = start('-c', """
 from dummy_arm.tf import Buffer
 from geometry_msgs.msg import TransformStamped

@@ -1,4 +1,4 @@
-"""The rules of the buffer, one by one; the errors; threads."""
+"""BufferCore: the rules of insertion and lookup, errors, Ctrl-C and threads."""
 
 from contextlib import suppress
 import gc
@@ -14,7 +14,7 @@ from time import monotonic
 import tracemalloc
 import weakref
 
-from conftest import Arrived
+from conftest import ArrivedMessages
 from ctrl_c import interruptions
 from model import Model
 import numpy as np
@@ -39,18 +39,18 @@ T = 1_700_000_000 * S
 STILL = (0.0, 0.0, 0.0, 1.0)
 
 
-def put(buffer, parent, child, stamp=T, x=0.0, **how):
-    """Insert a child x m along x of its parent, not turned."""
-    return buffer.insert(stamp, parent, child, (x, 0.0, 0.0, *STILL), **how)
+def put(buffer, parent, child, stamp=T, x=0.0, **kwargs):
+    """Insert the pose of a child x m along the x axis of its parent, without rotation."""
+    return buffer.insert(stamp, parent, child, (x, 0.0, 0.0, *STILL), **kwargs)
 
 
 def x_at(buffer, target, source, time=0):
-    """Look up where the source is along x of the target."""
+    """Return the x of the source in the target (m)."""
     return buffer.lookup_transform(target, source, time).translation[0]
 
 
 def test_the_pose_of_the_source_in_the_target():
-    """With our own value, and the stamp that was asked for."""
+    """The pose keeps the values that were inserted, and the stamp that was requested."""
     buffer = BufferCore()
     buffer.set_transform(Transform(T, 'map', 'tool', (1.0, 2.0, 3.0), (0.0, 0.0, 1.0, 0.0)))
     answer = buffer.lookup_transform('map', 'tool', T)
@@ -59,7 +59,7 @@ def test_the_pose_of_the_source_in_the_target():
 
 
 def test_interpolates_on_a_line_and_about_an_axis():
-    """A quarter of the way from no turn to a quarter turn about z."""
+    """After a quarter of the time, a quarter of the translation and of the rotation is done."""
     buffer = BufferCore()
     put(buffer, 'a', 'b')
     half = math.radians(45)
@@ -69,8 +69,8 @@ def test_interpolates_on_a_line_and_about_an_axis():
     assert answer.rotation == pytest.approx((0.0, 0.0, math.sin(half / 4), math.cos(half / 4)))
 
 
-def test_time_0_is_the_latest_that_all_on_the_way_know_of():
-    """Static frames do not limit it, nor does a moving one whose stamp is 0."""
+def test_time_0_is_the_latest_common_time():
+    """Neither static edges nor dynamic edges with stamp 0 limit the latest common time."""
     buffer = BufferCore()
     put(buffer, 'a', 'b', T, 1.0)
     put(buffer, 'a', 'b', T + 2 * S, 3.0)
@@ -84,11 +84,11 @@ def test_time_0_is_the_latest_that_all_on_the_way_know_of():
     assert buffer.lookup_transform('d', 'e').stamp == 0
     assert buffer.lookup_transform('d', 'e', 5).stamp == 5
     assert buffer.get_latest_common_time('a', 'e') == T + S
-    assert x_at(buffer, 'c', 'd') == 1.0  # stamp 0 alone: the latest
+    assert x_at(buffer, 'c', 'd') == 1.0  # the only stamp is 0
 
 
 def test_through_a_fixed_frame():
-    """Where the source was at its time, in the target where it is at its own."""
+    """The source is located at its own time, and the target at its own."""
     buffer = BufferCore()
     for second in range(3):
         put(buffer, 'map', 'robot', T + second * S, float(second))
@@ -99,7 +99,7 @@ def test_through_a_fixed_frame():
 
 
 def test_a_frame_in_itself_needs_not_be_known():
-    """With the time asked for; for 0 its own latest."""
+    """The stamp is the requested time; for time 0, it is the latest stamp of the frame."""
     buffer = BufferCore()
     assert buffer.lookup_transform('x', 'x', T) == Transform(T, 'x', 'x')
     put(buffer, 'a', 'b', T)
@@ -110,7 +110,7 @@ def test_a_frame_in_itself_needs_not_be_known():
 
 
 def test_data_out_of_order_are_sorted_in():
-    """As if they had come in order."""
+    """The lookups are the same as after insertions in the order of the stamps."""
     buffer = BufferCore()
     for second in (5, 1, 3, 0, 4, 2):
         assert put(buffer, 'a', 'b', T + second * S, float(second * second))
@@ -121,7 +121,11 @@ def test_data_out_of_order_are_sorted_in():
 
 
 def test_of_the_same_stamp_the_last_inserted_wins():
-    """But at the very beginning of a history the first, as in tf2; the same twice counts once."""
+    """
+    At the oldest stamp of a history with newer samples, the first one wins, as in tf2.
+
+    A sample that is inserted twice counts once.
+    """
     buffer = BufferCore()
     for x in (1.0, 2.0, 2.0, 1.0):
         assert put(buffer, 'a', 'b', T, x)
@@ -133,7 +137,11 @@ def test_of_the_same_stamp_the_last_inserted_wins():
 
 
 def test_expires_after_the_cache_time():
-    """Just as old as it is allowed, older is refused; what is there goes with the next insert."""
+    """
+    A transform as old as the cache time is accepted, and an older one is refused.
+
+    The next insertion removes expired samples.
+    """
     buffer = BufferCore(2 * S)
     put(buffer, 'a', 'b', T, 0.0)
     put(buffer, 'a', 'b', T + 5 * S, 5.0)
@@ -146,7 +154,11 @@ def test_expires_after_the_cache_time():
 
 
 def test_a_long_stream_is_that_of_the_model():
-    """Hundreds expire; with late data, doubles and other parents on the way, and without."""
+    """
+    The buffer and the model have the same samples while hundreds expire.
+
+    Some samples are late, some have another parent.
+    """
     buffer, model, random = BufferCore(S), Model(S), np.random.default_rng(1)
     for i in range(3000):
         stamp = T + i * S // 100
@@ -170,12 +182,12 @@ def test_a_long_stream_is_that_of_the_model():
 
 
 def test_a_history_keeps_little_more_than_the_cache_time():
-    """What has expired is removed from memory."""
+    """The memory of expired samples is freed."""
     buffer = BufferCore(S)
     for i in range(10_000):
         put(buffer, 'a', 'b', T + i * S // 100)
     (known,) = buffer.frames()
-    assert known.length == 102  # tf2 looks what has expired before it inserts
+    assert known.length == 102  # tf2 removes expired samples before it inserts
     tracemalloc.start()
     try:
         for i in range(10_000, 20_000):
@@ -186,7 +198,11 @@ def test_a_history_keeps_little_more_than_the_cache_time():
 
 
 def test_a_frame_that_changes_its_parent():
-    """Between two samples of different parents the older holds; the old parent is out of reach."""
+    """
+    Between two samples with different parents, the older one holds.
+
+    The newer sample connects the frame to its new parent only.
+    """
     buffer = BufferCore()
     put(buffer, 'a', 'c', T, 1.0)
     put(buffer, 'b', 'c', T + S, 2.0)
@@ -199,7 +215,7 @@ def test_a_frame_that_changes_its_parent():
 
 
 def test_frames_that_change_places():
-    """Parent and child at one time, the other way round at another; also many times at once."""
+    """Two frames swap their roles as parent and child; lookups of many times see both states."""
     buffer = BufferCore()
     put(buffer, 'a', 'b', T, 1.0)
     put(buffer, 'root', 'a', T)
@@ -212,7 +228,7 @@ def test_frames_that_change_places():
 
 
 def test_static_and_moving_replace_each_other():
-    """The newest kind counts, and the other is forgotten."""
+    """The kind that was inserted last counts, and the samples of the other kind are removed."""
     buffer = BufferCore()
     put(buffer, 'a', 'b', T, 1.0)
     put(buffer, 'a', 'b', T, 2.0, is_static=True)
@@ -224,7 +240,7 @@ def test_static_and_moving_replace_each_other():
 
 
 def test_what_is_static_may_be_set_anew():
-    """The newest counts, on every path that it is part of, also those that were asked for."""
+    """The newest static pose holds on all paths, including those that were looked up before."""
     buffer = BufferCore()
     put(buffer, 'a', 'b', x=1.0, is_static=True)
     put(buffer, 'b', 'c')
@@ -237,7 +253,7 @@ def test_what_is_static_may_be_set_anew():
 
 @pytest.mark.parametrize('before', [[], [T + 3 * S], [T + 3 * S, T + S, 0]])
 def test_a_loop_is_one_whatever_was_asked_before(before):
-    """At the time at which it is there; and many at once are the same answers."""
+    """A loop is found at the times when it exists, in lookups of one time and of many times."""
     buffer = BufferCore()
     for stamp in T, T + 4 * S:
         put(buffer, 'c', 'a', stamp, 1.0)
@@ -254,7 +270,7 @@ def test_a_loop_is_one_whatever_was_asked_before(before):
 
 
 def test_a_frame_that_gets_a_third_parent():
-    """After two, with paths that were asked for in between."""
+    """A path that was looked up before the change is not used after it."""
     buffer = BufferCore()
     put(buffer, 'top', 'p3', is_static=True)
     put(buffer, 'c', 'd', is_static=True)
@@ -265,7 +281,7 @@ def test_a_frame_that_gets_a_third_parent():
 
 
 def test_clear_forgets_what_moves():
-    """Names and static frames stay."""
+    """After `clear`, the names of all frames and the static transforms are still known."""
     buffer = BufferCore()
     put(buffer, 'a', 'b')
     put(buffer, 'b', 'c', is_static=True)
@@ -297,7 +313,7 @@ def test_clear_forgets_what_moves():
     ('a', 'b', (0, 0, 0, 0, 0, math.inf, 1), 'TF_NAN_INPUT'),
 ])
 def test_refuses_with_the_words_of_tf2(parent, child, pose, cause, logs):
-    """And nothing is known of the frames."""
+    """A refused transform is logged, and its frames stay unknown."""
     buffer = BufferCore()
     assert not buffer.insert(T, parent, child, pose, 'me')
     assert logs[0].getMessage().startswith(cause)
@@ -305,8 +321,8 @@ def test_refuses_with_the_words_of_tf2(parent, child, pose, cause, logs):
     assert buffer.all_frames_as_yaml() == '[]'
 
 
-def test_tells_of_old_data_once_a_second_a_cause(logs, monkeypatch):
-    """However often; and again later."""
+def test_warnings_are_logged_once_a_second_per_cause(logs, monkeypatch):
+    """A warning of the same cause is logged again after a second at the earliest."""
     now = 100.0
     monkeypatch.setattr('dummy_arm.tf._core.texts.monotonic', lambda: now)
     buffer = BufferCore()
@@ -325,8 +341,8 @@ def test_tells_of_old_data_once_a_second_a_cause(logs, monkeypatch):
     assert {record.levelno for record in logs} == {logging.WARNING}
 
 
-def test_a_slash_before_a_name_is_removed_on_the_way_in_only():
-    """One slash; asked for with it, a frame is refused."""
+def test_a_leading_slash_is_removed_on_insertion_only():
+    """Insertions remove one slash; lookups refuse names with a slash, as in tf2."""
     buffer = BufferCore()
     put(buffer, '/map', '//tool')
     assert buffer.can_transform('map', 'tool') is False
@@ -335,7 +351,7 @@ def test_a_slash_before_a_name_is_removed_on_the_way_in_only():
 
 
 def test_bad_values_change_nothing():
-    """A number that is none, or a stamp that does not fit, leaves the buffer as it was."""
+    """A value of a wrong type, or a stamp out of range, leaves the buffer as it was."""
     buffer = BufferCore()
     put(buffer, 'a', 'b', T, 1.0)
     for stamp, pose in ((T, ('1', 0, 0, *STILL)), (T, (0, 0, 0, '0', 0, 0, 1)), (T, (0, 0, 0)),
@@ -353,25 +369,25 @@ def test_bad_values_change_nothing():
     assert x_at(buffer, 'a', 'b', T + S) == 2.0
 
 
-def message(buffer, *arguments):
-    """Give the text of the error of a lookup."""
+def error_text(buffer, *arguments):
+    """Return the text of the error that a lookup raises."""
     with pytest.raises(TransformException) as error:
         buffer.lookup_transform(*arguments)
     return str(error.value)
 
 
 def test_an_unknown_frame_is_answered_with_the_nearest():
-    """Or with some that are there, or with the news that none is."""
+    """If no name is similar, the error lists some known names, or says that there are none."""
     buffer = BufferCore()
-    assert message(buffer, 'map', 'base_link').endswith(
+    assert error_text(buffer, 'map', 'base_link').endswith(
         '"map" passed to lookupTransform argument target_frame does not exist. '
         'No transform has been received yet.')
     for name in ('base_link', 'base_scan', 'camera', 'imu', 'left_wheel', 'right_wheel'):
         put(buffer, 'map', name)
-    assert message(buffer, 'map', 'base_lnk') == (
+    assert error_text(buffer, 'map', 'base_lnk') == (
         '"base_lnk" passed to lookupTransform argument source_frame does not exist. '
         "Nearest known: 'base_link', 'base_scan'.")
-    assert message(buffer, 'zzz', 'map').endswith(
+    assert error_text(buffer, 'zzz', 'map').endswith(
         "Known frames: 'base_link', 'map', 'base_scan', 'camera', 'imu' and 2 more.")
     assert buffer.can_transform('map', 'imo', return_debug_tuple=True) == (
         False, 'Invalid frame ID "imo" passed to canTransform argument source_frame - frame does '
@@ -379,89 +395,93 @@ def test_an_unknown_frame_is_answered_with_the_nearest():
 
 
 def test_two_trees_are_answered_with_their_roots():
-    """After tf2's words."""
+    """The hint follows tf2's words."""
     buffer = BufferCore()
     put(buffer, 'map', 'odom')
     put(buffer, 'odom', 'base')
     put(buffer, 'world', 'ball')
-    assert message(buffer, 'base', 'ball').endswith(
+    assert error_text(buffer, 'base', 'ball').endswith(
         "unconnected trees. 'base' is in the tree with root 'map', 'ball' in the tree with root "
         "'world'.")
 
 
 def test_extrapolation_is_answered_with_the_edge_and_how_far_off():
-    """To the nanosecond, also where tf2's six digits show nothing."""
+    """The gap is exact to the nanosecond, also where tf2's six decimals show none."""
     buffer = BufferCore()
     for stamp in T, T + S:
         put(buffer, 'map', 'odom', stamp)
         put(buffer, 'odom', 'base', stamp + 1)
-    assert message(buffer, 'map', 'base', T) == (
+    assert error_text(buffer, 'map', 'base', T) == (
         'Lookup would require extrapolation into the past.  Requested time 1700000000.000000 but '
         'the earliest data is at time 1700000000.000000, when looking up transform from frame '
         "[base] to frame [map]. The data of edge 'odom' -> 'base' begin 0.000000001 s after that "
         'time.')
-    assert message(buffer, 'map', 'base', T + 3 * S).endswith(
+    assert error_text(buffer, 'map', 'base', T + 3 * S).endswith(
         "The data of edge 'map' -> 'odom' end 2.000000000 s before that time.")
     put(buffer, 'map', 'late', T)
-    assert message(buffer, 'map', 'late', T + 1).endswith(
+    assert error_text(buffer, 'map', 'late', T + 1).endswith(
         "The data of edge 'map' -> 'late' end 0.000000001 s before that time.")
 
 
 def test_extrapolation_names_no_edge_beside_the_path():
-    """Although tf2's words are about one: it follows the ancestors of both frames."""
+    """tf2's own words refer to such an edge, since it follows the ancestors of both frames."""
     buffer = BufferCore(100 * S)
     for seconds, parent, child in (
             (90, 'map', 'odom'), (95, 'map', 'odom'),
             (90, 'odom', 'base_link'), (104.9, 'odom', 'base_link')):
         put(buffer, parent, child, int(seconds * S))
-    assert message(buffer, 'odom', 'base_link', 105 * S) == (
+    assert error_text(buffer, 'odom', 'base_link', 105 * S) == (
         'Lookup would require extrapolation into the future.  Requested time 105.000000 but the '
         'latest data is at time 95.000000, when looking up transform from frame [base_link] to '
         "frame [odom]. The data of edge 'odom' -> 'base_link' end 0.100000000 s before that time.")
 
 
 def test_extrapolation_between_two_trees_is_answered_with_their_roots():
-    """No edge between them is short; tf2 tells of the time first."""
+    """tf2's words report the time, but no edge could connect the two trees at any time."""
     buffer = BufferCore()
     for stamp in T, T + S:
         put(buffer, 'map', 'base', stamp)
         put(buffer, 'world', 'ball', stamp)
-    assert message(buffer, 'base', 'ball', T + 2 * S).endswith(
+    assert error_text(buffer, 'base', 'ball', T + 2 * S).endswith(
         "to frame [base]. 'base' is in the tree with root 'map', 'ball' in the tree with root "
         "'world'.")
 
 
 def test_extrapolation_of_frames_that_had_other_parents_names_where_it_stopped():
-    """All edges of the newest path know of the time."""
+    """At the requested time the path was another one; all edges of the newest path have data."""
     buffer = BufferCore(100 * S)
     for seconds, parent, child in ((2, 'map', 'b'), (6, 'map', 'b'), (0, 'old', 'tool'),
                                    (1, 'old', 'tool'), (5, 'b', 'tool'), (6, 'b', 'tool'),
                                    (3, 'map', 'old'), (6, 'map', 'old')):
         put(buffer, parent, child, T + seconds * S)
-    assert message(buffer, 'map', 'tool', T + 2 * S).endswith(
+    assert error_text(buffer, 'map', 'tool', T + 2 * S).endswith(
         "The data of edge 'map' -> 'old' begin 1.000000000 s after that time.")
 
 
 def test_extrapolation_after_a_clear_names_what_is_not_known():
-    """Its parent was forgotten, too."""
+    """A cleared frame has no parent, so the hint names the frame instead of an edge."""
     buffer = BufferCore()
     put(buffer, 'map', 'base')
     buffer.clear()
-    assert message(buffer, 'map', 'base', T).endswith(
+    assert error_text(buffer, 'map', 'base', T).endswith(
         ". No transform of 'base' has been received since the buffer was cleared.")
 
 
 def test_a_loop_is_named():
-    """After tf2's list of frames; a path too long for tf2 is told from a loop."""
+    """
+    The loop follows tf2's list of frames.
+
+    A chain that is too long for tf2 raises the same exception; its text says that it is no loop.
+    """
     buffer = BufferCore()
     put(buffer, 'a', 'b')
     put(buffer, 'b', 'c')
     put(buffer, 'c', 'a')
     put(buffer, 'x', 'y')
-    assert message(buffer, 'y', 'b').startswith(
+    assert error_text(buffer, 'y', 'b').startswith(
         'The tf tree is invalid because it contains a loop.\nFrame b exists with parent a.\n')
     assert "The loop: 'a' -> 'b' -> 'c' -> 'a'." in [
-        line for frame in 'abc' for line in message(buffer, 'y', frame).splitlines()]
+        line for frame in 'abc' for line in error_text(buffer, 'y', frame).splitlines()]
     chain = BufferCore()
     for i in range(1001):
         put(chain, f'f{i}', f'f{i + 1}')
@@ -471,7 +491,7 @@ def test_a_loop_is_named():
 
 
 def test_many_at_once():
-    """The shapes, and what is no answer."""
+    """The arrays have one row for each time; the rows without a transform are NaN."""
     buffer = BufferCore()
     for second in range(3):
         put(buffer, 'a', 'b', T + second * S, float(second))
@@ -495,13 +515,13 @@ def test_many_at_once():
     ([[1, 2]], r'shape \(n,\), got \(1, 2\)'),
     (5, r'shape \(n,\), got \(\)')])
 def test_many_at_once_refuses_what_is_no_row_of_integers(times, error):
-    """With what it is."""
+    """The error says what the argument is instead of an array of int64 (ns) of shape (n,)."""
     with pytest.raises((TypeError, ValueError, OverflowError), match=error):
         BufferCore().lookup_transforms('a', 'b', times)
 
 
 def test_the_longest_span_of_time():
-    """More than an int64 of ns, from one sample to the next."""
+    """The stamps of two samples may differ by more than an int64 holds."""
     buffer = BufferCore(2 ** 64)
     put(buffer, 'a', 'b', -2 ** 62, 0.0)
     put(buffer, 'a', 'b', 3 * 2 ** 61, 5.0)
@@ -510,7 +530,7 @@ def test_the_longest_span_of_time():
 
 
 def test_numbers_come_out_as_floats():
-    """Whatever they went in as."""
+    """Integers and numbers of numpy are accepted, and returned as Python floats."""
     buffer = BufferCore()
     buffer.insert(np.int64(T), 'a', 'b', (1, 2, 3, *np.array([0.1, 0.2, 0.3, 0.9], np.float32)),
                   is_static=True)
@@ -520,7 +540,7 @@ def test_numbers_come_out_as_floats():
 
 
 def test_an_error_can_be_sent_to_another_process():
-    """With all its words, made when they are asked for."""
+    """The pickled error has the complete text, although the text is made when it is first read."""
     buffer = BufferCore()
     put(buffer, 'map', 'tool')
     with pytest.raises(LookupException) as error:
@@ -531,7 +551,7 @@ def test_an_error_can_be_sent_to_another_process():
 
 
 def test_errors_are_exceptions_like_others():
-    """To be raised and derived from by users; with the hint wherever they are shown."""
+    """Users can raise and subclass them; str, repr and args contain the hint."""
     buffer = BufferCore()
     put(buffer, 'map', 'tool')
     with pytest.raises(LookupException) as error:
@@ -546,7 +566,7 @@ def test_errors_are_exceptions_like_others():
 
 
 def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch):
-    """Even while the exception is kept, and with it what the lookup had in hand."""
+    """The kept exception refers to the lookup's arrays, which must not prevent insertions."""
     buffer = BufferCore()
     put(buffer, 'a', 'b', T)
     put(buffer, 'a', 'b', T + S)
@@ -558,7 +578,7 @@ def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch):
 
 
 def test_frames_as_tf2_writes_them():
-    """The YAML and the text."""
+    """The YAML and the text have the format of tf2."""
     buffer = BufferCore()
     assert buffer.all_frames_as_yaml() == '[]'
     assert buffer.all_frames_as_string() == ''
@@ -585,7 +605,7 @@ def test_frames_as_tf2_writes_them():
 
 
 def test_the_yaml_of_odd_names_can_be_read():
-    """By a YAML parser, as the names that they are."""
+    """A YAML parser reads the names as they were inserted."""
     odd = ['54', 'on', 'a: b', "it's", '"quoted"', 'two\nlines', 'grün', '\u2028', '-', '1e3', '',
            'null', '#', 'a/b.c-d', '🤖']
     buffer = BufferCore()
@@ -598,7 +618,7 @@ def test_the_yaml_of_odd_names_can_be_read():
 
 
 def test_waits_for_data_from_another_thread():
-    """No longer than it takes, and no longer than it may."""
+    """A lookup returns when the data arrive, or raises when the timeout is over."""
     buffer = BufferCore()
     timer = threading.Timer(0.05, put, [buffer, 'a', 'b'])
     timer.start()
@@ -613,7 +633,7 @@ def test_waits_for_data_from_another_thread():
     ('lookup_transform', 'map', 'nobody', 0),
     ('lookup_transform_full', 'map', T, 'nobody', T, 'map')], ids=lambda lookup: lookup[0])
 def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free(lookup):
-    """Wherever in it, and though the exception is kept: another thread can look up."""
+    """Another thread can look up after it, even while the exception is kept."""
     buffer, places = BufferCore(), 0
     put(buffer, 'map', 'tool')
 
@@ -635,7 +655,7 @@ def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free(lookup):
 
 
 def test_ctrl_c_in_a_block_leaves_the_buffer_free():
-    """As it begins, ends or goes on, and though the exception is kept."""
+    """The lock is released wherever Ctrl-C is raised, even while the exception is kept."""
     buffer, places = BufferCore(), 0
 
     def block():
@@ -657,7 +677,7 @@ def test_ctrl_c_in_a_block_leaves_the_buffer_free():
 
 @pytest.mark.parametrize('is_static', [True, False])
 def test_ctrl_c_as_a_frame_gets_a_new_parent_leaves_no_old_path(is_static):
-    """A path that was found before does not answer, once the frame has the new parent."""
+    """A path that was looked up before is not used once the frame has its new parent."""
     buffer, places = None, 0
 
     def prepare():
@@ -677,15 +697,16 @@ def test_ctrl_c_as_a_frame_gets_a_new_parent_leaves_no_old_path(is_static):
     assert places > 10
 
 
-def test_ctrl_c_in_an_update_does_not_keep_those_who_wait_from_looking():
-    """The insertion is announced, at the latest by the next update."""
+def test_ctrl_c_in_an_update_does_not_hide_the_insertion_from_waiting_lookups():
+    """`update` returns a new generation after the insertion, at the latest when called again."""
     buffer, before = BufferCore(), 0
 
     def prepare():
         nonlocal buffer, before
         buffer = BufferCore()
         before = buffer.update()
-        buffer.add_source(Arrived(cdr.pack([Row(T, 'map', 'tool', (0.0, 0.0, 0.0, *STILL))])))
+        message = cdr.pack([Row(T, 'map', 'tool', (0.0, 0.0, 0.0, *STILL))])
+        buffer.add_source(ArrivedMessages(message))
         return buffer.update
 
     for _ in interruptions(prepare, 'engine.py', 'insertion.py', 'history.py', 'tree.py'):
@@ -694,7 +715,7 @@ def test_ctrl_c_in_an_update_does_not_keep_those_who_wait_from_looking():
 
 
 def test_a_signal_handler_does_not_wait(monkeypatch):
-    """Nor does what it interrupted: it may be what is waited for."""
+    """It may have interrupted the call that would insert the data, so it would wait in vain."""
     buffer = BufferCore()
     times = []
 
@@ -721,7 +742,7 @@ def test_a_signal_handler_does_not_wait(monkeypatch):
 
 
 def test_nobody_sees_a_half_written_state():
-    """Readers beside writers that append, sort in, expire, reparent and clear."""
+    """Readers run beside a writer that appends, inserts late data, re-parents and clears."""
     buffer, stop = BufferCore(S), threading.Event()
     failures: list[object] = []
     half = math.sqrt(0.5)
@@ -774,7 +795,11 @@ def test_nobody_sees_a_half_written_state():
 
 
 def test_everything_that_is_known_as_json():
-    """Also of frames that were only named, or cleared; what is changed in it is not in there."""
+    """
+    `dump` includes frames without samples, which are parents only or were cleared.
+
+    Changes of the result do not change the buffer.
+    """
     buffer = BufferCore(10 * S)
     put(buffer, 'map', 'tool', T, 1.0, authority='me')
     put(buffer, '/base', '/tool', T + S, 2.0, authority='you')
@@ -793,14 +818,14 @@ def test_everything_that_is_known_as_json():
     assert json.loads(json.dumps(buffer.dump())) == known
     for i in range(2, 13):
         put(buffer, 'base', 'tool', T + i * S)
-    assert buffer.dump()['tool']['stamps'][0] == T + S  # as tf2, which drops before it inserts
+    assert buffer.dump()['tool']['stamps'][0] == T + S  # expired samples are removed first
     buffer.clear()
     assert buffer.dump()['tool'] == nothing
     assert buffer.dump()['fixed'] == known['fixed']
 
 
 def test_the_chain_between_two_frames():
-    """From the source to the target, as they are connected now."""
+    """The chain leads from the source to the target along the newest edges."""
     buffer = BufferCore()
     for parent, child in ('map', 'odom'), ('odom', 'base'), ('base', 'left'), ('base', 'right'):
         put(buffer, parent, child)
@@ -813,7 +838,7 @@ def test_the_chain_between_two_frames():
 
 
 def test_an_error_that_nobody_has_read_keeps_names_only():
-    """Not what the buffer knows; so it is read without a lock while others insert."""
+    """It does not refer to the buffer, so its text is made without a lock while others insert."""
     buffer = BufferCore()
     put(buffer, 'map', 'tool')
     with pytest.raises(LookupException) as raised:

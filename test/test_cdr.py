@@ -1,4 +1,4 @@
-"""The bytes of a TFMessage."""
+"""The CDR encoding of TFMessage."""
 
 import contextlib
 import struct
@@ -22,7 +22,7 @@ rows = st.builds(Row, st.integers(-2**31 * S, 2**31 * S - 1), names, names,
 
 
 def test_packs_as_the_real_type_support(golden_messages):
-    """The golden bytes, from their transforms."""
+    """The golden transforms are packed into the golden bytes."""
     assert len(golden_messages) == 40
     for case in golden_messages:
         assert cdr.pack_fields(golden_fields(case)).hex() == case['cdr_hex']
@@ -31,7 +31,7 @@ def test_packs_as_the_real_type_support(golden_messages):
 
 
 def test_unpacks_as_the_real_type_support(golden_messages):
-    """The golden transforms, from their bytes."""
+    """The golden bytes are unpacked into the golden transforms."""
     for case in golden_messages:
         data = bytes.fromhex(case['cdr_hex'])
         assert cdr.unpack(data) == golden_rows(case)
@@ -39,7 +39,7 @@ def test_unpacks_as_the_real_type_support(golden_messages):
 
 
 def test_a_message_annotated():
-    """One transform, byte by byte."""
+    """A message of one transform has exactly the bytes that are explained here."""
     row = Row(S + 2, 'map', 'tool', (1.0, *IDENTITY[1:]))
     assert cdr.pack([row]).hex(' ', 4) == (
         '00010000 '          # encapsulation: little endian
@@ -53,14 +53,14 @@ def test_a_message_annotated():
 
 @given(st.lists(rows, max_size=5))
 def test_round_trip(transforms):
-    """Whatever is packed comes out again."""
+    """Unpacking gives the transforms that were packed."""
     unpacked = cdr.unpack(cdr.pack(transforms))
     assert unpacked == transforms
     assert {*map(type, unpacked)} <= {Row}
 
 
 def written(order, stamps, transforms):
-    """Write a message in a byte order, an independent and obvious way."""
+    """Serialize a message in a byte order, by the struct module only."""
     body = struct.pack(order + 'I', len(transforms))
     for (sec, nanosec), (_, parent, child, pose) in zip(stamps, transforms):
         body += bytes(-len(body) % 4) + struct.pack(order + 'iI', sec, nanosec)
@@ -74,7 +74,7 @@ def written(order, stamps, transforms):
 @pytest.mark.parametrize('order', ['>', '<'])
 @given(st.data())
 def test_either_byte_order(order, data):
-    """A big-endian sender is understood; a second and more of nanoseconds is that."""
+    """Big-endian messages are read, too, and nanoseconds may be more than a second."""
     transforms = data.draw(st.lists(rows, max_size=5))
     stamps = [data.draw(st.tuples(seconds, st.integers(0, 2**32 - 1))) for _ in transforms]
     assert cdr.unpack(written(order, stamps, transforms)) == [
@@ -84,13 +84,13 @@ def test_either_byte_order(order, data):
 
 @given(st.lists(rows, max_size=5))
 def test_packs_what_an_obvious_way_writes(transforms):
-    """To the bit, with less than a second of nanoseconds."""
+    """The bytes equal those of an independent serializer, with nanoseconds below a second."""
     assert cdr.pack(transforms) == written(
         '<', [divmod(row.stamp_ns, S) for row in transforms], transforms)
 
 
 def test_every_prefix_is_malformed(golden_messages):
-    """A message that ends early is refused, wherever it ends."""
+    """A truncated message is refused, wherever it ends."""
     for case in golden_messages:
         data = bytes.fromhex(case['cdr_hex'])
         for end in range(len(data)):
@@ -126,13 +126,13 @@ def test_another_encoding_is_malformed(encapsulation):
 
 @given(st.binary(max_size=300))
 def test_any_bytes_are_read_or_malformed(data):
-    """No bytes whatever bring another exception."""
+    """No input causes an exception other than MalformedMessage."""
     with contextlib.suppress(cdr.MalformedMessage):
         cdr.unpack(b'\0\1\0\0\1\0\0\0' + data)
 
 
 def test_bytes_after_the_end_are_ignored():
-    """Fast DDS pads what it delivers."""
+    """Fast DDS pads the messages that it delivers."""
     transforms = [Row(0, 'a', 'b', IDENTITY)]
     assert cdr.unpack(cdr.pack(transforms) + b'\0\0\0') == transforms
 
@@ -141,21 +141,21 @@ def test_bytes_after_the_end_are_ignored():
     (b'\0\0\0\0', ''), (b'\5\0\0\0ab\0c\0\0\0\0', 'ab'), (b'\3\0\0\0\xff\xfe\0\0', '\ufffd\ufffd'),
     (b'\2\0\0\0ab\0\0', 'ab')])
 def test_odd_strings_are_read_as_rclpy_does(field, name):
-    """Empty without a NUL, a NUL within, no UTF-8, no NUL at the end."""
+    """Strings without a NUL, with one inside, or that are no UTF-8 cause no error."""
     body = b'\1\0\0\0' + bytes(8) + field + b'\2\0\0\0c\0\0\0'
     body += bytes(-len(body) % 8) + bytes(56)
     assert cdr.unpack(b'\0\1\0\0' + body)[0][1:3] == (name, 'c')
 
 
 def test_a_nul_in_a_name_is_refused():
-    """C would cut the name there, without a word."""
+    """C would silently cut off the name there."""
     with pytest.raises(ValueError, match=r"'a\\x00b' must not contain a NUL"):
         cdr.pack([Row(0, 'a\0b', 'c', IDENTITY)])
 
 
 @given(st.lists(st.tuples(names, names), min_size=1, max_size=5), st.data())
-def test_a_packet_packs_as_pack_does(edges, data):
-    """A layout made once gives the same bytes."""
+def test_a_template_packs_as_pack_does(edges, data):
+    """A template that is made once gives the same bytes."""
     stamp_ns = data.draw(st.integers(-2**31 * S, 2**31 * S - 1))
     poses = np.array(data.draw(st.lists(
         st.tuples(*[numbers] * 7), min_size=len(edges), max_size=len(edges))))
@@ -165,15 +165,15 @@ def test_a_packet_packs_as_pack_does(edges, data):
 
 
 @pytest.mark.parametrize('shape', [(7,), (2, 7), (1, 6), (1, 1), (0, 7)])
-def test_a_packet_refuses_another_shape(shape):
-    """Nothing is broadcast by numpy's rules: each frame has a pose."""
+def test_a_template_refuses_another_shape(shape):
+    """Poses are not broadcast by numpy's rules, since each frame needs its own."""
     with pytest.raises(ValueError, match=r'shape \(1, 7\)'):
         cdr.MessageTemplate([('a', 'b')]).pack(0, np.zeros(shape))
 
 
 @pytest.mark.parametrize('stamp_ns', [2**31 * S, -2**31 * S - 1, 2**63, -10**30])
 def test_a_stamp_that_does_not_fit_is_refused(stamp_ns):
-    """Seconds are an int32 on the wire, in a packet too."""
+    """Seconds are an int32 in the message, also in that of a template."""
     error = rf'stamp must be from -2\*\*31 to 2\*\*31 - 1 seconds, got {stamp_ns} ns'
     with pytest.raises(ValueError, match=error):
         cdr.pack([Row(stamp_ns, 'a', 'b', IDENTITY)])
@@ -183,7 +183,7 @@ def test_a_stamp_that_does_not_fit_is_refused(stamp_ns):
 
 @pytest.mark.parametrize('stamp_ns', [2**31 * S - 1, -2**31 * S, -1, 0])
 def test_the_ends_of_what_fits(stamp_ns):
-    """To the ns."""
+    """The first and the last stamp, and those around zero, are exact to the nanosecond."""
     row = Row(stamp_ns, 'a', 'b', IDENTITY)
     assert cdr.unpack(cdr.pack([row])) == [row]
     assert cdr.MessageTemplate([('a', 'b')]).pack(stamp_ns, [IDENTITY]) == cdr.pack([row])

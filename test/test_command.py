@@ -1,4 +1,4 @@
-"""What the commands share: arguments, errors, exit codes."""
+"""What all commands share: arguments, errors, exit codes."""
 
 import argparse
 import shlex
@@ -14,33 +14,33 @@ from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 
 @pytest.fixture
 def parser():
-    """Make a parser of numbers."""
-    made = Parser('tool', 'It does nothing.', 'example: tool -1')
-    made.add_argument('--value', type=number)
-    made.add_argument('numbers', nargs='*', type=number)
-    return made
+    """A parser with an option and positional arguments that are numbers."""
+    parser = Parser('tool', 'It does nothing.', 'example: tool -1')
+    parser.add_argument('--value', type=number)
+    parser.add_argument('numbers', nargs='*', type=number)
+    return parser
 
 
 @pytest.mark.parametrize('text', ['-1', '-1.5', '-.5', '-1e-3', '-1E+3', '-.5e2', '1e3', '+2'])
 def test_numbers_parse_anywhere(parser, text):
-    """Of flags and of positions, with `=` and without; argparse takes -1e-3 for a flag."""
+    """Options and positional arguments accept them; argparse itself takes -1e-3 for an option."""
     assert parser.parse_args(['--value', text]).value == float(text)
     assert parser.parse_args([f'--value={text}', text, text]).numbers == [float(text)] * 2
 
 
 @pytest.mark.parametrize('text', ['1_0', '1.0abc', '', 'x', '1,5', 'nan', '-inf', '0x1'])
 def test_other_text_is_no_number(text):
-    """Also what Python takes for one."""
+    """This includes text that float() accepts."""
     with pytest.raises(argparse.ArgumentTypeError, match=r'is not a number|is not finite'):
         number(text)
 
 
-@pytest.mark.parametrize(('outcome', 'code', 'said'), [
+@pytest.mark.parametrize(('outcome', 'code', 'stderr'), [
     (0, 0, ''), (1, 1, ''), (UsageError('so not'), 2, 'tool: so not\n'),
     (CommandError('it broke'), 1, 'tool: it broke\n'), (KeyboardInterrupt(), 0, ''),
 ])
-def test_exit_codes(parser, capsys, outcome, code, said):
-    """0: did it, 1: could not, 2: used wrongly; Ctrl-C is a normal end."""
+def test_exit_codes(parser, capsys, outcome, code, stderr):
+    """The code is 0 after success or Ctrl-C, 1 if the command failed, 2 if it was misused."""
     def command(value, numbers, ros_args):
         assert (value, numbers) == (None, [-1.0])
         assert ros_args == ['tool', '-1', '--ros-args', '-r', 'a:=b']
@@ -49,12 +49,12 @@ def test_exit_codes(parser, capsys, outcome, code, said):
         return outcome
 
     assert run(parser, command, ['-1', '--ros-args', '-r', 'a:=b']) == code
-    assert capsys.readouterr() == ('', said)
+    assert capsys.readouterr() == ('', stderr)
 
 
 @pytest.mark.parametrize('error', [CommandError, UsageError])
 def test_an_error_is_one_line_that_does_not_control_the_terminal(parser, capsys, error):
-    """Whatever names of files, frames and topics it has in it."""
+    """An error may contain any name of a file, a frame or a topic."""
     def command(**_):
         raise error('no frame \x1b[2J, \r\n\u2028\udc80')
 
@@ -63,14 +63,14 @@ def test_an_error_is_one_line_that_does_not_control_the_terminal(parser, capsys,
 
 
 def test_a_wrong_argument_does_not_control_the_terminal(failed, parser):
-    """The same of what the parser refuses."""
+    """The errors of the parser are escaped, too."""
     code, line = failed(lambda args: run(parser, lambda **_: 0, args), '--\x1b[2J\n')
     assert code == 2
     assert line.startswith('tool: unrecognized arguments: --\\x1b[2J\\n; usage: tool ')
 
 
-def test_who_has_read_enough_is_no_error():
-    """As with `| head`."""
+def test_a_closed_pipe_is_no_error():
+    """This happens when the output is piped to `head`."""
     code = ('import sys; from dummy_arm.cli.parser import Parser, run; sys.exit(run('
             'Parser("tool", ""), lambda ros_args: [print("line") for _ in range(100000)] and 0))')
     process = subprocess.Popen([sys.executable, '-c', code], stdout=subprocess.PIPE,
@@ -84,20 +84,20 @@ def test_who_has_read_enough_is_no_error():
     process.stderr.close()
 
 
-@pytest.mark.parametrize(('redirection', 'code', 'said'), [
+@pytest.mark.parametrize(('redirection', 'code', 'stderr'), [
     ('> /dev/full', 1, 'tool: [Errno 28] No space left on device\n'), ('>&-', 0, '')])
-def test_output_that_goes_nowhere(redirection, code, said):
-    """One line, no traceback."""
+def test_output_that_goes_nowhere(redirection, code, stderr):
+    """A full disk is an error of one line; a closed stdout is no error."""
     program = ('import sys; from dummy_arm.cli.parser import Parser, run; sys.exit(run('
                'Parser("tool", ""), lambda ros_args: print("line") or 0))')
     done = subprocess.run(
         f'{shlex.quote(sys.executable)} -c {shlex.quote(program)} {redirection}', shell=True,
         text=True, capture_output=True, check=False)
-    assert (done.returncode, done.stderr) == (code, said)
+    assert (done.returncode, done.stderr) == (code, stderr)
 
 
-def test_a_second_signal_ends_what_does_not_heed_the_first():
-    """The first is noted, so that nothing is left half done."""
+def test_a_second_signal_ends_a_command_that_ignores_the_first():
+    """The first signal is only recorded, so that nothing is left half done."""
     program = (
         'import sys, time; from dummy_arm.cli.parser import Parser, run\n'
         'def command(ros_args):\n'
@@ -130,7 +130,7 @@ def fail():
 
 
 def test_a_command_ends_when_its_node_stops(start):
-    """In one line: what it prints would be old from then on."""
+    """It prints one line: its further output would be out of date."""
     process = start('-c', FAILING + """
 def command(ros_args):
     with spinning_node('tool', ros_args) as node:
@@ -145,7 +145,7 @@ sys.exit(run(Parser('tool', ''), command))
 
 
 def test_a_node_that_fails_is_destroyed(start):
-    """Before the error goes on."""
+    """The node is destroyed before the error is raised to the caller."""
     process = start('-c', FAILING + """
 nodes = []
 def make():

@@ -12,15 +12,15 @@ ROOT = Path(__file__).parent.parent
 
 pytestmark = pytest.mark.skipif(
     not Path(sys.prefix, 'installed').is_file(),
-    reason="the environment is not the Makefile's, so that `make demo` would make another")
-pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
+    reason='this is not the environment of the Makefile: `make demo` would create another one')
+pytest.importorskip('viser', reason='viser, which serves the page, is not installed')
 
 
 @pytest.mark.parametrize(('signal_number', 'to_all'), [
     (signal.SIGINT, True), (signal.SIGTERM, False)], ids=['Ctrl-C', 'SIGTERM to make'])
-def test_it_tells_where_to_look_and_ends(domain_id, signal_number, to_all):
-    """Both run until Ctrl-C, or until make is told to end; nothing is left behind."""
-    # As from a shell, also where these tests are run by make.
+def test_it_prints_the_address_and_ends(domain_id, signal_number, to_all):
+    """It runs until Ctrl-C or until SIGTERM to make, and no process of it is left behind."""
+    # The variables are those of a shell, even if these tests are run by make.
     environment = {name: value for name, value in os.environ.items()
                    if not name.startswith(('MAKE', 'MFLAGS'))}
     with subprocess.Popen(
@@ -34,7 +34,7 @@ def test_it_tells_where_to_look_and_ends(domain_id, signal_number, to_all):
             assert any('publishing map -> base_link' in line for line in lines)
         finally:
             (os.killpg if to_all else os.kill)(make.pid, signal_number)
-        rest = make.stdout.read()  # to the end of all who have it
+        rest = make.stdout.read()  # until every process has closed it
     assert 'Error' not in rest
     assert 'Traceback' not in rest
     with pytest.raises(ProcessLookupError):

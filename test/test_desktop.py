@@ -1,8 +1,8 @@
 """
-What imports tf2_msgs, as on a Jazzy desktop: each in a process of its own.
+Every part that uses tf2_msgs, as on a Jazzy desktop and in a process of its own.
 
-There, nothing has used TFMessage before, and its type support is not loaded. With the real
-tf2_msgs where it is installed, else with a stand-in (`desktop/`).
+In a new process nothing has used TFMessage yet, and its type support is not loaded. The tests use
+the real tf2_msgs where it is installed, else a stand-in (`desktop/`).
 """
 
 from urllib.request import urlopen
@@ -42,7 +42,7 @@ print('good')
 
 @pytest.fixture
 def runs(start):
-    """Run code to its good end."""
+    """A function that runs code in a process and asserts that it succeeds."""
     def run(code):
         process = start('-c', BEGIN + code + END, environment=DESKTOP)
         assert process.exit_code() == 0, process.output
@@ -53,7 +53,7 @@ def runs(start):
 
 @pytest.fixture
 def buffer(ros):
-    """What the test itself hears."""
+    """A buffer of the test itself, filled by a listener."""
     filled = Buffer(node=ros.node)
     listener = TransformListener(filled, ros.node)
     yield filled
@@ -61,7 +61,7 @@ def buffer(ros):
 
 
 def test_the_message_is_as_generated(runs):
-    """Its type support comes late, and its numbers are converted without a check."""
+    """Its type support is loaded late, and its numbers are converted without a check."""
     runs("""
 from rclpy.serialization import deserialize_message, serialize_message
 message = TFMessage(transforms=[made('map', 'a', 2.0), made('map', 'b', 2.0)])
@@ -77,7 +77,7 @@ assert a == 2.0 and b != 2.0
 @pytest.mark.parametrize('listener', [
     'dummy_arm.tf TransformListener', 'dummy_arm.tf.publisher_listener PublisherListener'])
 def test_a_listener_is_the_first_to_use_the_message(start, runs, listener):
-    """And hears the arm."""
+    """The listener receives the transforms of the arm."""
     start(*ARM, environment=DESKTOP)
     module, name = listener.split()
     runs(f"""
@@ -90,7 +90,7 @@ assert buffer.lookup_transform('map', 'end_effector', Time(), timeout=WAIT)
 
 
 def test_a_listener_calls_what_is_overridden(start, runs):
-    """With messages of the class of tf2_msgs, whose numbers are floats."""
+    """The callback receives messages of tf2_msgs, whose numbers are floats."""
     start(*ARM, environment=DESKTOP)
     runs("""
 import threading
@@ -108,7 +108,7 @@ assert heard[0].transforms[0].child_frame_id == 'joint_1'
 
 
 def test_broadcasters_are_the_first_to_use_the_message(ros, buffer, start):
-    """Moving and static transforms, prepared ones, and numbers that are no floats arrive."""
+    """Dynamic, static and prepared transforms arrive, also with numbers that are no floats."""
     process = start('-c', BEGIN + """
 import numpy as np
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
@@ -132,7 +132,7 @@ rclpy.spin(node)
 
 
 def test_what_a_lookup_gives_can_be_published(runs):
-    """Its numbers are floats, whatever was inserted."""
+    """The numbers of the result are floats, whatever was inserted."""
     runs("""
 from rclpy.serialization import deserialize_message, serialize_message
 from dummy_arm.tf import Buffer
@@ -152,8 +152,8 @@ for message in found, of_row:
 """)
 
 
-def test_the_buffer_tells_its_frames_by_a_service(ros, start):
-    """As tf2_ros's, for view_frames of tf2_tools."""
+def test_the_buffer_serves_its_frames(ros, start):
+    """The service is that of tf2_ros, which view_frames of tf2_tools calls."""
     process = start('-c', BEGIN + """
 from dummy_arm.tf import Buffer
 buffer = Buffer(node=node)
@@ -183,7 +183,7 @@ rclpy.shutdown()
     (('static_transform_publisher', '--x', '1', '--frame-id', 'map', '--child-frame-id', 'tool'),
      'tool')], ids=lambda value: value[0] if isinstance(value, tuple) else '')
 def test_a_command_that_publishes(start, buffer, command, frame):
-    """It is heard, and says nothing of an error."""
+    """Its transforms arrive, and it prints no error."""
     process = start(*tool(*command), environment=DESKTOP)
     assert buffer.lookup_transform('map', frame, Time(), timeout=Duration(seconds=TIMEOUT))
     process.press_ctrl_c()
@@ -197,7 +197,7 @@ def test_a_command_that_publishes(start, buffer, command, frame):
     (('view_frames', '--text'), 'end_effector')],
     ids=lambda value: value[0] if isinstance(value, tuple) else '')
 def test_a_command_that_listens_and_ends(start, command, text):
-    """It tells of the arm."""
+    """It prints data of the arm, and no error."""
     start(*ARM, environment=DESKTOP).line_with('publishing map')
     process = start(*tool(*command), environment=DESKTOP)
     assert process.exit_code() == 0
@@ -206,7 +206,7 @@ def test_a_command_that_listens_and_ends(start, command, text):
 
 
 def test_tf2_monitor(start):
-    """It tells of the arm until Ctrl-C."""
+    """It prints the frames of the arm until Ctrl-C."""
     start(*ARM, environment=DESKTOP).line_with('publishing map')
     process = start(*tool('tf2_monitor'), environment=DESKTOP)
     process.line_with('end_effector')
@@ -216,7 +216,7 @@ def test_tf2_monitor(start):
 
 
 def test_web_view(start):
-    """It serves its page, and listens, until Ctrl-C."""
+    """It serves its page until Ctrl-C, and prints no error."""
     pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
     start(*ARM, environment=DESKTOP).line_with('publishing map')
     process = start(*tool('web_view'), environment=DESKTOP)

@@ -1,4 +1,4 @@
-"""The examples in docstrings: `>>>` and what Python prints then."""
+"""The examples in docstrings: `>>>` and the output of Python."""
 
 import doctest
 from importlib import import_module
@@ -13,7 +13,7 @@ NAMES = [name for name, path in modules().items() if '>>> ' in path.read_text()]
 
 @pytest.mark.parametrize('name', NAMES)
 def test_examples_are_right(name):
-    """Run them all."""
+    """Each example prints what its docstring says."""
     failed, attempted = doctest.testmod(import_module(name))
     assert attempted > 0
     assert failed == 0
@@ -22,5 +22,5 @@ def test_examples_are_right(name):
 @pytest.mark.parametrize('name', [
     name for name in formatting.__all__ if callable(getattr(formatting, name))])
 def test_every_function_for_texts_has_an_example(name):
-    """So that its result can be seen at a glance."""
+    """An example shows the format at a glance."""
     assert '>>> ' in (getattr(formatting, name).__doc__ or '')

@@ -1,4 +1,4 @@
-"""The node `dummy_arm`, run as a user runs it and heard over DDS."""
+"""The node `dummy_arm`, run as a user runs it; its messages are received over DDS."""
 
 import math
 import re
@@ -25,44 +25,44 @@ CHAIN = [('base_link', 'joint_1'), ('joint_1', 'joint_2'), ('joint_2', 'joint_3'
 
 
 def zero_in(text):
-    """Read the time of t = 0 (ns) from a line of the log."""
+    """Return the time of t = 0 (ns) that a log line contains."""
     found = re.search(r't = 0 at (\d+) ns', text)
     assert found is not None
     return int(found[1])
 
 
 def zero(process):
-    """Read the time of t = 0 (ns) from the first line of the log."""
+    """Return the time of t = 0 (ns) that the first log line contains."""
     return zero_in(process.line())
 
 
 def ns(transform):
-    """Get the stamp in ns."""
+    """Return the stamp (ns)."""
     stamp = transform.header.stamp
     return stamp.sec * 10**9 + stamp.nanosec
 
 
 def edges(message):
-    """List parent and child of each transform."""
+    """Return parent and child of each transform."""
     return [(t.header.frame_id, t.child_frame_id) for t in message.transforms]
 
 
 def poses(message):
-    """Get the (n, 7) poses."""
+    """Return the (n, 7) poses: x, y, z (m), quaternion x, y, z, w."""
     return np.array([(t.transform.translation.x, t.transform.translation.y,
                       t.transform.translation.z, t.transform.rotation.x, t.transform.rotation.y,
                       t.transform.rotation.z, t.transform.rotation.w) for t in message.transforms])
 
 
 def angle(message, joint):
-    """Get the angle of joint 0, 1 or 2 (rad)."""
+    """Return the angle of joint 0, 1 or 2 (rad)."""
     rotation = message.transforms[joint].transform.rotation
     return 2 * math.atan2(rotation.z, rotation.w)
 
 
 @pytest.fixture
 def joints(ros):
-    """The messages on /tf."""
+    """The messages received on /tf."""
     messages: list[TFMessage] = []
     ros.node.create_subscription(TFMessage, '/tf', messages.append, 1000)
     return messages
@@ -70,20 +70,20 @@ def joints(ros):
 
 @pytest.fixture
 def statics(ros):
-    """The messages on /tf_static."""
+    """The messages received on /tf_static."""
     messages: list[TFMessage] = []
     ros.node.create_subscription(TFMessage, '/tf_static', messages.append, LATCHED)
     return messages
 
 
 def assert_static(message):
-    """Check the one static transform."""
+    """Check the only static transform."""
     assert edges(message) == [('map', 'base_link')]
     np.testing.assert_array_equal(poses(message), [[0, 0, 0, 0, 0, 0, 1]])
 
 
 def test_early_and_late_subscribers_get_the_arm(ros, joints, statics, start):
-    """Both have the static transform; the joints are as the formula says at their stamps."""
+    """Both get the static transform; the joints follow the formula at their stamps."""
     process = start(*ARM)
     start_ns = zero(process)
     ros.until(lambda: statics and len(joints) >= 100)
@@ -103,10 +103,11 @@ def test_early_and_late_subscribers_get_the_arm(ros, joints, statics, start):
 
 
 def test_the_first_message_is_a_straight_arm(joints, statics, ros, start):
-    """The phases are zero at the first tick, which waits for /clock here."""
+    """The phases are zero at the first tick, which here waits for /clock."""
     publisher = ros.node.create_publisher(Clock, '/clock', 10)
     process = start(*ARM, '--ros-args', '-p', 'use_sim_time:=true', '-p', 'rate:=0.5')
-    # A node that has found the subscription to /tf_static has found the earlier one to /tf, too.
+    # A node that has discovered the subscription to /tf_static has discovered the one to /tf,
+    # which is older, too.
     ros.until(lambda: statics)
     clock = Clock(clock=Time(seconds=100).to_msg())
     ros.node.create_timer(0.1, lambda: publisher.publish(clock))
@@ -123,38 +124,38 @@ class Parameters:
     """The parameter services of the node."""
 
     def __init__(self, ros):
-        self._ros, self._asked = ros, 0.0
+        self._ros, self._last_call = ros, 0.0
         self._client = AsyncParameterClient(ros.node, 'dummy_arm')
         ros.until(self._client.services_are_ready)
 
-    def _answer(self, ask):
-        """Ask until there is an answer: DDS may lose one whose client it has just discovered."""
+    def _response(self, call):
+        """Call a service until it responds: DDS may lose a response to a new client."""
         futures: list[Future] = []
 
-        def answered():
-            if not futures or time.monotonic() > self._asked + 2.0:
-                futures.append(ask())
-                self._asked = time.monotonic()
+        def has_response():
+            if not futures or time.monotonic() > self._last_call + 2.0:
+                futures.append(call())
+                self._last_call = time.monotonic()
             return any(future.done() for future in futures)
 
-        self._ros.until(answered)
+        self._ros.until(has_response)
         return next(future.result() for future in futures if future.done())
 
     def set(self, **values):
-        """Set parameters, `__` for a dot; return the reasons of refusals ('' where taken)."""
+        """Set parameters, `__` for a dot; return the reasons of refusals ('' if accepted)."""
         parameters = [
             Parameter(name.replace('__', '.'), value=value) for name, value in values.items()]
-        results = self._answer(lambda: self._client.set_parameters(parameters))
+        results = self._response(lambda: self._client.set_parameters(parameters))
         assert all(result.successful == (not result.reason) for result in results.results)
         return [result.reason for result in results.results]
 
     def describe(self, *names):
-        """Get the descriptors."""
-        return self._answer(lambda: self._client.describe_parameters(list(names))).descriptors
+        """Return the descriptors of parameters."""
+        return self._response(lambda: self._client.describe_parameters(list(names))).descriptors
 
 
 def test_changes_keep_the_angle_continuous(ros, joints, start):
-    """Speed and limit set by the parameter service: no jump, and then the new motion."""
+    """New speeds and limits, set by the parameter service, cause no jump."""
     start_ns = zero(start(*ARM, '--ros-args', '-p', 'rate:=200'))
     parameters = Parameters(ros)
     ros.until(lambda: len(joints) > 100)
@@ -164,7 +165,7 @@ def test_changes_keep_the_angle_continuous(ros, joints, start):
     assert parameters.set(joint_1__speed=-1, joint_1__limit=1) == ['', '']
     changed = len(joints)
 
-    def follows():  # later, if the arm was asked again since its answer came late
+    def follows():  # this takes longer if a response was late, and the call was repeated
         last = joints[-100:]
         seconds = np.array([ns(message.transforms[0]) - start_ns for message in last]) / 1e9
         return np.allclose([angle(message, 1) for message in last], 2.0 * np.sin(0.5 * seconds),
@@ -185,7 +186,7 @@ def test_changes_keep_the_angle_continuous(ros, joints, start):
 
 
 def test_a_new_rate_is_taken_at_once(ros, joints, start):
-    """Even from one tick in ten seconds."""
+    """The arm does not wait for the next tick, even if ticks are ten seconds apart."""
     start(*ARM, '--ros-args', '-p', 'rate:=0.1')
     parameters = Parameters(ros)
     assert parameters.set(rate=100) == ['']
@@ -193,7 +194,7 @@ def test_a_new_rate_is_taken_at_once(ros, joints, start):
 
 
 def test_a_new_offset_moves_the_frame(ros, joints, start):
-    """Along the link before."""
+    """The frame moves along the previous link."""
     start(*ARM)
     assert Parameters(ros).set(joint_2__offset=1.5) == ['']
     ros.until(lambda: joints and joints[-1].transforms[1].transform.translation.x == 1.5)
@@ -209,16 +210,16 @@ def test_a_new_offset_moves_the_frame(ros, joints, start):
     ('joint_3__speed', math.inf, 'joint_3.speed out of range'),
     ('frame_prefix', 'x/', 'read-only')])
 def test_nonsense_is_refused_with_a_reason(ros, joints, start, name, value, reason):
-    """And the arm goes on."""
+    """The arm continues to publish."""
     start(*ARM)
-    (given,) = Parameters(ros).set(**{name: value})
-    assert reason in given
+    (returned,) = Parameters(ros).set(**{name: value})
+    assert reason in returned
     count = len(joints)
     ros.until(lambda: len(joints) > count + 5)
 
 
 def test_parameters_are_described(ros, start):
-    """Each has a description and, as a number, its range."""
+    """Each parameter has a description; those that are numbers have a range."""
     start(*ARM)
     rate, limit, prefix = Parameters(ros).describe('rate', 'joint_2.limit', 'frame_prefix')
     assert 'Hz' in rate.description
@@ -230,7 +231,7 @@ def test_parameters_are_described(ros, start):
 
 
 def test_parameters_at_the_start(ros, joints, statics, start):
-    """Speeds, limits, a prefix, given on the command line, integers too."""
+    """Speeds, limits and the prefix can be set on the command line; integers are accepted."""
     start_ns = zero(start(
         *ARM, '--ros-args', '-p', 'joint_1.speed:=2', '-p', 'joint_1.limit:=0.25',
         '-p', 'joint_1.offset:=1', '-p', 'frame_prefix:=robot1/'))
@@ -248,21 +249,21 @@ def test_parameters_at_the_start(ros, joints, statics, start):
     ('-p', 'joint_1.limit:=3.2'), ('-p', 'frame_prefix:=/x'), ('-p', 'frame_prefix:=7'),
     ('-p', 'use_sim_time:=7'), ('-p', 'rate'), ('--no-such-option',)])
 def test_a_bad_start_is_one_line_and_exit_code_2(start, arguments):
-    """Said on stderr, by the command's name."""
+    """The line begins with the name of the command."""
     process = start(*ARM, '--ros-args', *arguments)
     assert process.exit_code() == 2
     assert re.fullmatch(r'dummy_arm: .+\n', process.output)
 
 
 def test_an_unknown_argument_is_exit_code_2(start):
-    """With the usage."""
+    """The error contains the usage."""
     process = start(*ARM, '--fast')
     assert process.exit_code() == 2
     assert 'usage: dummy_arm' in process.output
 
 
 def test_help(start):
-    """It says what it is, and its parameters."""
+    """The help says what the arm is, and lists its parameters."""
     process = start(*ARM, '--help')
     assert process.exit_code() == 0
     for text in ('small arm that waves', 'rate', 'joint_3.limit', 'frame_prefix', 'example:'):
@@ -273,7 +274,7 @@ def test_help(start):
 @pytest.mark.parametrize('rate', [50, 1000, 10000])
 @pytest.mark.parametrize('count', [1, pytest.param(5, marks=pytest.mark.soak)])
 def test_signals_are_normal_ends(start, signal_number, rate, count):
-    """Within a second, exit code 0, no traceback, whatever it is doing."""
+    """Whatever the arm is doing, it ends within a second, with exit code 0 and no traceback."""
     for _ in range(count):
         process = start(*ARM, '--ros-args', '-p', f'rate:={rate}')
         zero(process)
@@ -286,7 +287,7 @@ def test_signals_are_normal_ends(start, signal_number, rate, count):
 @pytest.mark.parametrize('module', [
     'numpy.', 'rclpy.', 'geometry_msgs.', 'dummy_arm.tf._wire.cdr'])
 def test_signals_while_it_imports_are_normal_ends(start, signal_number, module):
-    """Not a traceback out of the midst of an import."""
+    """No traceback is printed from within an import."""
     process = start('-X', 'importtime', *ARM)
     process.line_with(f' {module}')
     process.end(signal_number)
@@ -295,7 +296,7 @@ def test_signals_while_it_imports_are_normal_ends(start, signal_number, module):
 
 
 def test_a_kill_and_a_restart_are_picked_up(ros, joints, statics, start, kill):
-    """A subscriber that keeps running hears the new arm."""
+    """A subscriber that keeps running receives the messages of the new arm."""
     process = start(*ARM)
     ros.until(lambda: statics and joints)
     kill(process)
@@ -305,14 +306,14 @@ def test_a_kill_and_a_restart_are_picked_up(ros, joints, statics, start, kill):
     assert_static(statics[0])
 
 
-def test_sim_time_without_a_clock_is_said(start):
-    """Else it would look as if the arm did nothing."""
+def test_sim_time_without_a_clock_is_logged(start):
+    """Without the log line, the arm would seem to do nothing."""
     process = start(*ARM, '--ros-args', '-p', 'use_sim_time:=true')
     assert 'no message has arrived on /clock' in process.line()
 
 
 def play(ros, publisher, joints, start_ns):
-    """Move /clock on from a time, until 30 messages more have come; return the time then."""
+    """Advance /clock from a time (ns) until 30 more messages arrive; return its time (ns)."""
     enough, now_ns, step_ns = len(joints) + 30, start_ns, 5 * 10**7
     while len(joints) < enough:
         publisher.publish(Clock(clock=Time(nanoseconds=now_ns).to_msg()))
@@ -323,12 +324,13 @@ def play(ros, publisher, joints, start_ns):
 
 
 def test_sim_time_is_followed_backwards_too(ros, joints, start):
-    """Stamps and phases are those of /clock."""
+    """Stamps and phases follow /clock, also after it has jumped back."""
     publisher = ros.node.create_publisher(Clock, '/clock', 10)
     start(*ARM, '--ros-args', '-p', 'use_sim_time:=true')
     ros.until(lambda: publisher.get_subscription_count() == 1)
     logs: list[Log] = []
     ros.node.create_subscription(Log, '/rosout', logs.append, LATCHED)
+
     def check(messages, earliest_ns, latest_ns):
         for message in messages:
             t = (ns(message.transforms[0]) - start_ns) / 1e9
@@ -349,7 +351,7 @@ def test_sim_time_is_followed_backwards_too(ros, joints, start):
 
 
 def test_a_limit_stays_when_the_clock_goes_back(ros, joints, start):
-    """A bag that is played in a loop does not bring the old one back."""
+    """A bag that is played in a loop does not restore the previous limit."""
     publisher = ros.node.create_publisher(Clock, '/clock', 10)
     start(*ARM, '--ros-args', '-p', 'use_sim_time:=true')
     parameters = Parameters(ros)

@@ -1,4 +1,4 @@
-"""The command `dynamic_tf_publisher`; what it publishes is tested by the lab."""
+"""The command `dynamic_tf_publisher`; test_lab.py tests what it publishes."""
 
 import re
 
@@ -8,24 +8,24 @@ import pytest
 NAME = 'dynamic_tf_publisher'
 
 
-@pytest.mark.parametrize(('arguments', 'said'), [
+@pytest.mark.parametrize(('arguments', 'message'), [
     (['-p', 'rotation:=x'], "rotation must be one of identity, quaternion, euler, got 'x'"),
     (['-p', 'rotation:=1'], 'rotation must be one of identity, quaternion, euler, got 1'),
     (['-p', 'roll:=.nan'], r'roll must be a finite number \(rad\), got nan'),
     (['-p', 'yaw:=left'], r"yaw must be a finite number \(rad\), got 'left'"),
     (['-p', 'yaw:=true'], r'yaw must be a finite number \(rad\), got True'),
 ])
-def test_a_bad_start_is_one_line_and_exit_code_2(start, arguments, said):
-    """It names the parameter, and what it may be."""
+def test_a_bad_start_is_one_line_and_exit_code_2(start, arguments, message):
+    """The line names the parameter and the values that are allowed."""
     process = start(*tool(NAME, '--ros-args', *arguments))
     assert process.exit_code() == 2
-    assert re.fullmatch(f'{NAME}: {said}\n', process.output)
+    assert re.fullmatch(f'{NAME}: {message}\n', process.output)
 
 
 @pytest.mark.parametrize(('name', 'value'), [
     ('rotation', 'euler angles'), ('pitch', 'up'), ('roll', '.inf')])
 def test_bad_values_are_refused_while_it_runs(start, name, value):
-    """And what was set before stays."""
+    """After a refusal, the parameters keep their values."""
     start(*tool(NAME, '--ros-args', '-p', 'rotation:=euler', '-p', 'roll:=1')).line_with('euler')
     setting = start(*tool('param', NAME, name, value))
     assert setting.exit_code() == 1
@@ -36,7 +36,7 @@ def test_bad_values_are_refused_while_it_runs(start, name, value):
 
 
 def test_help(start):
-    """It tells the parameters, with an example."""
+    """The help lists the parameters, and has an example."""
     process = start(*tool(NAME, '--help'))
     assert process.exit_code() == 0
     for text in ('rotation ', 'identity', 'quaternion', 'euler', 'roll, pitch, yaw', 'example: '):

@@ -1,4 +1,4 @@
-"""The examples in docs/examples."""
+"""Tests of the examples in docs/examples."""
 
 from pathlib import Path
 import re
@@ -15,8 +15,8 @@ ROOT = Path(__file__).parent.parent
 
 
 @pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
-def test_listen_hears_the_arm(start, signal_number):
-    """`make demo` in one shell, `make listen` in another."""
+def test_listen_receives_the_arm(start, signal_number):
+    """The example prints the transforms of the arm, as `make listen` beside `make demo`."""
     start(*ARM).line_with('t = 0')
     listener = start(str(ROOT / 'docs' / 'examples' / 'listen.py'))
     listener.line_with('map -> base_link')
@@ -26,7 +26,7 @@ def test_listen_hears_the_arm(start, signal_number):
     assert 'Traceback' not in listener.output
 
 
-#: The example, which says when it has written 50 messages: others discover it in their own time.
+#: The example, with a line of output when the bag has 50 messages, since discovery takes time.
 RECORDER = f"""
 import threading, time
 names = {{}}
@@ -41,12 +41,12 @@ exec(compile(open(path).read(), path, 'exec'), names)
 
 
 def stamp_of(message):
-    """Give the first stamp of a message (ns)."""
+    """Return the first stamp of a message (ns)."""
     return row_of(message.transforms[0]).stamp_ns
 
 
-def test_record_tells_of_what_is_not_in_the_bag(start, tmp_path):
-    """If more comes at once than is kept for it."""
+def test_record_reports_dropped_messages(start, tmp_path):
+    """Messages are dropped if more arrive between two calls of `received` than are kept."""
     pytest.importorskip('rosbags.rosbag2')
     recorder = start('-c', 'from dummy_arm.tf import publisher_listener\n'
                      'publisher_listener._MOST_MESSAGES = 2\n'
@@ -61,19 +61,19 @@ def test_record_tells_of_what_is_not_in_the_bag(start, tmp_path):
 
 
 @pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
-def test_record_makes_a_bag_of_the_arm(start, ros, tmp_path, signal_number):
-    """Which has all that came in, when it came in, latched where that is latched."""
+def test_record_writes_a_bag_of_the_arm(start, ros, tmp_path, signal_number):
+    """The bag has all messages with the times of their arrival, and the QoS of both topics."""
     rosbag2 = pytest.importorskip('rosbags.rosbag2')
     from rosbags.interfaces import QosDurability
 
     from dummy_arm.tf.bag import read
 
-    heard: list[TFMessage] = []
-    ros.node.create_subscription(TFMessage, '/tf', heard.append, 100)
+    received: list[TFMessage] = []
+    ros.node.create_subscription(TFMessage, '/tf', received.append, 100)
     recorder = start('-c', RECORDER, str(tmp_path / 'bag'))
     ros.until(lambda: ros.node.count_subscribers('/tf') == 2)
     start(*ARM)
-    ros.until(lambda: len(heard) > 50 and 'has recorded' in recorder.output)
+    ros.until(lambda: len(received) > 50 and 'has recorded' in recorder.output)
     recorder.end(signal_number)
     assert recorder.exit_code() == 0
     assert 'Traceback' not in recorder.output
@@ -89,7 +89,7 @@ def test_record_makes_a_bag_of_the_arm(start, ros, tmp_path, signal_number):
         ('/tf', 'joint_1'), ('/tf_static', 'base_link')}
     assert all(0 <= time - row.stamp_ns < 10**9 for topic, time, row in found if topic == '/tf')
     recorded = [row.stamp_ns for topic, _, row in found if topic == '/tf']
-    both = [stamp for message in heard
+    both = [stamp for message in received
             if recorded[0] <= (stamp := stamp_of(message)) <= recorded[-1]]
     assert len(both) > 20
     assert [stamp for stamp in recorded if both[0] <= stamp <= both[-1]] == both

@@ -1,4 +1,4 @@
-"""What must neither crash nor stop a process: over DDS, in processes of their own."""
+"""Tests of messages and threads that must neither crash nor stop a process, over DDS."""
 
 from conftest import made_at_run_time
 from geometry_msgs.msg import TransformStamped
@@ -21,8 +21,8 @@ rclpy.spin(node)
 """
 
 
-def subscribed(ros, start, depth=10, code=SUBSCRIBER):
-    """Start a subscriber, and a publisher that it has subscribed to."""
+def start_subscriber(ros, start, depth=10, code=SUBSCRIBER):
+    """Start a subscriber, and create a publisher that is connected to it."""
     process = start('-c', code)
     process.line_with('ready')
     publisher = ros.node.create_publisher(TFMessage, '/tf', depth)
@@ -32,8 +32,8 @@ def subscribed(ros, start, depth=10, code=SUBSCRIBER):
 
 @made_at_run_time
 def test_malformed_messages_are_dropped(ros, start, golden_messages):
-    """Every prefix of a golden message is dropped by a subscriber, and the next good one taken."""
-    process, publisher = subscribed(ros, start, depth=1000)
+    """A subscriber drops each prefix of a golden message, and takes the next valid message."""
+    process, publisher = start_subscriber(ros, start, depth=1000)
     good = TFMessage(transforms=[TransformStamped(child_frame_id='good')])
     longest = max(golden_messages, key=lambda case: len(case['cdr_hex']))
     data = bytes.fromhex(longest['cdr_hex'])
@@ -52,8 +52,8 @@ def test_malformed_messages_are_dropped(ros, start, golden_messages):
 @pytest.mark.parametrize('wrong', [42, None, TransformStamped(header=None)])
 @made_at_run_time
 def test_a_wrong_element_sends_nothing(ros, start, wrong):
-    """The publish raises, and no message arrives before the next."""
-    process, publisher = subscribed(ros, start)
+    """`publish` raises an exception, and the next message is the first that arrives."""
+    process, publisher = start_subscriber(ros, start)
     with pytest.raises((TypeError, ValueError)):
         publisher.publish(TFMessage(transforms=[TransformStamped(child_frame_id='a'), wrong]))
     publisher.publish(TFMessage(transforms=[TransformStamped(child_frame_id='b')]))
@@ -61,14 +61,14 @@ def test_a_wrong_element_sends_nothing(ros, start, wrong):
 
 
 def test_a_wrong_message_is_a_type_error(ros):
-    """As with any type."""
+    """`publish` checks the type of the message, as for other message types."""
     publisher = ros.node.create_publisher(TFMessage, '/tf', 10)
     with pytest.raises(TypeError):
         publisher.publish(TransformStamped())
 
 
 def test_objects_and_bytes_both_ways(ros):
-    """Published as object or bytes, subscribed as object or raw."""
+    """A message is published as an object or as bytes, and received as either."""
     objects: list[TFMessage] = []
     raw: list[bytes] = []
     with_info = []
@@ -90,8 +90,8 @@ def test_objects_and_bytes_both_ways(ros):
 
 
 def test_a_large_message_arrives(ros, start):
-    """Half a megabyte, published as object and taken as object by another process."""
-    process, publisher = subscribed(ros, start, code=SUBSCRIBER.replace(
+    """Another process receives half a megabyte as an object, as which it was published."""
+    process, publisher = start_subscriber(ros, start, code=SUBSCRIBER.replace(
         '[t.child_frame_id for t in m.transforms]',
         'len(m.transforms), m.transforms[-1].transform'))
     rows = [Row(S + 2, f'frame_{i}', f'frame_{i + 1}', (i, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
@@ -145,7 +145,7 @@ print('done')
 
 
 def test_threads_do_not_block_each_other(start):
-    """Three threads publish on a topic, others subscribe and create publishers: no deadlock."""
+    """Three threads publish while others take messages and create publishers: no deadlock."""
     process = start('-X', 'faulthandler', '-c', THREADS)
     assert process.line_with('done')
     assert process.exit_code() == 0

@@ -1,16 +1,16 @@
-"""A process that forks: the child looks up in the buffers that it has inherited."""
+"""Tests of forks: the child process looks up in the buffers that it has inherited."""
 
 import os
 
 import pytest
 
-pytestmark = pytest.mark.skipif(not hasattr(os, 'fork'), reason='there is no fork')
+pytestmark = pytest.mark.skipif(not hasattr(os, 'fork'), reason='there is no os.fork here')
 
 FORKED = """
 import os, signal, sys, threading, time
 
 def in_child(work):
-    # A child that hangs is ended by the alarm; what it raises, it prints.
+    # The alarm ends a child that hangs. An exception in the child is printed.
     pid = os.fork()
     if not pid:
         signal.alarm(20)
@@ -61,7 +61,7 @@ print('done')
 AS_OF_THE_FORK = NO_ROS + """
 reading, writing = os.pipe()
 def look():
-    os.read(reading, 1)  # when the parent has inserted more
+    os.read(reading, 1)  # returns after the parent has inserted a sample
     assert x() == 0.0
     buffer.insert(3, 'map', 'tool', (3.0, *STILL[1:]))
     assert x() == 3.0
@@ -81,7 +81,7 @@ print('done')
 """
 
 NESTED = NO_ROS + """
-# In a block that holds the lock; then the lock is free, in both processes.
+# The process forks in a block that holds the lock. Then the lock is free in both processes.
 def block():
     with buffer.fetched():
         pid = os.fork()
@@ -115,7 +115,7 @@ if __name__ == '__main__':
 
 
 SEVERAL = NO_ROS + """
-# A thread that has the lock of one buffer and waits for that of another, as it may.
+# A thread may wait for the lock of one buffer while it holds that of another.
 other = BufferCore()
 ends = False
 def insert():
@@ -137,7 +137,8 @@ print('done')
 """
 
 HELD = NO_ROS + """
-# A lock that is never free: the fork goes on without it, and the child forgets what moves.
+# A lock that is never free: the process forks without it, and the child drops the dynamic
+# transforms.
 from dummy_arm.tf._core import forking
 forking._PATIENCE = 0.2
 buffer.insert(0, 'map', 'fixed', STILL, is_static=True)
@@ -167,18 +168,18 @@ def interrupt():
     os.kill(os.getpid(), signal.SIGINT)
     time.sleep(0.2)
     is_over.set()
-signal.signal(signal.SIGINT, signal.default_int_handler)  # also in the background of a shell
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have ignored it
 threading.Timer(0.2, interrupt).start()
 try:
     in_child(x)
-    for _ in range(1000):  # what comes is not heard within one long sleep
+    for _ in range(1000):  # interrupt_main() does not end a long sleep
         time.sleep(0.01)
 except KeyboardInterrupt:
     print('done')
 """
 
 SOURCES = NO_ROS + """
-# A source that does not work does not matter.
+# A source that raises an exception does not disturb the fork.
 class Source:
     def take(self):
         if is_forking:
@@ -211,7 +212,7 @@ print('done')
     BUSY, AS_OF_THE_FORK, NESTED, POOL, SEVERAL, HELD, INTERRUPTED, SOURCES], ids=[
     'busy', 'as_of_the_fork', 'nested', 'pool', 'several', 'held', 'interrupted', 'sources'])
 def test_lookups_in_a_child(start, code):
-    """They answer from the data as of the fork, whatever other threads of the parent do."""
+    """Lookups use the data from the time of the fork, whatever the parent's threads do."""
     process = start('-W', 'ignore::DeprecationWarning', '-c', code)
     assert process.exit_code(60) == 0, process.output
     assert process.output == 'done\n'
@@ -273,7 +274,7 @@ def send_on():
     while not ends:
         send()
         time.sleep(0.001)
-def ask_on():  # which takes a lock of the context, as executors do
+def ask_on():  # ok() takes a lock of the context, as executors do
     while rclpy.ok() and not ends:
         pass
 sender, asker = threading.Thread(target=send_on), threading.Thread(target=ask_on)
@@ -303,7 +304,7 @@ print('done')
 
 
 def test_a_child_of_a_process_that_listens(start):
-    """It has no sources, threads or futures; the parent's go on."""
+    """The child has no sources, threads or futures; those of the parent go on."""
     process = start('-W', 'ignore::DeprecationWarning', '-c', WITH_ROS)
     assert process.exit_code(100) == 0, process.output
     assert process.output == 'True called\ndone\n'

@@ -1,4 +1,4 @@
-"""Transforming messages."""
+"""The transformation of messages, and their conversion to other types."""
 
 import math
 
@@ -45,7 +45,7 @@ HEADER = Header(stamp=STAMP, frame_id='camera')
 
 
 def transform(xyz=XYZ, xyzw=XYZW):
-    """Make a transform from camera to map."""
+    """Return a transform from camera to map."""
     message = TransformStamped(child_frame_id='camera')
     message.header = Header(stamp=STAMP, frame_id='map')
     (message.transform.translation.x, message.transform.translation.y,
@@ -56,7 +56,7 @@ def transform(xyz=XYZ, xyzw=XYZW):
 
 @pytest.fixture
 def buffer():
-    """Make a buffer that knows camera in map."""
+    """A buffer that has the transform from camera to map."""
     made = Buffer()
     made.set_transform(transform(), 'test')
     return made
@@ -68,12 +68,12 @@ def moved(point):
 
 
 def xyz_of(message):
-    """Read x, y, z."""
+    """Return x, y and z of a message."""
     return message.x, message.y, message.z
 
 
 def test_a_point(buffer):
-    """Turned and moved, with the header of the map."""
+    """A point is rotated and translated, and its header is that of the map."""
     point = PointStamped(header=HEADER, point=Point(x=1.0, y=-2.0, z=0.5))
     result = buffer.transform(point, 'map')
     assert (type(result), result.header) == (PointStamped, Header(stamp=STAMP, frame_id='map'))
@@ -82,7 +82,7 @@ def test_a_point(buffer):
 
 
 def test_a_vector(buffer):
-    """Turned only; the transform stays as it was."""
+    """A vector is rotated only, and the transform itself is not changed."""
     vector = Vector3Stamped(header=HEADER, vector=Vector3(x=1.0, y=-2.0, z=0.5))
     result = buffer.transform(vector, 'map')
     assert (type(result), result.header.frame_id) == (Vector3Stamped, 'map')
@@ -94,7 +94,7 @@ def test_a_vector(buffer):
 
 @given(st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1))
 def test_a_pose(rotation):
-    """Composed, its rotation with w >= 0; a rotation needs not be normalised."""
+    """Poses are composed, with w >= 0; the quaternions need not be normalised."""
     pose = Pose(position=Point(x=1.0, y=-2.0, z=0.5))
     (pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w) = rotation
     result = do_transform_pose(pose, transform(xyzw=np.multiply(XYZW, 1.5).tolist()))
@@ -105,7 +105,7 @@ def test_a_pose(rotation):
 
 
 def test_a_stamped_pose(buffer):
-    """A rotation of zeros counts as none."""
+    """A quaternion of zeros counts as no rotation."""
     pose = PoseStamped(header=HEADER)
     pose.pose.orientation.w = 0.0
     result = buffer.transform(pose, 'map')
@@ -116,7 +116,7 @@ def test_a_stamped_pose(buffer):
 
 
 def test_a_pose_with_covariance(buffer):
-    """The spread of points that are turned is turned with them."""
+    """The covariance equals that of a sample of points that is rotated."""
     random = np.random.default_rng(3)
     sample = random.normal(size=(6, 50))
     pose = PoseWithCovarianceStamped(header=HEADER)
@@ -131,7 +131,7 @@ def test_a_pose_with_covariance(buffer):
 
 
 def test_a_polygon(buffer):
-    """Each of its points."""
+    """Each of its points is transformed."""
     polygon = PolygonStamped(header=HEADER)
     polygon.polygon.points = [Point32(x=1.0), Point32(y=2.0, z=-1.0)]
     result = buffer.transform(polygon, 'map')
@@ -154,15 +154,15 @@ def test_between_two_times():
     assert (result.point.x, result.header.stamp.sec) == (8.0, 3)
 
 
-def test_waits_if_told_to(buffer):
-    """And then raises what the lookup raises."""
+def test_transform_raises_what_the_lookup_raises(buffer):
+    """The exception is raised after the timeout."""
     point = PointStamped(header=HEADER)
     with pytest.raises(LookupException):
         buffer.transform(point, 'nowhere', timeout=Duration(nanoseconds=1))
 
 
 def test_results_share_nothing():
-    """Neither with the transform nor with each other."""
+    """A result shares no object with the transform or with another result."""
     by, function = transform(), TransformRegistration().get(PointStamped)
     one, other = function(PointStamped(), by), function(PointStamped(), by)
     one.header.frame_id, one.header.stamp.sec = 'x', 99
@@ -170,16 +170,16 @@ def test_results_share_nothing():
 
 
 class Own:
-    """A type of the user's own."""
+    """A type that only the user knows."""
 
     def __init__(self, x):
-        """Keep a number."""
+        """Create an object with a number and a header."""
         self.x = x
         self.header = HEADER
 
 
 def test_types_can_be_registered(buffer):
-    """To be transformed, and converted."""
+    """Registered types can be transformed and converted."""
     with pytest.raises(TypeException, match=r'^Type <class .*Own.> is not loaded or supported$'):
         buffer.transform(Own(1.0), 'map')
     TransformRegistration().add(Own, lambda own, by: Own(own.x + by.transform.translation.x))
@@ -199,7 +199,7 @@ def test_types_can_be_registered(buffer):
 
 
 def test_what_a_user_has_registered_stays(start):
-    """For a type that is known anyway; whatever is transformed afterwards."""
+    """A user's function replaces that of the package, also after other types are used."""
     process = start('-c', """
 from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.time import Time
@@ -217,13 +217,13 @@ print(ConvertRegistration().get_to_msg(PointStamped)(None))
 
 
 def test_stamped_gives_a_header():
-    """As in tf2_ros."""
+    """The header has the stamp and the frame, as in tf2_ros."""
     own = Stamped(Own(1.0), STAMP, 'tool')
     assert own.header == Header(stamp=STAMP, frame_id='tool')
 
 
 def test_the_interface_is_to_be_implemented():
-    """Each lookup says so."""
+    """Each lookup of the interface raises NotImplementedException."""
     interface = BufferInterface()
     for method, count in (('lookup_transform', 3), ('lookup_transform_full', 5),
                           ('can_transform', 3), ('can_transform_full', 5)):
@@ -232,7 +232,14 @@ def test_the_interface_is_to_be_implemented():
 
 
 def cloud(points, kinds, *, big_endian, point_step, padding):
-    """Make a cloud of one row for each of the points' rows, its bytes all different from zero."""
+    """
+    Return a cloud in which all other bytes are different from zero.
+
+    :param points: (height, width, n): the values of the n fields.
+    :param kinds: name, datatype, numpy's type and size (bytes) of each field.
+    :param point_step: the size of a point (bytes).
+    :param padding: how many bytes follow the points of each row.
+    """
     height, width = points.shape[:2]
     row_step = width * point_step + padding
     data = np.random.default_rng(1).integers(1, 255, height * row_step, dtype=np.uint8)
@@ -258,7 +265,7 @@ KINDS = [('x', PointField.FLOAT32, 'f4', 4), ('y', PointField.FLOAT64, 'f8', 8),
 @pytest.mark.parametrize('padding', [0, 5])
 @pytest.mark.parametrize('height', [1, 3])
 def test_a_cloud(buffer, big_endian, padding, height):
-    """x, y and z change and no other byte; unaligned, of mixed widths; NaN stays NaN."""
+    """Only the bytes of x, y and z change, unaligned and of mixed widths; NaN stays NaN."""
     layout = {'big_endian': big_endian, 'point_step': 24, 'padding': padding}
     points = np.random.default_rng(2).normal(size=(height, 4, 3))
     points[0, 1] = np.nan
@@ -266,7 +273,7 @@ def test_a_cloud(buffer, big_endian, padding, height):
     kept = bytes(before.data)
     after = buffer.transform(before, 'map')
     expected = points @ matrix(XYZ, XYZW)[:3, :3].T + XYZ
-    # The same cloud, made from the points that are expected, but for rounding.
+    # It differs from the result by rounding only, so in no other byte.
     wanted = cloud(expected, KINDS, **layout)
     differing = [i for i, (one, other) in enumerate(zip(after.data, wanted.data)) if one != other]
     assert {i % (before.row_step) % 24 for i in differing} <= {
@@ -287,7 +294,7 @@ def test_a_cloud(buffer, big_endian, padding, height):
 
 
 def test_a_cloud_without_points(buffer):
-    """Nothing to do."""
+    """The result is without points, too."""
     empty = cloud(np.empty((1, 0, 3)), KINDS, big_endian=False, point_step=24, padding=0)
     assert list(buffer.transform(empty, 'map').data) == []
 
@@ -299,7 +306,7 @@ def test_a_cloud_without_points(buffer):
     ({'point_step': 5}, 'x at byte 2'),
     ({'height': 2, 'row_step': 10}, '10 bytes a row')])
 def test_a_cloud_that_does_not_fit(buffer, change, error):
-    """One line about what is wrong."""
+    """The error says in one line what does not fit."""
     bad = cloud(np.zeros((1, 4, 3)), KINDS, big_endian=False, point_step=24, padding=0)
     for name, value in change.items():
         setattr(bad, name, value)

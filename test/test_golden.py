@@ -1,4 +1,4 @@
-"""What the real tf2 answers."""
+"""Comparison with recorded answers of the real tf2."""
 
 import json
 import math
@@ -13,7 +13,7 @@ CASES = json.loads((Path(__file__).parent / 'data' / 'tf2_answers.json').read_te
 
 
 def buffer_of(case):
-    """Insert what the case inserted."""
+    """Return a buffer with the transforms of a case."""
     buffer = BufferCore(case['cache_time_s'] * 1_000_000_000)
     for op in case['ops']:
         buffer.insert(op['stamp_ns'], op['parent'], op['child'], (*op['xyz'], *op['xyzw']),
@@ -21,8 +21,8 @@ def buffer_of(case):
     return buffer
 
 
-def ask(buffer, query):
-    """Ask whether there is an answer, then for it: (can, Transform or exception)."""
+def run_query(buffer, query):
+    """Return the answer of can_transform, and the transform or the exception of the lookup."""
     if query['kind'] == 'full':
         names = ['target', 'target_ns', 'source', 'source_ns', 'fixed']
         can, lookup = buffer.can_transform_full, buffer.lookup_transform_full
@@ -37,20 +37,20 @@ def ask(buffer, query):
 
 
 def test_all_cases_are_there():
-    """None was lost."""
+    """The file of recorded answers has not lost any case or query."""
     assert len(CASES) == 66
     assert sum(len(case['queries']) for case in CASES) == 1294
 
 
 @pytest.mark.parametrize('case', CASES, ids=[case['name'] for case in CASES])
 def test_answers_as_tf2(case):
-    """Value and stamp, or exception and message."""
+    """A lookup returns tf2's value and stamp, or raises tf2's exception with its message."""
     buffer = buffer_of(case)
     for query in case['queries']:
         if query['kind'] == 'frames':
             assert {frame.name: frame.parent for frame in buffer.frames()} == query['parents']
             continue
-        can, answer = ask(buffer, query)
+        can, answer = run_query(buffer, query)
         assert can == query['can'], query
         if 'error' in query:
             assert type(answer) is getattr(exceptions, query['error']), query
@@ -66,7 +66,11 @@ def test_answers_as_tf2(case):
 
 @pytest.mark.parametrize('case', CASES, ids=[case['name'] for case in CASES])
 def test_many_at_once_are_the_same_answers(case):
-    """All times that were asked for, of every pair of frames that was asked for."""
+    """
+    lookup_transforms returns the same as single lookups, for each pair of frames in a case.
+
+    It is called with all times that occur in the lookups of the case.
+    """
     buffer = buffer_of(case)
     lookups = [query for query in case['queries'] if query['kind'] == 'lookup']
     times = [query['time_ns'] for query in lookups]

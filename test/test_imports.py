@@ -1,4 +1,4 @@
-"""The subpackages, and who may import whom; as CONTRIBUTING has it."""
+"""The subpackages, and which of them may import which, as CONTRIBUTING says."""
 
 import os
 import subprocess
@@ -33,29 +33,29 @@ NO_ROS = 'dummy_arm.tf._core', 'dummy_arm.tf._wire', 'dummy_arm.tf._bag'
 
 
 def lies_in(name, part):
-    """Tell whether a module is a part of the package, or lies in it."""
+    """Return True if a module is a part of the package, or lies in it."""
     return f'{name}.'.startswith(f'{part}.')
 
 
 def part_of(name):
-    """Give the part of the package that a module lies in."""
+    """Return the part of the package in which a module lies."""
     return max((part for part in MAY_IMPORT if lies_in(name, part)), key=len)
 
 
 def is_private(name):
-    """Tell whether a module of tf is private."""
+    """Return True if a module of tf is private."""
     return '._' in name
 
 
 def may_import(name, other):
-    """Tell whether a module may import another one of the package."""
+    """Return True if a module may import another one of the package."""
     if is_private(other) and not lies_in(name, 'dummy_arm.tf'):
         return False
     return any(lies_in(other, part) for part in MAY_IMPORT[part_of(name)])
 
 
 def own(names):
-    """Give those of some modules that are of this package, but not the package as a whole."""
+    """Return those of some modules that are in this package, without the package itself."""
     return {name for name in names if name in modules() and name != 'dummy_arm'}
 
 
@@ -64,12 +64,12 @@ NAMES = sorted(own(modules()))
 
 @pytest.mark.parametrize('name', NAMES)
 def test_a_module_imports_only_what_it_may(name):
-    """Late imports, too."""
+    """This holds for imports in functions, too."""
     assert not [other for other in own(imported(modules()[name])) if not may_import(name, other)]
 
 
 def test_what_may_not_be_imported_is_noticed():
-    """Of each rule, one breach; and what is allowed."""
+    """Each rule notices a breach of it, and accepts what is allowed."""
     assert may_import('dummy_arm.tf.buffer', 'dummy_arm.tf._core.engine')
     assert may_import('dummy_arm.tf._wire.cdr', 'dummy_arm.tf._core.pose')
     for name, other in (
@@ -88,25 +88,25 @@ def test_what_may_not_be_imported_is_noticed():
 
 
 def test_no_module_imports_itself_by_way_of_others():
-    """Late imports, too."""
+    """This holds for imports in functions, too."""
     assert not [name for name in NAMES if name in reached(modules()[name])]
 
 
 def test_the_entry_points_import_nothing_but_signals():
-    """They name the modules of commands as strings, and import them when signals are noted."""
+    """They import the modules of commands by name, once signals are recorded."""
     assert own(imported(modules()['dummy_arm.cli.entry_points'])) == {'dummy_arm.cli.signals'}
     assert not own(imported(modules()['dummy_arm.cli.signals']))
 
 
 @pytest.mark.parametrize('name', ['cli.entry_points', 'cli.parser', 'tf.formatting'])
 def test_what_every_command_starts_with_is_light(name):
-    """It imports no numpy, which takes longer than all the rest."""
+    """It does not import numpy, which takes longer than all the rest."""
     assert 'numpy' not in reached(modules()[f'dummy_arm.{name}'], is_late=False)
 
 
 @pytest.mark.parametrize('name', [name for name in NAMES if name.startswith(NO_ROS)])
 def test_the_core_reaches_no_ros(name):
-    """By any chain of imports, late ones included."""
+    """No chain of imports leads to ROS, not even by imports in functions."""
     assert not of_ros(reached(modules()[name]))
 
 
@@ -124,7 +124,7 @@ def test_most_modules_need_no_ros():
 
 
 def test_modules_that_reach_no_ros_can_be_imported_without_it():
-    """Where there is neither rclpy nor a message package."""
+    """Neither rclpy nor any message package can be imported there."""
     names = [name for name in WITHOUT if not name.startswith('dummy_arm.view.')]  # viser's
     code = ''.join(f'import {name}\n' for name in names)
     subprocess.run([sys.executable, '-c', WITHOUT_ROS + code], check=True, env=os.environ,
@@ -134,12 +134,12 @@ def test_modules_that_reach_no_ros_can_be_imported_without_it():
 @pytest.mark.parametrize('path', sorted((ROOT / 'docs' / 'examples').glob('*.py')),
                          ids=lambda path: path.stem)
 def test_examples_use_public_names_only(path):
-    """`dummy_arm.tf`, and its modules without an underscore."""
+    """They import `dummy_arm.tf` and its modules without an underscore."""
     used = {name.partition(':')[0] for name in imported(path) if name.startswith('dummy_arm')}
     assert used
     assert not [name for name in used if not lies_in(name, 'dummy_arm.tf') or is_private(name)]
 
 
 def test_no_module_has_a_name_of_the_standard_library():
-    """Which a program that lies beside it would import in its place."""
+    """A program beside it would import it in place of the standard module."""
     assert not {modules()[name].stem for name in NAMES} & sys.stdlib_module_names

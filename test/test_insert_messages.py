@@ -1,4 +1,4 @@
-"""Messages as bytes into a buffer: the same as their transforms one by one, and much faster."""
+"""Insertion of serialised messages: it has the same result as that of their transforms."""
 
 from itertools import count
 import logging
@@ -7,7 +7,7 @@ import struct
 import threading
 import warnings
 
-from conftest import Arrived, golden_rows
+from conftest import ArrivedMessages, golden_rows
 from ctrl_c import interruptions
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -28,25 +28,25 @@ STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def fail(error):
-    """Take no malformed message."""
+    """Raise the error: these tests expect no malformed message."""
     raise error
 
 
-def insert(buffer, reader, *messages, **how):
-    """Insert messages into a buffer."""
-    how = {'authority': 'default_authority', 'is_static': False, **how}
-    buffer.insert_batches(reader.read(messages, **how))
+def insert(buffer, reader, *messages, **kwargs):
+    """Read messages, and insert them into a buffer."""
+    kwargs = {'authority': 'default_authority', 'is_static': False, **kwargs}
+    buffer.insert_batches(reader.read(messages, **kwargs))
 
 
 def read(reader, message):
-    """Read a message: rows, and batches."""
+    """Read a message; return its rows and its batches."""
     batches = reader.read([message], 'somebody', False)
     return ([row for batch in batches if not isinstance(batch, Batch) for row in batch.rows],
             [batch for batch in batches if isinstance(batch, Batch)])
 
 
 def state(buffer):
-    """Return everything that a buffer knows; as texts, since a NaN is not equal to itself."""
+    """Return all data of a buffer, as texts, since a NaN is not equal to itself."""
     return {name: str(known) for name, known in buffer.dump().items()}
 
 
@@ -59,7 +59,7 @@ def xs(buffer, name):
 @pytest.mark.parametrize('number', [1, 5, 31, 32, 100, 1000])
 @pytest.mark.parametrize('kind', ['near', 'any', 'far', 'half turns', 'bad', 'tiny', 'huge'])
 def test_many_rotations_are_normalised_as_one(monkeypatch, number, kind):
-    """To the last bit, in all branches of the way back from a matrix, and where there is none."""
+    """The results equal those of `normalized` to the last bit, also for invalid rotations."""
     random = np.random.default_rng(number)
     poses = random.normal(size=(number, 7))
     if kind == 'near':
@@ -73,7 +73,7 @@ def test_many_rotations_are_normalised_as_one(monkeypatch, number, kind):
     elif kind in ('tiny', 'huge'):
         poses[:, 3:] *= 1e-170 if kind == 'tiny' else 1e170
     expected = [(*pose[:3], *normalized(*pose[3:])) for pose in poses.tolist()]
-    for many in insertion._MANY, 1, 10_000:  # each of the two ways
+    for many in insertion._MANY, 1, 10_000:  # by numpy, and by a loop
         monkeypatch.setattr(insertion, '_MANY', many)
         found = poses.copy()
         normalize_poses(found)
@@ -83,14 +83,18 @@ def test_many_rotations_are_normalised_as_one(monkeypatch, number, kind):
 
 
 def test_golden_messages_are_read_as_unpacked(golden_messages):
-    """At first sight and, by their layout, at the second; whatever lies in the padding."""
+    """
+    The fields are the same when a layout is new and when it is known.
+
+    The values of the padding do not matter.
+    """
     reader = MessageReader(fail)
     for case in golden_messages:
         data = bytes.fromhex(case['cdr_hex'])
         rows = golden_rows(case)
         plain = [(stamp, parent.removeprefix('/'), child.removeprefix('/'), pose)
                  for stamp, parent, child, pose in rows]
-        for sight in range(2):
+        for is_known in False, True:
             unknown, found_batches = read(reader, data)
             found = [(stamp, parent.removeprefix('/'), child.removeprefix('/'), pose)
                      for stamp, parent, child, pose in unknown]
@@ -99,16 +103,16 @@ def test_golden_messages_are_read_as_unpacked(golden_messages):
                           for parent, child, pose in zip(
                               batch.parents, batch.children, batch.poses)]
             np.testing.assert_equal(found, plain)
-            if sight and len({row[0] for row in rows}) == 1:
+            if is_known and len({row[0] for row in rows}) == 1:
                 assert found_batches
 
 
 def test_padding_and_what_follows_are_no_matter():
-    """Real messages have anything there, and it may change."""
+    """In real messages, padding has any value, and changes from message to message."""
     rows = [Row(T * S + 5, 'a', 'bcdef', STILL), Row(T * S + 5, 'bcdef', 'x' * 9, STILL)]
     data = cdr.pack(rows)
     ones = bytearray(data)
-    # After 'a\0' come two bytes of padding, after 'bcdef\0' two and four.
+    # Two bytes of padding follow 'a\0'; two and four bytes follow 'bcdef\0'.
     ones[22:24] = b'\xff\xff'
     assert cdr.unpack(bytes(ones)) == rows
     reader = MessageReader(fail)
@@ -124,7 +128,7 @@ def test_padding_and_what_follows_are_no_matter():
 
 
 def test_a_layout_is_of_all_names():
-    """Messages of one length whose first names are the same are told apart."""
+    """Messages of the same length that differ in the last name only are distinguished."""
     one = cdr.pack([Row(T * S, 'a', 'b', STILL), Row(T * S, 'b', 'c', STILL)])
     other = cdr.pack([Row(T * S, 'a', 'b', STILL), Row(T * S, 'b', 'd', STILL)])
     buffer, reader = BufferCore(), MessageReader(fail)
@@ -133,8 +137,8 @@ def test_a_layout_is_of_all_names():
     assert [frame.name for frame in buffer.frames()] == ['b', 'c', 'd']
 
 
-def test_malformed_messages_are_told_and_the_others_inserted():
-    """Each with its error, whose text begins with the kind."""
+def test_malformed_messages_are_reported_and_the_others_inserted():
+    """Each malformed message is reported by an error whose text begins with its kind."""
     good = cdr.pack([Row(T * S, 'a', 'b', STILL)])
     errors: list[cdr.MalformedMessage] = []
     buffer, reader = BufferCore(), MessageReader(errors.append)
@@ -148,7 +152,7 @@ def test_malformed_messages_are_told_and_the_others_inserted():
 
 
 def test_the_memory_for_layouts_is_bounded(monkeypatch):
-    """A peer that sends ever new names does not fill it; old streams are learnt again."""
+    """A publisher that sends new names in each message does not fill the memory."""
     monkeypatch.setattr('dummy_arm.tf._wire.streams._MOST_BYTES', 10 * len(
         cdr.pack([Row(T * S, 'a', 'b', STILL)])))
     reader = MessageReader(fail)
@@ -166,7 +170,7 @@ layouts = st.lists(st.lists(edges, min_size=1, max_size=4), min_size=1, max_size
 
 @st.composite
 def batches(draw):
-    """Make batches of messages, whose stamps go on from message to message, or jump about."""
+    """Return batches of messages, whose stamps increase from message to message, or vary."""
     kinds = draw(layouts)
     now = T * S
     made = []
@@ -187,7 +191,7 @@ def batches(draw):
 @settings(deadline=None, max_examples=60)
 @given(batches(), st.sampled_from([1, 1000]))
 def test_messages_are_inserted_as_their_transforms_one_by_one(made, many):
-    """Whatever is in them: the same samples, parents, static frames and expiry."""
+    """The samples, parents, static frames and expiry are the same for any messages."""
     assert_inserted_alike(made, many)
 
 
@@ -195,12 +199,12 @@ def test_messages_are_inserted_as_their_transforms_one_by_one(made, many):
 @settings(deadline=None, max_examples=300)
 @given(batches(), st.sampled_from([1, 1000]))
 def test_many_messages_are_inserted_as_their_transforms_one_by_one(made, many):
-    """The same, longer."""
+    """This is the previous test with more examples."""
     assert_inserted_alike(made, many)
 
 
 def assert_inserted_alike(made, many):
-    """Insert messages in both ways."""
+    """Insert messages as batches and one by one, and compare the buffers."""
     fast, slow, reader = BufferCore(), BufferCore(), MessageReader(fail)
     before, insertion._MANY = insertion._MANY, many
     try:
@@ -214,13 +218,13 @@ def assert_inserted_alike(made, many):
 
 
 def chain(number, stamp, shift=0.0):
-    """Make a message of a chain of frames."""
+    """Return a message with a chain of frames."""
     return cdr.pack([Row(stamp, f'f{i}', f'f{i + 1}', (shift + i, *STILL[1:]))
                       for i in range(number)])
 
 
 def test_a_stream_of_messages_answers_as_single_transforms_do():
-    """Over three times the cache time, in batches of any size."""
+    """The batches have different sizes, and span several times the cache time."""
     fast, slow, reader = BufferCore(2 * S), BufferCore(2 * S), MessageReader(fail)
     sizes = np.random.default_rng(3).integers(1, 40, 1000)
     stamps = count(T * S, S // 50)
@@ -233,10 +237,10 @@ def test_a_stream_of_messages_answers_as_single_transforms_do():
 
 
 def test_what_the_user_inserts_does_not_overtake_what_was_sent_before():
-    """Though that waits to be inserted."""
+    """Messages that have arrived are inserted first, although they were not pulled yet."""
     buffer = BufferCore()
 
-    source = Arrived(cdr.pack([Row(T * S, 'a', 'b', STILL)]))
+    source = ArrivedMessages(cdr.pack([Row(T * S, 'a', 'b', STILL)]))
     buffer.add_source(source)
     buffer.insert(T * S, 'a', 'b', (1.0, *STILL[1:]), is_static=True)
     assert buffer.frames()[0].is_static
@@ -245,7 +249,7 @@ def test_what_the_user_inserts_does_not_overtake_what_was_sent_before():
 
 @pytest.mark.parametrize('rounds', [5, pytest.param(25, marks=pytest.mark.soak)])
 def test_streams_that_have_frames_in_common_answer_as_single_transforms_do(rounds):
-    """Those of a chain, parts of it, single frames, late ones, twice the same, after a clear."""
+    """Messages are parts of a chain, late, repeated, with new parents, or follow a clear."""
     random = np.random.default_rng(5)
     for _ in range(rounds):
         fast, slow, reader = BufferCore(2 * S), BufferCore(2 * S), MessageReader(fail)
@@ -295,7 +299,11 @@ at_every_place = pytest.mark.parametrize(
 @pytest.mark.parametrize('parent', ['a', 'b'])
 @pytest.mark.parametrize('by', ['message', 'insert'])
 def test_ctrl_c_at_any_place_leaves_a_history_whole(stamps, parent, by):
-    """Every sample has the pose and the parent that belong to its stamp, and more can follow."""
+    """
+    Every sample has the pose and the parent that belong to its stamp.
+
+    More messages can be inserted.
+    """
     buffer, reader = BufferCore(), MessageReader(fail)
 
     def put(*seconds, parent='a'):
@@ -309,7 +317,7 @@ def test_ctrl_c_at_any_place_leaves_a_history_whole(stamps, parent, by):
         put(*range(1, 60))
         put(59.5, parent='a')
         if stamps == [200]:
-            put(60, 61, parent='b')  # so that there is a list of parents to expire
+            put(60, 61, parent='b')  # so that a list of parents expires, too
         return (lambda: put(*stamps, parent=parent)) if by == 'message' else (
             lambda: [buffer.insert(int(second * S), parent, 'c', (second, *STILL[1:]))
                      for second in stamps])
@@ -327,7 +335,7 @@ def test_ctrl_c_at_any_place_leaves_a_history_whole(stamps, parent, by):
 @at_every_place
 @pytest.mark.parametrize('limits', [(30_000, {}), (S, {'max_samples': 40})])
 def test_ctrl_c_at_any_place_leaves_each_sample_its_parent(limits, step):
-    """While the oldest of a frame with several parents expire, or are dropped."""
+    """The oldest samples of a frame with several parents expire, or exceed `max_samples`."""
     buffer = BufferCore()
 
     def put(begin, end):
@@ -353,7 +361,7 @@ def test_ctrl_c_at_any_place_leaves_each_sample_its_parent(limits, step):
 
 @at_every_place
 def test_ctrl_c_at_any_place_at_one_stamp_leaves_each_sample_its_parent(step):
-    """Where the last of a hundred is replaced."""
+    """The last of a hundred samples with the same stamp is replaced."""
     buffer = BufferCore()
 
     def put(begin, end):
@@ -376,13 +384,13 @@ def test_ctrl_c_at_any_place_at_one_stamp_leaves_each_sample_its_parent(step):
 
 
 def test_ctrl_c_at_any_place_of_an_update_loses_no_message():
-    """What was taken stays in the list of its source until it is in the buffer."""
+    """A source keeps the messages in its list until they are in the buffer."""
     buffer = BufferCore()
 
     def prepare():
         nonlocal buffer
         buffer = BufferCore()
-        buffer.add_source(Arrived(*(chain(3, (T + i) * S) for i in range(3))))
+        buffer.add_source(ArrivedMessages(*(chain(3, (T + i) * S) for i in range(3))))
         return buffer.update
 
     for places, _ in enumerate(interruptions(prepare, *FILES)):  # noqa: B007
@@ -392,7 +400,11 @@ def test_ctrl_c_at_any_place_of_an_update_loses_no_message():
 
 
 def test_of_one_stamp_a_hundred_samples_are_kept():
-    """A broken clock does not fill the memory: the first and the last are what lookups use."""
+    """
+    A broken clock does not fill the memory.
+
+    Lookups use the first and the last sample of a stamp, and these are kept.
+    """
     buffer = BufferCore()
     buffer.insert(T * S, 'a', 'b', STILL)
     for i in range(1000):
@@ -407,8 +419,8 @@ def test_of_one_stamp_a_hundred_samples_are_kept():
     assert buffer.lookup_transform('a', 'b', T * S + 5).translation[0] == 0.5
 
 
-def test_more_frames_than_allowed_are_refused_and_that_is_said_once(logs):
-    """Those that are known go on."""
+def test_more_frames_than_allowed_are_refused_and_logged_once(logs):
+    """Transforms between known frames are still inserted."""
     buffer = BufferCore(max_frames=4)
     reader = MessageReader(fail)
     assert buffer.insert(T * S, 'f0', 'f1', STILL)
@@ -419,14 +431,18 @@ def test_more_frames_than_allowed_are_refused_and_that_is_said_once(logs):
         insert(buffer, reader, chain(6, (T + i) * S))
     assert set(buffer.frame_names()) == {'f0', 'f1', 'f2', 'f3'}
     assert buffer.lookup_transform('f0', 'f3').stamp == (T + 3) * S
-    (said,) = [record.getMessage() for record in logs]
-    assert said.startswith('TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "new" ')
-    assert 'max_frames of the buffer allows 4 frames' in said
+    (text,) = [record.getMessage() for record in logs]
+    assert text.startswith('TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "new" ')
+    assert 'max_frames of the buffer allows 4 frames' in text
 
 
 @pytest.mark.parametrize('parent', ['', '/'])
 def test_a_parent_without_a_name_is_refused_of_a_frame_with_several(parent, logs):
-    """As of any other; it is not taken for one of them."""
+    """
+    The empty name is not mistaken for the parent of a history with several parents.
+
+    Such a history has the empty name in place of its only parent.
+    """
     buffer, reader = BufferCore(), MessageReader(fail)
     buffer.insert(1, 'a', 'x', STILL)
     buffer.insert(2, 'b', 'x', STILL)
@@ -437,7 +453,7 @@ def test_a_parent_without_a_name_is_refused_of_a_frame_with_several(parent, logs
 
 
 def test_one_leading_slash_is_removed_however_a_message_comes():
-    """In a batch, and late."""
+    """It is removed from messages in a batch as well as from late ones."""
     buffer, reader = BufferCore(), MessageReader(fail)
     for stamp in 10, 11, 5, 12:
         insert(buffer, reader, cdr.pack([Row(stamp, '//map', 'x', STILL)]))
@@ -445,7 +461,7 @@ def test_one_leading_slash_is_removed_however_a_message_comes():
 
 
 def test_an_insertion_that_fails_leaves_each_pose_its_stamp():
-    """While an array is viewed, it cannot grow."""
+    """An array cannot grow while a memoryview of it exists, so the insertion fails."""
     buffer = BufferCore()
     for stamp in 10, 20, 30:
         buffer.insert(stamp, 'a' if stamp < 30 else 'b', 'x', (float(stamp), *STILL[1:]))
@@ -461,7 +477,7 @@ def test_an_insertion_that_fails_leaves_each_pose_its_stamp():
 
 
 def test_messages_wake_a_lookup_that_waits():
-    """Which then has them."""
+    """The lookup returns the transform of the message."""
     buffer, reader = BufferCore(), MessageReader(fail)
     found = []
     waiting = threading.Thread(target=lambda: found.append(
@@ -476,7 +492,7 @@ def test_messages_wake_a_lookup_that_waits():
 
 
 def test_numbers_that_are_not_finite_give_no_warning():
-    """Nor do numbers whose sum is not."""
+    """Neither these numbers nor finite ones whose sum overflows cause a warning of numpy."""
     buffer, reader = BufferCore(), MessageReader(fail)
     for number in range(3):
         for numbers in ((math.inf, -math.inf), (1e308, 1.7e308), (math.nan, 0.0)):
@@ -490,7 +506,7 @@ def test_numbers_that_are_not_finite_give_no_warning():
 
 
 def test_a_log_may_look_up_while_transforms_are_refused(monkeypatch):
-    """The lock is not held then."""
+    """A log handler is called without the lock, so that other threads can look up."""
     found = []
     buffer, reader = BufferCore(), MessageReader(fail)
 

@@ -1,4 +1,4 @@
-"""The lab of the course, step by step, by its own commands over DDS."""
+"""The lab of the course, step by step, with its own commands over DDS."""
 
 from itertools import pairwise
 from math import cos, pi, sin
@@ -16,8 +16,12 @@ from dummy_arm.tf._ros.qos import profile
 LATCHED = profile(None, 10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def heard(ros, number):
-    """Hear messages of /tf: stamps (s), translations and rotations of their only transform."""
+def receive(ros, number):
+    """
+    Receive messages of /tf that have one transform each.
+
+    :returns: the stamps (s), the translations (m), and the rotations (quaternions x, y, z, w).
+    """
     messages: list[TFMessage] = []
     subscription = ros.node.create_subscription(TFMessage, '/tf', messages.append, 100)
     ros.until(lambda: len(messages) >= number)
@@ -32,7 +36,7 @@ def heard(ros, number):
 
 
 def test_step_1_static_transform(ros, start):
-    """As the course writes it: slashes, the old style; a later subscriber has it too."""
+    """Frames with slashes and the old style work; a later subscriber gets the transform, too."""
     process = start(*tool(
         'static_transform_publisher', '1', '0', '0', '0', '0', '0', '/map', '/base_link'))
     process.line_with("from '/map' to '/base_link'")
@@ -52,9 +56,9 @@ def test_step_1_static_transform(ros, start):
 
 
 def test_steps_2_to_4_dynamic_transform(ros, start):
-    """A circle; not turned, turned by hand, and by Euler angles that are set while it runs."""
+    """The frame moves on a circle; each kind of rotation can be set while it runs."""
     process = start(*tool('dynamic_tf_publisher'))
-    stamps, points, rotations = heard(ros, 15)
+    stamps, points, rotations = receive(ros, 15)
     assert np.median(np.diff(stamps)) == pytest.approx(0.1, rel=0.1)
     angles = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
     np.testing.assert_allclose(np.diff(angles), 0.1, atol=1e-9)
@@ -67,17 +71,17 @@ def test_steps_2_to_4_dynamic_transform(ros, start):
         assert setting.exit_code() == 0, setting.output
 
     set_to('rotation', 'quaternion')
-    _, points, by_hand = heard(ros, 5)
+    _, points, by_hand = receive(ros, 5)
     for (x, y, _), (*axis, w) in zip(points, by_hand):
         assert axis[:2] == [0.0, 0.0]
         assert (1 - 2 * axis[2] ** 2, 2 * axis[2] * w) == pytest.approx((x, y), abs=1e-9)
 
     set_to('rotation', 'euler')
-    _, points, by_euler = heard(ros, 5)
+    _, points, by_euler = receive(ros, 5)
     for (x, y, _), (*axis, w) in zip(points, by_euler):
         assert (1 - 2 * axis[2] ** 2, 2 * axis[2] * w) == pytest.approx((x, y), abs=1e-9)
     set_to('roll', str(pi / 2))
-    _, points, by_euler = heard(ros, 5)
+    _, points, by_euler = receive(ros, 5)
     for (x, y, _), quaternion in zip(points, by_euler):
         half = np.arctan2(y, x) / 2
         expected = np.array([cos(half), sin(half), sin(half), cos(half)]) * np.sqrt(0.5)
@@ -88,7 +92,7 @@ def test_steps_2_to_4_dynamic_transform(ros, start):
 
 
 def test_steps_5_and_6_the_frames_of_the_arm(start, tmp_path):
-    """What is handed in: frames.pdf of the running arm, in the current directory."""
+    """view_frames draws the running arm to frames.pdf in the current directory."""
     start(*ARM).line_with('t = 0')
     process = start(*tool('view_frames'), cwd=tmp_path)
     assert process.exit_code() == 0, process.output
@@ -103,16 +107,16 @@ def test_steps_5_and_6_the_frames_of_the_arm(start, tmp_path):
     lines = [line.strip() for line in text.splitlines()]
     frames = ['map', *Arm().frames]
     assert sorted(line for line in lines if line in frames) == sorted(frames)
-    down = [heights[frame] for frame in frames]  # from the top of the page
+    down = [heights[frame] for frame in frames]  # the root is at the top of the page
     assert down == sorted(set(down))
     assert lines.count('Broadcaster: /dummy_arm') == 5
     assert lines.count('static') == 1
     rates = [float(line.split()[2]) for line in lines if line.startswith('Average rate: ')]
     assert len(rates) == 4
-    assert 25.0 < min(rates) <= max(rates) < 55.0  # of 50; on a busy machine it is slower
+    assert 25.0 < min(rates) <= max(rates) < 55.0  # the rate is 50 Hz, less on a busy machine
     lengths = [float(line.split()[2]) for line in lines if line.startswith('Buffer length: ')]
     assert len(lengths) == 4
-    assert 0.5 < min(lengths) <= max(lengths) < 5.5  # to discover the arm may take seconds
+    assert 0.5 < min(lengths) <= max(lengths) < 5.5  # the discovery of the arm may take seconds
     dot = (tmp_path / 'frames.gv').read_text()
     for parent, child in pairwise(frames):
         assert f'"{parent}" -> "{child}" [' in dot

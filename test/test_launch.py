@@ -1,4 +1,4 @@
-"""The files for ROS 2's launch and for rviz2."""
+"""The launch file of ROS 2 and the configuration of rviz2."""
 
 import json
 from math import cos, sin, tan
@@ -16,7 +16,7 @@ from dummy_arm.tf import BufferCore
 
 ROOT = Path(__file__).parent.parent
 LAUNCH, RVIZ = 'launch/dummy_arm.launch.py', 'rviz/dummy_arm.rviz'
-#: What rviz_default_plugins and rviz_common of Jazzy have, of what is used.
+#: The classes of rviz_default_plugins and rviz_common of Jazzy that the configuration uses.
 CLASSES = {
     f'rviz_default_plugins/{name}' for name in (
         'FocusCamera', 'Grid', 'Interact', 'Measure', 'MoveCamera', 'Orbit', 'Select', 'TF')
@@ -24,7 +24,7 @@ CLASSES = {
 
 
 def test_they_are_installed():
-    """In the package's share, where they are looked for."""
+    """Both are in the share directory of the package, where ros2 and rviz2 look for them."""
     code = ('import json, setuptools\nfrom distutils.core import run_setup\n'
             'print(json.dumps(run_setup("setup.py", stop_after="init").data_files))')
     output = subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=True, text=True,
@@ -36,7 +36,7 @@ def test_they_are_installed():
 
 
 def classes_in(config):
-    """List the classes of a configuration of rviz."""
+    """Return the classes that a configuration of rviz uses."""
     if isinstance(config, list):
         return [name for each in config for name in classes_in(each)]
     if isinstance(config, dict):
@@ -46,7 +46,7 @@ def classes_in(config):
 
 
 def test_rviz_has_the_classes_of_jazzy():
-    """And shows the frames by their names, in map."""
+    """The configuration uses no other classes, and shows the frames with their names in map."""
     config = yaml.safe_load((ROOT / RVIZ).read_text())
     assert set(classes_in(config)) == CLASSES
     manager = config['Visualization Manager']
@@ -56,7 +56,7 @@ def test_rviz_has_the_classes_of_jazzy():
 
 
 def test_the_camera_of_rviz_sees_the_whole_arm():
-    """Wherever it waves, in a window of 4:3; and the arm is not lost in it."""
+    """In a 4:3 window, the arm is visible in every position, and not too small."""
     view = yaml.safe_load((ROOT / RVIZ).read_text())['Visualization Manager']['Views']['Current']
     yaw, pitch = view['Yaw'], view['Pitch']
     focal = np.array([view['Focal Point'][axis] for axis in 'XYZ'])
@@ -73,19 +73,19 @@ def test_the_camera_of_rviz_sees_the_whole_arm():
         points += [transform.translation for transform in placed.values()]
     seen = np.array(points) - focal - view['Distance'] * backwards
     depths = -seen @ backwards
-    half = tan(0.5 * 0.7854)  # of rviz's 45 degrees
+    half = tan(0.5 * 0.7854)  # rviz's field of view is 45 degrees
     assert (depths > 1.0).all()
     heights, widths = abs(seen @ up) / depths / half, abs(seen @ right) / depths / half / (4 / 3)
     assert 0.5 < max(heights.max(), widths.max()) < 0.95
 
 
-@pytest.mark.skipif(shutil.which('ros2') is None, reason='there is no ros2, as on a Jazzy desktop')
+@pytest.mark.skipif(shutil.which('ros2') is None, reason='the command ros2 is not installed')
 def test_launched(start):
-    """The arm runs as its arguments say, until Ctrl-C; and not any longer."""
+    """The arm runs with the arguments of the launch file until Ctrl-C, and not longer."""
     process = start('-c', 'import os, sys; os.execvp("ros2", ["ros2", *sys.argv[1:]])', 'launch',
                     str(ROOT / LAUNCH), 'rviz:=false', 'rate:=20', 'frame_prefix:=a/')
     line = process.line_with('publishing map -> a/base_link')
     assert 'at 20 Hz' in line
     process.press_ctrl_c()
     assert process.exit_code() == 0
-    assert not process.has_left_others()
+    assert not process.has_left_processes()

@@ -1,4 +1,4 @@
-"""What a broken or hostile peer cannot do: fill the memory, hold the lock, reach the terminal."""
+"""Limits that protect the memory, the lock and the terminal from broken or hostile nodes."""
 
 from difflib import SequenceMatcher
 import gc
@@ -29,38 +29,38 @@ STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 def pose(x):
-    """Return a pose without rotation."""
+    """Return a pose x m along the x axis, without rotation."""
     return (float(x), *STILL[1:])
 
 
 def fail(error):
-    """Accept no malformed message."""
+    """Raise the error: these tests expect no malformed message."""
     raise error
 
 
 def by_calls(buffer, stamps, children, parent='map'):
-    """Insert transforms one by one; x counts the stamps."""
+    """Insert transforms one by one; x is the index of the stamp."""
     for x, stamp in enumerate(stamps):
         for child in children:
             buffer.insert(stamp, parent, child, pose(x))
 
 
 def by_messages(buffer, stamps, children, parent='map'):
-    """Insert the same as messages, each with all children."""
+    """Insert the same transforms as messages, one for each stamp, with all children."""
     buffer.insert_batches(MessageReader(fail).read(
         [cdr.pack([Row(stamp, parent, child, pose(x)) for child in children])
          for x, stamp in enumerate(stamps)], 'default_authority', False))
 
 
 def by_a_message(buffer, stamps, children, parent='map'):
-    """Insert the same as one message."""
+    """Insert the same transforms as a single message."""
     buffer.insert_batches(MessageReader(fail).read(
         [cdr.pack([Row(stamp, parent, child, pose(x))
                    for x, stamp in enumerate(stamps) for child in children])],
         'default_authority', False))
 
 
-WAYS = [by_calls, by_messages, by_a_message]
+INSERTERS = [by_calls, by_messages, by_a_message]
 
 
 def lengths(buffer):
@@ -69,12 +69,12 @@ def lengths(buffer):
 
 
 def logged_texts(logs):
-    """Return what was logged."""
+    """Return the texts that were logged."""
     return [record.getMessage() for record in logs]
 
 
 class Counted(str):
-    """A name that counts how often it is compared."""
+    """A name; the class counts the comparisons of all its instances."""
 
     __slots__ = ()
     comparisons = 0
@@ -103,7 +103,7 @@ def test_ever_new_parents_of_a_child_take_linear_time(step):
 
 
 def test_a_parent_that_expired_is_forgotten():
-    """And the last one that is left is the only one again; lookups follow."""
+    """When one parent is left, the history has a single parent again; lookups use it."""
     buffer = BufferCore(S)
     for i in range(100):
         buffer.insert(T + i * S // 100, 'odd' if i % 2 else 'even', 'child', pose(i))
@@ -115,9 +115,9 @@ def test_a_parent_that_expired_is_forgotten():
     assert buffer.lookup_transform('odd', 'child', T + 3 * S).translation[0] == 300.0
 
 
-@pytest.mark.parametrize('insert', WAYS)
+@pytest.mark.parametrize('insert', INSERTERS)
 def test_a_frame_keeps_10000_samples_per_second_of_cache_time(insert, logs):
-    """The newest ones; the limit is logged once for all frames."""
+    """The newest samples are kept, and the limit is logged once for all frames."""
     buffer = BufferCore(S // 20)
     stamps = [T + i for i in range(1200)]
     insert(buffer, stamps, ['a', 'b'])
@@ -132,9 +132,9 @@ def test_a_frame_keeps_10000_samples_per_second_of_cache_time(insert, logs):
     assert 'at most 500 are kept of one frame' in text
 
 
-@pytest.mark.parametrize('insert', WAYS)
+@pytest.mark.parametrize('insert', INSERTERS)
 def test_what_is_dropped_is_freed(insert):
-    """However often: the memory holds little more than what is kept."""
+    """After many rounds, the memory holds little more than the samples that are kept."""
     buffer = BufferCore(S // 20)
     for round_ in range(10):
         insert(buffer, [T + round_ * 1000 + i for i in range(1000)], ['a', 'b', 'c'])
@@ -142,14 +142,14 @@ def test_what_is_dropped_is_freed(insert):
             tracemalloc.start()
     try:
         gc.collect()
-        # Twice what is kept at most, since it is over-allocated.
+        # The arrays are over-allocated, at most by a factor of two.
         assert tracemalloc.get_traced_memory()[0] < 2 * 3 * 500 * (56 + 8)
     finally:
         tracemalloc.stop()
 
 
 def test_a_frame_with_many_parents_keeps_as_many_parents_as_samples():
-    """Also when they are dropped because there are too many."""
+    """The parents of samples that exceed the limit are dropped with them."""
     buffer = BufferCore(S // 20)
     for i in range(3000):
         buffer.insert(T + i, f'parent_{i % 700}', 'child', pose(i))
@@ -160,18 +160,22 @@ def test_a_frame_with_many_parents_keeps_as_many_parents_as_samples():
 
 
 @pytest.mark.parametrize('minutes', [3, pytest.param(60, marks=pytest.mark.soak)])
-@pytest.mark.parametrize('insert', WAYS)
+@pytest.mark.parametrize('insert', INSERTERS)
 def test_an_hour_at_100_hz_is_kept(insert, minutes, logs):
-    """Every sample of it, in a buffer with an hour of cache time; and of a part of an hour."""
+    """The limit of samples does not affect usual rates in buffers with a long cache time."""
     buffer, samples = BufferCore(minutes * 60 * S), minutes * 6000 + 1
     insert(buffer, [T + i * S // 100 for i in range(samples)], ['tool'])
     assert lengths(buffer) == {'tool': samples}
     assert not logs
 
 
-@pytest.mark.parametrize('insert', WAYS)
+@pytest.mark.parametrize('insert', INSERTERS)
 def test_the_frame_that_gets_a_sample_drops_its_oldest(insert, logs):
-    """When the buffer has as many as it may have; the others keep theirs. It is logged once."""
+    """
+    This happens when the buffer has `max_samples` samples, and is logged once.
+
+    The other frames keep their samples.
+    """
     buffer = BufferCore(max_samples=10)
     insert(buffer, [T + i for i in range(5)], ['a'])
     insert(buffer, [T + i for i in range(5)], ['b'])
@@ -188,9 +192,9 @@ def test_the_frame_that_gets_a_sample_drops_its_oldest(insert, logs):
     assert 'max_samples of the buffer allows 10 dynamic transforms' in text
 
 
-@pytest.mark.parametrize('insert', WAYS)
+@pytest.mark.parametrize('insert', INSERTERS)
 def test_a_new_frame_has_a_place_in_a_full_buffer(insert):
-    """One sample of it, always the newest."""
+    """One sample of the new frame is kept, always the newest."""
     buffer = BufferCore(max_samples=10)
     insert(buffer, [T + i for i in range(10)], ['a'])
     insert(buffer, [T, T + 5], ['new'])
@@ -198,9 +202,9 @@ def test_a_new_frame_has_a_place_in_a_full_buffer(insert):
     assert buffer.lookup_transform('map', 'new').stamp == T + 5
 
 
-@pytest.mark.parametrize('insert', WAYS)
+@pytest.mark.parametrize('insert', INSERTERS)
 def test_a_buffer_is_full_no_longer_when_samples_have_expired(insert):
-    """The old ones of one frame make room for another."""
+    """Expired samples of one frame make room for samples of another frame."""
     buffer = BufferCore(S, max_samples=10)
     insert(buffer, [T + i for i in range(8)], ['a'])
     insert(buffer, [T + i for i in range(2)], ['b'])
@@ -209,9 +213,9 @@ def test_a_buffer_is_full_no_longer_when_samples_have_expired(insert):
     assert lengths(buffer) == {'a': 2, 'b': 7}
 
 
-@pytest.mark.parametrize('insert', WAYS)
+@pytest.mark.parametrize('insert', INSERTERS)
 def test_a_buffer_that_is_not_full_keeps_all(insert, logs):
-    """However many samples have come in, of many frames: what has expired does not count."""
+    """Expired samples do not count, however many have been inserted."""
     buffer = BufferCore(S, max_samples=1000)
     children = [f'frame_{i}' for i in range(20)]
     for second in range(20):
@@ -222,7 +226,7 @@ def test_a_buffer_that_is_not_full_keeps_all(insert, logs):
 
 
 samples = st.lists(st.tuples(
-    st.sampled_from(WAYS), st.integers(0, 100), st.integers(1, 5),
+    st.sampled_from(INSERTERS), st.integers(0, 100), st.integers(1, 5),
     st.lists(st.sampled_from([f'frame_{i}' for i in range(12)]), min_size=1, max_size=12,
              unique=True)), max_size=40)
 
@@ -230,7 +234,11 @@ samples = st.lists(st.tuples(
 @given(samples)
 @settings(deadline=None, max_examples=50)
 def test_a_buffer_has_no_more_samples_than_allowed(inserted):
-    """But one for each frame; and of every frame it has the newest."""
+    """
+    One sample of each frame is allowed in addition.
+
+    The newest sample of every frame is kept.
+    """
     buffer = BufferCore(S, max_samples=20)
     newest: dict[str, int] = {}
     for insert, begin, number, children in inserted:
@@ -243,7 +251,7 @@ def test_a_buffer_has_no_more_samples_than_allowed(inserted):
 
 
 def test_no_limit_of_samples():
-    """Is None: neither of the buffer nor of a frame."""
+    """With max_samples=None, neither the buffer nor a frame has a limit."""
     buffer = BufferCore(S // 20, max_samples=None)
     by_messages(buffer, [T + i for i in range(1200)], ['a'])
     assert lengths(buffer) == {'a': 1200}
@@ -258,15 +266,19 @@ LONG = [('x' * 1024, True), ('x' * 1025, False), ('é' * 512, True), ('é' * 513
 
 
 @pytest.mark.parametrize('is_static', [False, True])
-@pytest.mark.parametrize(('name', 'is_taken'), LONG)
-def test_a_name_may_have_1024_bytes(name, is_taken, is_static, logs):
-    """Of UTF-8, a parent's as a child's; a leading slash does not count."""
+@pytest.mark.parametrize(('name', 'is_accepted'), LONG)
+def test_a_name_may_have_1024_bytes(name, is_accepted, is_static, logs):
+    """
+    The limit counts bytes of UTF-8, for parents as for children.
+
+    A leading slash does not count.
+    """
     for number, edge in enumerate([('map', f'/{name}'), (f'/{name}', 'tool')]):
         buffer = BufferCore()
         logs.clear()
-        assert buffer.insert(T, *edge, STILL, 'somebody', is_static) is is_taken
-        assert bool(buffer.frames()) is is_taken
-        if not is_taken:
+        assert buffer.insert(T, *edge, STILL, 'somebody', is_static) is is_accepted
+        assert bool(buffer.frames()) is is_accepted
+        if not is_accepted:
             size = len(name.encode('utf-8', 'surrogatepass'))
             (text,) = logged_texts(logs)
             assert re.fullmatch(
@@ -278,7 +290,7 @@ def test_a_name_may_have_1024_bytes(name, is_taken, is_static, logs):
 
 @pytest.mark.parametrize('form', [cdr, ros1])
 def test_names_of_messages_that_are_too_long_are_not_kept(form, logs):
-    """Neither as frames, nor as the layout of a stream."""
+    """They are kept neither as frames nor in the layout of a stream."""
     buffer, reader = BufferCore(), MessageReader(fail, form)
     rows = [Row(T, 'map', 'x' * 1_000_000, STILL), Row(T, 'map', 'tool', STILL)]
     data = cdr.pack(rows) if form is cdr else packed_for_ros1(rows)
@@ -291,7 +303,7 @@ def test_names_of_messages_that_are_too_long_are_not_kept(form, logs):
 
 
 def packed_for_ros1(rows):
-    """Pack a message as ROS 1 does."""
+    """Serialise transforms as a message of ROS 1."""
     packed = len(rows).to_bytes(4, 'little')
     for stamp, *names, pose in rows:
         packed += struct.pack('<III', 0, *divmod(stamp, S))
@@ -317,7 +329,11 @@ NAN = (math.nan, *STILL[1:])
     ('TF_TOO_MANY_SAMPLES', 'map', HOSTILE, STILL, None),
     ('TF_FULL_BUFFER', 'map', HOSTILE, STILL, None)])
 def test_a_log_line_escapes_and_cuts_names(cause, parent, child, bad, stamp, logs):
-    """Of frames and of who sent them: nothing but tf2's own line break reaches the terminal."""
+    """
+    The names of frames and publishers cannot control the terminal.
+
+    The only line break is that of tf2's own text.
+    """
     buffer = BufferCore(S // 50, max_frames=2, max_samples=150 if 'FULL' in cause else 1000)
     buffer.insert(T, 'map', HOSTILE, STILL)
     for i in range(300):
@@ -331,7 +347,7 @@ def test_a_log_line_escapes_and_cuts_names(cause, parent, child, bad, stamp, log
 
 
 def test_logs_of_rclpy_take_lone_surrogates(logs):
-    """Which cannot be encoded, so that rclpy's logger would raise in the listener's thread."""
+    """The logger of rclpy cannot encode them, and would raise in the listener's thread."""
     from dummy_arm.tf import Buffer
     buffer = Buffer()
     for _ in range(2):
@@ -339,7 +355,7 @@ def test_logs_of_rclpy_take_lone_surrogates(logs):
 
 
 def test_texts():
-    """Names are escaped as Python does, and cut in the middle."""
+    """Names are escaped as in Python, and abbreviated in the middle."""
     assert visible('tool') == 'tool'
     assert visible('a\tb\x1b[31m\udcff\u200b√') == r'a\tb\x1b[31m\udcff\u200b√'
     assert visible_lines('a\x00\nb\x7f') == '\n'.join((r'a\x00', r'b\x7f'))
@@ -351,7 +367,7 @@ def test_texts():
 
 @pytest.fixture
 def compared(monkeypatch):
-    """Return the lists of names among which near ones are searched."""
+    """The lists of names in which names similar to an unknown one are searched."""
     lists = []
 
     def get_close_matches(name, names, number):
@@ -364,7 +380,7 @@ def compared(monkeypatch):
     texts.suggest_names.cache_clear()
 
 
-def why(buffer, name):
+def error_text(buffer, name):
     """Return the text of the error for an unknown frame."""
     with pytest.raises(TransformException) as raised:
         buffer.lookup_transform('map', name)
@@ -372,43 +388,43 @@ def why(buffer, name):
 
 
 def test_near_names_are_searched_among_1000(compared):
-    """To compare an unknown name with a hundred thousand would take seconds."""
+    """A comparison of the unknown name with a hundred thousand names would take seconds."""
     buffer = BufferCore()
     for i in range(3000):
         buffer.insert(T, 'map', f'frame_{i}', STILL, is_static=True)
-    assert why(buffer, 'fr').endswith(
+    assert error_text(buffer, 'fr').endswith(
         "Nearest known: 'frame_0', 'frame_1', 'frame_2', 'frame_3', 'frame_4'.")
-    assert why(buffer, 'tool').endswith(
+    assert error_text(buffer, 'tool').endswith(
         "Known frames: 'frame_0', 'map', 'frame_1', 'frame_2', 'frame_3' and 2996 more.")
     assert [len(names) for names in compared] == [1000, 1000]
 
 
 def test_long_names_are_neither_compared_nor_shown_in_full(compared):
-    """To compare two of them takes milliseconds."""
+    """A comparison of two long names takes milliseconds."""
     buffer = BufferCore()
     for i in range(10):
         buffer.insert(T, 'map', f'{"x" * 500}{i}', STILL, is_static=True)
-    text = why(buffer, 'tool')
+    text = error_text(buffer, 'tool')
     first, *others = (f"'{'x' * 49}...{'x' * 47}{i}'" for i in range(4))
     assert text.endswith(f"Known frames: {first}, 'map', {', '.join(others)} and 6 more.")
-    why(buffer, 'y' * 500)
+    error_text(buffer, 'y' * 500)
     assert compared == [['map']]
 
 
 class Watched:
-    """Notes whether the lock of a buffer is held when something is written."""
+    """A function that records whether the lock of a buffer is held when it is called."""
 
     def __init__(self, buffer, work):
         self.buffer, self.work, self.held = buffer, work, []
 
     def __call__(self, *arguments):
-        """Write it."""
+        """Record whether the lock is held, and call the wrapped function."""
         self.held.append(self.buffer.is_held())
         return self.work(*arguments)
 
 
 def test_frames_are_listed_without_the_lock(monkeypatch):
-    """It is held only while the numbers are copied."""
+    """The lock is held only while the numbers are copied."""
     buffer = BufferCore()
     by_messages(buffer, [T, T + 1], ['a', 'b'])
     watched = Watched(buffer, Frame.__new__)
@@ -419,7 +435,7 @@ def test_frames_are_listed_without_the_lock(monkeypatch):
 
 
 def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
-    """That which is asked for, and that in the error about a loop."""
+    """This holds for `all_frames_as_string`, and for the list in the error about a loop."""
     buffer = BufferCore()
     for parent, child in ('map', 'a'), ('c', 'b'), ('b', 'c'):
         buffer.insert(T, parent, child, STILL)
@@ -431,13 +447,13 @@ def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
     assert buffer.all_frames_as_string() == listed
     with buffer.fetched(), pytest.raises(TransformException) as raised:
         buffer.lookup_transform('a', 'b')
-    assert watched.held == [False]  # nothing of it is written before somebody reads it
+    assert watched.held == [False]  # the text is made when it is first read
     assert listed in str(raised.value)
     assert watched.held == [False, False]
 
 
 def test_frames_of_tf2_echo_are_compared_with_1000(ros, monkeypatch):
-    """When it says which frames there are, the nearest names first."""
+    """Its text lists the frames that exist; the names nearest to the missing one come first."""
     from dummy_arm.inspection import frame_listener
     compared = []
 
@@ -456,7 +472,7 @@ def test_frames_of_tf2_echo_are_compared_with_1000(ros, monkeypatch):
 
 
 def test_traffic_of_frames_with_long_names_is_not_counted():
-    """Of a hundred thousand frames at most, whose names fit into the memory."""
+    """The counts of many frames with such names would fill the memory."""
     from dummy_arm.inspection.traffic import Traffic
     from dummy_arm.tf.publisher_listener import ReceivedMessage
     traffic = Traffic(lambda: T)
@@ -469,7 +485,7 @@ def test_traffic_of_frames_with_long_names_is_not_counted():
 
 
 def test_tf2_echo_escapes_what_others_named(ros, start):
-    """The frames of a loop are in the error, and all are listed; one line of the log each."""
+    """The error about a loop lists all frames, each in a line of its own in the log."""
     process = start(*tool('tf2_echo', 'map', 'tool\x1b[31m'))
     publisher = ros.node.create_publisher(TFMessage, '/tf', 10)
     ros.until(lambda: publisher.get_subscription_count() == 1)

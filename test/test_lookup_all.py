@@ -1,4 +1,4 @@
-"""Where all frames are in one: what a lookup of each gives."""
+"""lookup_all: the poses of all frames in one frame, compared with single lookups."""
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,20 +10,20 @@ S = 10**9
 T = 1_700_000_000 * S
 NAMES = 'abcdefg'
 
-#: Which frame, below which, at which tenth of a second, whether that is static; and where.
+#: Transforms: the indices of child and parent, tenths of a second after T, is_static, and x (m).
 INSERTS = st.lists(st.tuples(
     st.integers(1, len(NAMES) - 1), st.integers(0, len(NAMES) - 1), st.integers(0, 30),
     st.sampled_from([False, False, False, True]), st.floats(-2, 2)), min_size=1, max_size=40)
 
 
 def pose(x):
-    """Make a pose that is another for each number."""
+    """Return a pose that is different for each x."""
     length = (1 + x * x) ** 0.5
     return x, 1.0, -x, 0.0, x / length, 0.0, 1 / length
 
 
 def by_lookups(buffer, target, until):
-    """Look up each frame by itself."""
+    """Return the transforms of all frames, each by a lookup of its own."""
     found = {}
     for name in NAMES:
         try:
@@ -38,7 +38,11 @@ def by_lookups(buffer, target, until):
 @settings(max_examples=300)
 @given(INSERTS, st.sampled_from(NAMES), st.sampled_from([0, T, T + S, T + 15 * S // 10]))
 def test_as_lookups(inserts, target, until):
-    """Stamps in common or not, static edges; and where time has no limit, changes of parents."""
+    """
+    The result is that of single lookups, for equal and different stamps and static edges.
+
+    Frames change their parents only if there is no limit of time.
+    """
     buffer = BufferCore()
     parents: dict[int, int] = {}
     known: set[str] = set()
@@ -63,7 +67,7 @@ def test_as_lookups(inserts, target, until):
 
 
 def test_a_frame_that_changed_its_parent():
-    """What does not move as often is at the time of the slowest: below the parent of then."""
+    """A frame is placed at the latest common time of its path, below the parent of that time."""
     buffer = BufferCore()
     for i in range(11):
         buffer.insert(T + i * S, 'map', 'left', pose(i / 10))
@@ -78,13 +82,13 @@ def test_a_frame_that_changed_its_parent():
 
 
 def by_lookup(buffer, name, until):
-    """Look up one frame."""
+    """Return the transform of one frame by a lookup."""
     latest = buffer.get_latest_common_time('map', name)
     return buffer.lookup_transform('map', name, min(latest, until) if until else latest)
 
 
 def test_only_what_is_connected_and_known():
-    """Other trees, loops, and what comes later are left out."""
+    """Frames of other trees, of loops, and without data up to the given time are left out."""
     buffer = BufferCore()
     buffer.insert(T, 'map', 'odom', pose(1), is_static=True)
     buffer.insert(T + S, 'odom', 'base', pose(1))
@@ -99,7 +103,7 @@ def test_only_what_is_connected_and_known():
 
 
 def test_no_such_frame():
-    """It is refused as a lookup refuses it."""
+    """An unknown or invalid target frame raises the same exception as in a single lookup."""
     buffer = BufferCore()
     buffer.insert(T, 'map', 'odom', pose(1))
     with pytest.raises(LookupException, match=r"does not exist\. Nearest known: 'odom'"):
@@ -109,6 +113,6 @@ def test_no_such_frame():
 
 
 def test_a_single_name_is_an_error():
-    """It would be taken for its letters."""
+    """A str is refused, since it would be read as a list of one-letter names."""
     with pytest.raises(TypeError, match="must be a list of names, got 'map'"):
         BufferCore().lookup_all('map')

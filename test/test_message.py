@@ -1,4 +1,4 @@
-"""TFMessage, the real one or the one made at run time."""
+"""Tests of TFMessage: the class of tf2_msgs, or the one that is created at run time."""
 
 import copy
 import os
@@ -21,17 +21,17 @@ HASH = 'RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087'
 
 
 def message(case):
-    """Build the message of a golden case."""
+    """Return the message of a golden case."""
     return TFMessage(transforms=[*map(message_of_fields, golden_fields(case))])
 
 
 def without_padding(data, case):
-    """Zero the alignment padding, in which real messages have garbage."""
+    """Return the bytes with zeros as alignment padding, which is arbitrary in real messages."""
     return cdr.pack_fields(cdr.fields(data)) if case['transforms'] else data[:8]
 
 
 def test_serializes_as_tf2_msgs_does(golden_messages):
-    """The golden bytes."""
+    """The bytes equal the golden ones, apart from the alignment padding."""
     for case in golden_messages:
         data = serialize_message(message(case))
         assert len(data) == len(case['cdr_hex']) // 2
@@ -39,14 +39,14 @@ def test_serializes_as_tf2_msgs_does(golden_messages):
 
 
 def test_deserializes_as_tf2_msgs_does(golden_messages):
-    """The golden transforms."""
+    """The golden bytes give the golden transforms."""
     for case in golden_messages:
         assert deserialize_message(bytes.fromhex(case['cdr_hex']), TFMessage) == message(case)
 
 
 @made_at_run_time
 def test_every_prefix_ends_in_an_exception(golden_messages):
-    """A cut message cannot crash the process; see also test_faults.py."""
+    """A truncated message cannot crash the process; see also test_faults.py."""
     for case in golden_messages:
         data = bytes.fromhex(case['cdr_hex'])
         for end in range(len(data)):
@@ -55,7 +55,7 @@ def test_every_prefix_ends_in_an_exception(golden_messages):
 
 
 def test_other_types_are_serialized_as_ever():
-    """What is taught to rclpy is about TFMessage only."""
+    """The support that is added to rclpy affects TFMessage only."""
     transform = TransformStamped(child_frame_id='a')
     assert deserialize_message(serialize_message(transform), TransformStamped) == transform
 
@@ -66,7 +66,7 @@ def test_other_types_are_serialized_as_ever():
     TransformStamped(child_frame_id='\ud800'), TransformStamped(transform=Transform(rotation=0))])
 @made_at_run_time
 def test_a_wrong_element_is_not_serialized(element):
-    """It raises, wherever in the list it stands."""
+    """An exception is raised, wherever in the list the element is."""
     for elements in ([element], [TransformStamped(), element]):
         with pytest.raises((TypeError, ValueError)):
             serialize_message(TFMessage(transforms=elements))
@@ -74,7 +74,7 @@ def test_a_wrong_element_is_not_serialized(element):
 
 @made_at_run_time
 def test_the_error_names_the_field():
-    """The line says which field, what it must be and what it is."""
+    """The error also names the expected type and the value."""
     transform = TransformStamped(child_frame_id='a')
     transform.header.stamp.nanosec = -1
     error = r"1 of 1, to child 'a': header\.stamp\.nanosec must be a uint32, got -1"
@@ -87,13 +87,13 @@ def test_the_error_names_the_field():
 @pytest.mark.parametrize('data', ['text', bytearray(8), None, 7])
 @made_at_run_time
 def test_only_bytes_are_deserialized(data):
-    """Anything else is a TypeError."""
+    """Any other type raises TypeError, which names the expected type."""
     with pytest.raises(TypeError, match='expected bytes, got'):
         deserialize_message(data, TFMessage)
 
 
 def test_it_is_a_message_class():
-    """Fields, equality, repr, copies, as of any generated class."""
+    """Fields, equality, repr and copies work as those of a generated class."""
     transform = TransformStamped(child_frame_id='a')
     full, empty = TFMessage(transforms=[transform]), TFMessage()
     assert TFMessage.get_fields_and_field_types() == {
@@ -111,7 +111,7 @@ def test_it_is_a_message_class():
 
 @made_at_run_time
 def test_fields_are_checked_on_request():
-    """With check_fields, as generated classes do."""
+    """With check_fields, wrong values raise AssertionError, as in generated classes."""
     checked = TFMessage(check_fields=True)
     for wrong in ([42], 'map', None, 7):
         with pytest.raises(AssertionError, match="'transforms' field"):
@@ -123,15 +123,15 @@ def test_fields_are_checked_on_request():
 
 
 def test_its_name_and_hash_are_those_of_tf2_msgs(ros):
-    """What other nodes see of a publisher."""
+    """Other nodes see the type of tf2_msgs on a topic."""
     ros.node.create_publisher(TFMessage, '/tf', 10)
     (info,) = ros.node.get_publishers_info_by_topic('/tf')
     assert info.topic_type == 'tf2_msgs/msg/TFMessage'
     assert str(info.topic_type_hash) == HASH
 
 
-def test_its_description_is_told_to_who_asks(ros):
-    """The type description service of the node knows it, by its hash."""
+def test_its_type_description_is_served(ros):
+    """The type description service of the node answers a request with the name and hash."""
     ros.node.create_publisher(TFMessage, '/tf', 10)
     client = ros.node.create_client(GetTypeDescription, '/test/get_type_description')
     ros.until(client.service_is_ready)
@@ -149,7 +149,7 @@ def test_its_description_is_told_to_who_asks(ros):
 
 
 def run(code):
-    """Run code in a process of its own; return what it prints."""
+    """Run code in another process, and return its output."""
     done = subprocess.run([sys.executable, '-c', code], text=True, capture_output=True,
                           env=os.environ, timeout=60)
     assert done.returncode == 0, done.stderr
@@ -164,7 +164,7 @@ def run(code):
      'import json; json.dumps = lambda value: ""', 'the hash of geometry_msgs/msg/TransformSt')])
 @made_at_run_time
 def test_a_mismatch_is_an_import_error(change, error):
-    """Where geometry_msgs is not that of Jazzy, the error says what was expected and found."""
+    """If geometry_msgs is not that of Jazzy, the error says what was expected and found."""
     printed = run(
         f'from geometry_msgs import msg\n{change}\n'
         'try:\n    import dummy_arm.tf._tf2_msgs.tf_message\n'
@@ -174,7 +174,7 @@ def test_a_mismatch_is_an_import_error(change, error):
 
 
 def test_the_real_one_is_used_where_it_is(tmp_path):
-    """An importable tf2_msgs goes first."""
+    """If tf2_msgs can be imported, dummy_arm.tf exports its class."""
     package = tmp_path / 'tf2_msgs'
     package.mkdir()
     (package / '__init__.py').touch()

@@ -1,4 +1,4 @@
-"""The package as a whole."""
+"""The package as a whole: metadata, commands, names."""
 
 from pathlib import Path
 import re
@@ -15,7 +15,7 @@ ROOT = Path(__file__).parent.parent
 
 
 def test_setup_py_and_package_xml_agree():
-    """Name, version, description, licence and maintainer stand in both."""
+    """Name, version, description, licence and maintainer are the same in both files."""
     done = subprocess.run(
         [sys.executable, 'setup.py', '--name', '--version', '--description', '--license',
          '--maintainer', '--maintainer-email'],
@@ -28,8 +28,8 @@ def test_setup_py_and_package_xml_agree():
         maintainer.text, maintainer.get('email')]
 
 
-def test_the_changelog_tells_of_this_version():
-    """In the form that catkin_prepare_release reads."""
+def test_the_changelog_has_this_version():
+    """It has a section for the version, in the form that catkin_prepare_release reads."""
     version = ElementTree.parse(ROOT / 'package.xml').findtext('version')
     assert version
     changelog = (ROOT / 'CHANGELOG.rst').read_text()
@@ -42,7 +42,7 @@ COMMANDS = [name for name, thing in vars(entry_points).items()
 
 
 def test_every_command_is_installed():
-    """As a script beside the interpreter, or where `ros2 run` finds it."""
+    """Each command is an entry point in setup.py."""
     setup = (ROOT / 'setup.py').read_text()
     assert COMMANDS
     for command in COMMANDS:
@@ -51,7 +51,7 @@ def test_every_command_is_installed():
 
 @pytest.mark.parametrize('command', COMMANDS)
 def test_every_command_has_help_with_an_example(start, command):
-    """With exit code 0."""
+    """`--help` prints the usage and an example, and exits with code 0."""
     process = start(*tool(command, '--help'))
     assert process.exit_code() == 0
     assert f'usage: {command} ' in process.output
@@ -60,7 +60,7 @@ def test_every_command_has_help_with_an_example(start, command):
 
 @pytest.mark.parametrize('command', COMMANDS)
 def test_a_command_that_needs_ros_says_so(start, command):
-    """In one line, with the remedy."""
+    """Without ROS, each command prints one line with the remedy, and exits with code 1."""
     arguments = {'param': ['node'], 'tf2_echo': ['map', 'odom']}.get(command, [])
     process = start(*tool_without_ros(command, *arguments))
     assert process.exit_code() == 1
@@ -70,7 +70,7 @@ def test_a_command_that_needs_ros_says_so(start, command):
 
 
 def test_names_of_tf_are_listed_and_unknown_ones_are_not_there():
-    """Imported late, they still show in dir()."""
+    """Names that are imported late appear in dir(); other names raise AttributeError."""
     from dummy_arm import tf
     assert {'TFMessage', 'TransformBroadcaster', 'StaticTransformBroadcaster'} <= set(dir(tf))
     with pytest.raises(AttributeError, match="no attribute 'Nonsense'"):

@@ -26,7 +26,7 @@ from dummy_arm.tf import Buffer, rotations
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
 #: The number of blocks that are not run, by page and mark.
-NOT_RUN = {('desktop.md', 'desktop'): 5, ('desktop.md', 'docker'): 4}
+NOT_RUN = {('desktop.md', 'desktop'): 5, ('desktop.md', 'docker'): 5}
 #: The commands that run until Ctrl-C, and a text that each prints when it works.
 ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in {
     'dummy_arm': 't = 0', 'dynamic_tf_publisher': 'publishing map -> moving_frame',
@@ -34,8 +34,7 @@ ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in 
     'tf2_echo (?!.*--(once|bag))': 'At time', 'tf2_monitor': 'RESULTS',
     'view_frames .*--watch': ' Hz ', 'web_view': 'look at http://'}.items()}
 #: The sections whose commands need the arm, which the text says.
-WITH_ARM = {('lab.md', 'Step 5: the tree of frames'), ('commands.md', 'param'),
-            ('commands.md', 'tf2_echo'), ('commands.md', 'tf2_monitor'),
+WITH_ARM = {('commands.md', 'param'), ('commands.md', 'tf2_echo'), ('commands.md', 'tf2_monitor'),
             ('commands.md', 'view_frames'), ('bags.md', 'Record a bag')}
 
 

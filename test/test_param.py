@@ -1,4 +1,4 @@
-"""The command `param`, on the arm and on nodes that are made for it."""
+"""The command `param`, used on the arm."""
 
 import math
 import re
@@ -16,7 +16,7 @@ from dummy_arm.tools.param import main, parameter, read
 
 @pytest.fixture
 def arm(start):
-    """Start the arm."""
+    """A running arm."""
     process = start(*ARM)
     process.line_with('t = 0')
     return process
@@ -24,7 +24,7 @@ def arm(start):
 
 @pytest.fixture
 def param(start):
-    """Run the command; give its exit code and output."""
+    """Return a function that runs the command and returns its exit code and output."""
     def run(*arguments):
         process = start(*tool('param', *arguments))
         return process.exit_code(), process.output
@@ -33,7 +33,7 @@ def param(start):
 
 
 def test_list_read_and_set(arm, param):
-    """What the lab's step 4 and the arm's live parameters need."""
+    """Step 4 of the lab and the live parameters of the arm need these operations."""
     code, listed = param('dummy_arm')
     assert code == 0
     assert 'rate: 50.0\n' in listed
@@ -46,7 +46,7 @@ def test_list_read_and_set(arm, param):
     assert param('dummy_arm', 'joint_1.speed', '-1e-3') == (0, '-0.001\n')
 
 
-@pytest.mark.parametrize(('arguments', 'said'), [
+@pytest.mark.parametrize(('arguments', 'reason'), [
     (['rate', '0'], '/dummy_arm refuses the value: .*[Rr]ate.*0.1.*10000'),
     (['rate', 'fast'], '/dummy_arm refuses the value: rate must be a number .*fast'),
     (['frame_prefix', 'left/'], '/dummy_arm refuses the value: .*read-only'),
@@ -54,22 +54,22 @@ def test_list_read_and_set(arm, param):
                        "'joint_1.speed'"),
     (['colour', 'red'], "/dummy_arm has no parameter 'colour'. Known parameters: .*and 8 more"),
 ])
-def test_what_cannot_be_done_is_exit_code_1_with_the_reason(arm, param, arguments, said):
-    """The node's reason, or what there is instead."""
+def test_what_cannot_be_done_is_exit_code_1_with_the_reason(arm, param, arguments, reason):
+    """The line has the reason that the node gives, or the names of existing parameters."""
     code, output = param('dummy_arm', *arguments)
     assert code == 1
-    assert re.fullmatch(f'param: {said}.*\n', output)
+    assert re.fullmatch(f'param: {reason}.*\n', output)
 
 
 def test_no_such_node(arm, param):
-    """It names the nearest."""
+    """The line names the node with the nearest name."""
     code, output = param('dumy_arm')
     assert (code, output) == (
         1, "param: there is no node /dumy_arm. Nearest known: '/dummy_arm'.\n")
 
 
 def test_no_node_at_all(failed, monkeypatch, domain_id):
-    """It says what to check."""
+    """The line says which settings to check."""
     monkeypatch.setenv('ROS_DOMAIN_ID', str(domain_id))
     monkeypatch.setattr(tools_param, 'PATIENCE', 0.5)
     code, line = failed(main, 'dummy_arm')
@@ -85,35 +85,35 @@ def test_no_node_at_all(failed, monkeypatch, domain_id):
     ('fast', 1.5, 'fast'), ('7', True, 7), ('2.5', 1, 2.5), ('.inf', 1.5, math.inf),
     ('[1e-3, 2]', [0.5], [0.001, 2.0])])
 def test_values_are_read_as_yaml_and_for_the_type_that_was_there(text, before, value):
-    """Text may look like a number; numbers may have an exponent, which YAML wants with a point."""
+    """Text may look like a number; an exponent needs no decimal point, unlike in YAML."""
     found = read(text, Parameter('name', value=before).get_parameter_value().type)
     assert (type(found), found) == (type(value), value)
 
 
-@pytest.mark.parametrize(('text', 'said'), [
+@pytest.mark.parametrize(('text', 'reason'), [
     ('0x10', "'0x10' is not a number"), ('1:30', "'1:30' is not a number"),
     ('1_0', "'1_0' is not a number"), ("'abc", 'while scanning'), ('@x', 'while scanning'),
     ('*a', 'found undefined alias'), ('{a: 1}', 'not one of the allowed types'),
     ('2024-01-01', 'not one of the allowed types'),
     ('!!python/object:os.system x', 'could not determine a constructor'),
     ('[99999999999999999999]', 'must fit into int64')])
-def test_what_is_no_value_is_a_wrong_use(text, said):
-    """With the reason, in one line."""
-    with pytest.raises(UsageError, match=f'is not a value of a parameter: .*{said}') as error:
+def test_what_is_no_value_is_a_wrong_use(text, reason):
+    """The error has the reason, in one line."""
+    with pytest.raises(UsageError, match=f'is not a value of a parameter: .*{reason}') as error:
         parameter('rate', text, ParameterType.PARAMETER_DOUBLE)
     assert '\n' not in str(error.value)
 
 
 @pytest.mark.parametrize('arguments', [[], ['a', 'b', 'c', 'd'], ['dummy_arm', '--rate']])
 def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments):
-    """With the usage."""
+    """The line ends with the usage."""
     code, line = failed(main, *arguments)
     assert code == 2
     assert re.fullmatch(r'param: .*usage: param \[-h\] node \[name\] \[value\]\n', line)
 
 
 def test_ctrl_c_while_it_looks_for_a_node(start, ros):
-    """A normal end."""
+    """Ctrl-C is a normal end: exit code 0, and no output."""
     process = start(*tool('param', 'nobody', '--ros-args', '--log-level', 'info'))
     ros.until(lambda: len(ros.node.get_node_names()) > 1)
     process.end(signal.SIGINT)

@@ -1,8 +1,8 @@
 """
-Which file uses what is not public of another library; and what that of Python itself does.
+Tests of the private names of other libraries: which file uses them, and how Python's behave.
 
-What is relied on of the others is in test_rclpy_private.py, test_viser_private.py and
-test_fast_dds.py, so that after an upgrade of one of them its tests fail, and nothing else.
+The behaviour of rclpy, viser and Fast DDS is tested in test_rclpy_private.py,
+test_viser_private.py and test_fast_dds.py, so an upgrade that breaks it makes these tests fail.
 """
 
 from argparse import ArgumentParser
@@ -16,7 +16,7 @@ PACKAGE = Path(__file__).parent.parent / 'dummy_arm'
 #: The slots of generated messages: geometry_msgs, std_msgs, builtin_interfaces.
 SLOTS = {'_child_frame_id', '_frame_id', '_nanosec', '_sec', '_stamp', '_transform',
          '_translation', '_w', '_x', '_y', '_z'}
-#: What is not public and used, by the file that uses it: one file for each library.
+#: The private names that are used, by the file that uses them: one file for each library.
 PRIVATE = {
     'cli/parser.py': {'_option_string_actions'},  # argparse
     'tf/_core/engine.py': {'_is_owned'},  # threading
@@ -24,12 +24,12 @@ PRIVATE = {
     'tf/_ros/transform_stamped.py': SLOTS,
     'view/viser_private.py': {'_gui_input_handle_from_uuid', '_websock_connection',
                               'viser._messages'}}
-#: In the documentation of Python: `_thread`, and `_replace` of a named tuple.
+#: Names with an underscore that the documentation of Python has.
 PUBLIC = {'_thread', '_replace', '_make'}
 
 
 def is_private(name):
-    """Tell whether a name begins with one underscore."""
+    """Return True if a name begins with exactly one underscore."""
     return re.match('_[^_]', name) is not None
 
 
@@ -46,7 +46,7 @@ def own_names(tree):
 
 
 def used_names(tree):
-    """Yield the attributes and modules that a module uses and that are not public."""
+    """Yield the private attributes and modules that a module uses."""
     for node in ast.walk(tree):
         if isinstance(node, ast.Attribute) and is_private(node.attr):
             yield node.attr
@@ -59,8 +59,8 @@ def used_names(tree):
                 yield module
 
 
-def test_what_is_not_public_is_used_by_one_file_for_each_library():
-    """What is listed is used, and nothing else is."""
+def test_private_names_are_used_by_one_file_for_each_library():
+    """The listed names are used, and no others."""
     trees = {str(path.relative_to(PACKAGE)): ast.parse(path.read_text())
              for path in PACKAGE.rglob('*.py')}
     own = PUBLIC.union(*map(own_names, trees.values())) - SLOTS
@@ -68,14 +68,14 @@ def test_what_is_not_public_is_used_by_one_file_for_each_library():
     assert {path: names for path, names in used.items() if names} == PRIVATE
 
 
-def test_what_is_used_of_fast_dds_is_in_one_file():
-    """By its symbols, mangled."""
+def test_fast_dds_is_used_by_one_file():
+    """Its mangled symbols, which contain `eprosima`, are in no other file."""
     assert [path.name for path in PACKAGE.rglob('*.py')
             if 'eprosima' in path.read_text()] == ['fast_dds.py']
 
 
 def test_a_lock_knows_whether_this_thread_holds_it():
-    """`RLock._is_owned`, by which a nested call is told from one of another thread."""
+    """`RLock._is_owned` distinguishes a nested call from a call in another thread."""
     lock: Any = RLock()
     owned: list[bool] = []
     owned.append(lock._is_owned())
@@ -91,7 +91,7 @@ def test_a_lock_knows_whether_this_thread_holds_it():
 
 
 def test_a_parser_knows_its_options_and_what_is_a_negative_number():
-    """`_option_string_actions` and `_negative_number_matcher` of argparse."""
+    """ArgumentParser has `_option_string_actions`, and uses `_negative_number_matcher`."""
     parser = ArgumentParser()
     parser.add_argument('-r', '--rate')
     parser.add_argument('x', type=float)

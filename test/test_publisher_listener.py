@@ -1,4 +1,4 @@
-"""Who sent a transform, over DDS."""
+"""Tests of the PublisherListener over DDS: which node has published a transform."""
 
 import ctypes
 import sys
@@ -32,60 +32,64 @@ STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 @pytest.fixture
 def listener(ros):
-    """Listen."""
-    made = PublisherListener(Buffer(node=ros.node), ros.node)
-    yield made
-    made.unregister()
+    """A listener that knows the publisher of each transform."""
+    created = PublisherListener(Buffer(node=ros.node), ros.node)
+    yield created
+    created.unregister()
 
 
-def sender_of(listener, name, known=True):
-    """Wait for a frame and, if it is to be known, for its sender; give it."""
+def publisher_of(listener, name, known=True):
+    """
+    Wait for a frame, and return the name of the node that has published it.
+
+    :param known: True: wait until the node is known.
+    """
     deadline = time.monotonic() + TIMEOUT
     while time.monotonic() < deadline:
         for frame in listener.frames():
             if frame.name == name and (frame.authority != UNKNOWN or not known):
                 return frame.authority
         time.sleep(0.01)
-    pytest.fail(f'not heard in time: {listener.frames()}')
+    pytest.fail(f'frame {name!r} or its publisher was not found in time: {listener.frames()}')
 
 
 def test_each_transform_is_of_the_node_that_sent_it(ros, start, listener):
-    """Also where several send at the same time, and after the sender has ended."""
-    ours = TransformBroadcaster(ros.node)
+    """The publisher is known while several nodes publish, and after it has ended."""
+    broadcaster = TransformBroadcaster(ros.node)
     StaticTransformBroadcaster(ros.node).sendTransform(message_of(Row(0, 'map', 'a', STILL)))
     process = start(*tool(
         'static_transform_publisher', '--frame-id', 'map', '--child-frame-id', 'b',
         '--ros-args', '-r', '__ns:=/robot', '-r', '__node:=other'))
     arm = start(*tool('dummy_arm'))
     for i in range(100):
-        ours.sendTransform(message_of(Row(i * S, 'map', 'c', STILL)))
+        broadcaster.sendTransform(message_of(Row(i * S, 'map', 'c', STILL)))
         time.sleep(0.002)
-    assert sender_of(listener, 'a') == '/test'
-    assert sender_of(listener, 'b') == '/robot/other'
-    assert sender_of(listener, 'c') == '/test'
-    assert sender_of(listener, 'joint_1') == '/dummy_arm'
+    assert publisher_of(listener, 'a') == '/test'
+    assert publisher_of(listener, 'b') == '/robot/other'
+    assert publisher_of(listener, 'c') == '/test'
+    assert publisher_of(listener, 'joint_1') == '/dummy_arm'
     process.close()
     arm.close()
-    assert sender_of(listener, 'b') == '/robot/other'
+    assert publisher_of(listener, 'b') == '/robot/other'
     assert listener.buffer.frames()[0].authority not in ('', '/test')  # a gid
 
 
-def test_the_newest_sender_counts(ros, start, listener):
-    """Where two nodes send the same frame."""
-    ours = TransformBroadcaster(ros.node)
+def test_the_newest_publisher_counts(ros, start, listener):
+    """If two nodes publish the same frame, its publisher is that of the newest transform."""
+    broadcaster = TransformBroadcaster(ros.node)
     arm = start(*tool('dummy_arm'))
-    assert sender_of(listener, 'joint_1') == '/dummy_arm'
+    assert publisher_of(listener, 'joint_1') == '/dummy_arm'
     arm.close()
     deadline = time.monotonic() + TIMEOUT
-    while sender_of(listener, 'joint_1') != '/test':
-        ours.sendTransform(message_of(Row(time.time_ns(), 'base_link', 'joint_1', STILL)))
+    while publisher_of(listener, 'joint_1') != '/test':
+        broadcaster.sendTransform(message_of(Row(time.time_ns(), 'base_link', 'joint_1', STILL)))
         assert time.monotonic() < deadline
         time.sleep(0.01)
 
 
 @pytest.mark.parametrize('lacks', ['the library', 'the function'])
-def test_where_rcl_cannot_be_called_the_sender_is_unknown(ros, monkeypatch, lacks):
-    """It says so, and the transforms come in all the same."""
+def test_where_rcl_cannot_be_called_the_publisher_is_unknown(ros, monkeypatch, lacks):
+    """The listener reports an unknown publisher, and receives the transforms all the same."""
     def load(name):
         if lacks == 'the library':
             raise OSError(name)
@@ -96,7 +100,7 @@ def test_where_rcl_cannot_be_called_the_sender_is_unknown(ros, monkeypatch, lack
     listener = PublisherListener(Buffer(node=ros.node), ros.node)
     try:
         StaticTransformBroadcaster(ros.node).sendTransform(message_of(Row(0, 'map', 'a', STILL)))
-        assert sender_of(listener, 'a', known=False) == UNKNOWN
+        assert publisher_of(listener, 'a', known=False) == UNKNOWN
         (message,), dropped = listener.received()
         assert (message.gid, message.is_static, dropped) == ('', True, 0)
         assert 0 <= time.time_ns() - message.reception_time < TIMEOUT * S
@@ -106,7 +110,7 @@ def test_where_rcl_cannot_be_called_the_sender_is_unknown(ros, monkeypatch, lack
 
 
 def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
-    """Of all sizes, empty ones too."""
+    """Messages of all sizes, also empty ones, equal those of a raw subscription of rclpy."""
     listener.unregister()
     subscription = subscribe(
         ros.node, TFMessage, '/bytes', lambda _: None, QoSProfile(depth=100),
@@ -137,7 +141,7 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener, golden_messages):
 
 
 def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_messages):
-    """Each takes into its own memory."""
+    """Each Taker writes into its own memory, although threads take at the same time."""
     ends = threading.Event()
     mixed: list[ReceivedMessage] = []
     publishers, subscriptions = zip(*(
@@ -180,7 +184,11 @@ def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros, golden_me
 
 @pytest.fixture
 def send(ros, listener):
-    """Send a transform with a stamp (ns), and give the bytes; each knows of the other."""
+    """
+    Return a function that publishes a transform with a stamp (ns) and returns the message.
+
+    Publisher and listener have discovered each other.
+    """
     publisher = TransformBroadcaster(ros.node).pub_tf
 
     def send(stamp):
@@ -190,20 +198,20 @@ def send(ros, listener):
 
     for stamp in range(1, 100):
         send(stamp)
-        if heard(listener, stamp, 0.2):
+        if has_arrived(listener, stamp, 0.2):
             listener.received()
             return send
-    pytest.fail('not heard in time')
+    pytest.fail('the listener received nothing in time')
 
 
-def heard(listener, stamp, seconds=TIMEOUT):
-    """Wait until a transform is in the buffer, which has all that was sent before."""
+def has_arrived(listener, stamp, seconds=TIMEOUT):
+    """Wait for a transform; return True if it and all earlier ones are in the buffer in time."""
     return listener.buffer.can_transform(
         'map', 'moving', Time(nanoseconds=stamp), Duration(seconds=seconds))
 
 
-def test_what_is_received_is_given_once(ros, listener, send):
-    """In order, with gid, time and topic, whoever has looked something up before."""
+def test_received_messages_are_returned_once(ros, listener, send):
+    """Messages keep their order, gid, time and topic, even if a lookup has pulled them before."""
     static = StaticTransformBroadcaster(ros.node)
     begin, sent, latched, messages = time.time_ns(), [], [], []
     for number in range(100, 150):
@@ -212,7 +220,7 @@ def test_what_is_received_is_given_once(ros, listener, send):
         static.sendTransform(message_of(latched[-1]))
         if number % 3:
             messages += listener.received().messages
-        assert heard(listener, number)
+        assert has_arrived(listener, number)
         listener.buffer.lookup_transform(
             'map', f'still_{number}', Time(), Duration(seconds=TIMEOUT))
     messages += listener.received().messages
@@ -228,15 +236,15 @@ def test_what_is_received_is_given_once(ros, listener, send):
         assert times == sorted(times)
 
 
-def test_what_is_received_is_given_once_to_threads(listener, send):
-    """Which ask at the same time."""
+def test_received_messages_are_returned_to_one_thread_only(listener, send):
+    """No message is lost or returned twice while several threads call `received`."""
     ends, messages = threading.Event(), []
 
-    def ask():
+    def receive():
         while not ends.is_set():
             messages.extend(listener.received().messages)
 
-    threads = [threading.Thread(target=ask) for _ in range(3)]
+    threads = [threading.Thread(target=receive) for _ in range(3)]
     for thread in threads:
         thread.start()
     try:
@@ -244,8 +252,8 @@ def test_what_is_received_is_given_once_to_threads(listener, send):
         for stamp in range(100, 1100):
             sent.append(send(stamp))
             if stamp % 50 == 0:  # so that no queue overflows
-                assert heard(listener, stamp)
-        assert heard(listener, 1099)
+                assert has_arrived(listener, stamp)
+        assert has_arrived(listener, 1099)
     finally:
         ends.set()
         for thread in threads:
@@ -254,10 +262,10 @@ def test_what_is_received_is_given_once_to_threads(listener, send):
     assert sorted(messages) == sorted(sent)
 
 
-def test_what_came_before_the_end_is_received(listener, send):
-    """And that is what is in the buffer."""
+def test_messages_from_before_the_end_are_received(listener, send):
+    """`received` returns exactly the messages whose transforms are in the buffer."""
     sent = [send(stamp) for stamp in range(100, 150)]
-    assert heard(listener, 149)
+    assert has_arrived(listener, 149)
     sent += [send(stamp) for stamp in range(150, 200)]
     listener.unregister()
     messages, dropped = listener.received()
@@ -276,34 +284,34 @@ SIZE = len(pack([Row(0, 'map', 'moving', STILL)]))
 @pytest.mark.parametrize(('limit', 'value', 'kept'), [
     ('_MOST_MESSAGES', 10, 10), ('_MOST_BYTES', 11 * SIZE - 1, 10), ('_MOST_BYTES', 2 * SIZE, 2),
     ('_MOST_BYTES', SIZE - 1, 0)])
-def test_what_is_kept_of_what_is_received_is_bounded(listener, send, monkeypatch, limit, value,
-                                                     kept):
-    """The newest are given, and the number of the others."""
+def test_the_number_and_size_of_kept_messages_are_bounded(
+        listener, send, monkeypatch, limit, value, kept):
+    """`received` returns the newest messages, and the number of those that were dropped."""
     assert publisher_listener._MOST_MESSAGES == 10_000
     assert publisher_listener._MOST_BYTES == 16 * 2**20
     monkeypatch.setattr(publisher_listener, limit, value)
     for stamps in range(100, 125), range(125, 175), range(175, 176):
         sent = [send(stamp) for stamp in stamps]
-        assert heard(listener, stamps[-1])
+        assert has_arrived(listener, stamps[-1])
         dropped = max(0, len(sent) - kept)
         assert listener.received() == (sent[dropped:], dropped)
         assert listener.received() == ([], 0)
 
 
 def test_the_names_that_are_kept_are_bounded(ros, listener, monkeypatch):
-    """Publishers come and go; those that are there, and the last that were, have names."""
+    """The names of the existing publishers are kept, and those of the last that have ended."""
     monkeypatch.setattr(publisher_listener, '_MOST_NAMES', 10)
     gids = [bytes([i] * 16) for i in range(100)]
 
-    def look(i):
-        """Have two publishers: one that stays, and one that goes next time."""
+    def name_at(i):
+        """Return the name of publisher i, by its gid, while only 0 and i exist."""
         monkeypatch.setattr(ros.node, 'get_publishers_info_by_topic', lambda _: [
             SimpleNamespace(endpoint_gid=gid, node_name='node', node_namespace=f'/{gid[0]}')
             for gid in (gids[0], gids[i])])
         return listener.names_of([gids[i].hex()])
 
     for i in range(1, 100):
-        assert look(i) == {gids[i].hex(): f'/{i}/node'}
+        assert name_at(i) == {gids[i].hex(): f'/{i}/node'}
     names = listener.names_of(gid.hex() for gid in gids)
     assert [i for i, gid in enumerate(gids) if names[gid.hex()] != UNKNOWN] == [
         0, *range(91, 100)]

@@ -1,4 +1,4 @@
-"""What tf/_ros/rclpy_private.py relies on, of rclpy 7.1 and rcl; each over real DDS."""
+"""Tests of the behaviour of rclpy 7.1 and rcl on which tf/_ros/rclpy_private.py relies."""
 
 import ast
 from collections.abc import Callable
@@ -42,7 +42,7 @@ CONVERSIONS = (
 
 @pytest.fixture
 def strings(ros):
-    """Subscribe to a topic of String, and make its publisher."""
+    """A publisher of String, and a subscription that is connected to it."""
     subscription = subscribe(ros.node, String, 'text', print, QoSProfile(depth=10),
                              ros.node.default_callback_group)
     publisher = ros.node.create_publisher(String, 'text', 10)
@@ -51,35 +51,35 @@ def strings(ros):
     subscription.destroy()
 
 
-def taken(subscription, raw):
-    """Take a message, which comes soon; with its info."""
+def take_next(subscription, raw):
+    """Wait for a message, and return it with its info."""
     while (message := take_message(subscription.handle, String, raw)) is None:
         time.sleep(0.001)
     return message
 
 
 @pytest.mark.parametrize('raw', [True, False])
-def test_take_message_gives_the_message_and_its_info(strings, raw):
-    """As bytes or not; None where there is none."""
+def test_take_message_returns_the_message_and_its_info(strings, raw):
+    """The message is bytes or an object; without a message, the result is None."""
     publisher, subscription = strings
     with subscription.handle:
         assert take_message(subscription.handle, String, raw) is None
         publisher.publish(String(data='hello'))
-        message, info = taken(subscription, raw)
+        message, info = take_next(subscription, raw)
     assert message == (serialize_message(String(data='hello')) if raw else String(data='hello'))
     assert info['received_timestamp'] > 10**18
 
 
 def test_take_message_is_not_the_one_that_install_has_made():
-    """It takes the bytes of a TFMessage, too."""
+    """The module keeps rclpy's own function, which takes the bytes of a TFMessage, too."""
     assert take_message is not vars(_rclpy.Subscription)['take_message'] or (
         TFMessage.__module__.startswith('tf2_msgs.'))
 
 
 def test_install_does_nothing_where_tf2_msgs_is():
-    """Nor would a second call wrap anything again."""
+    """With the class of tf2_msgs, `install` replaces none of rclpy's functions."""
     class Real:
-        """Stands for the generated class."""
+        """A stand-in for the generated class."""
 
         __module__ = 'tf2_msgs.msg._tf_message'
 
@@ -90,7 +90,7 @@ def test_install_does_nothing_where_tf2_msgs_is():
 
 @made_at_run_time
 def test_install_changes_what_publishes_takes_and_serializes(ros):
-    """All four are looked up at each call, through the module or the class that has them."""
+    """All four functions are looked up in their module or class at each call."""
     message = TFMessage(transforms=[TransformStamped(child_frame_id='tool')])
     data = serialize_message(message)
     assert deserialize_message(data, TFMessage) == message
@@ -103,8 +103,8 @@ def test_install_changes_what_publishes_takes_and_serializes(ros):
     assert received == [message]
 
 
-def test_messages_of_other_types_take_the_way_that_they_took(ros):
-    """Published, taken and serialized by rclpy's own."""
+def test_messages_of_other_types_are_handled_as_before(ros):
+    """The functions of rclpy publish, take, serialize and deserialize these messages."""
     text = String(data='hello')
     received: list[String] = []
     assert deserialize_message(serialize_message(text), String) == text
@@ -117,7 +117,7 @@ def test_messages_of_other_types_take_the_way_that_they_took(ros):
 
 
 def test_subscribe_makes_a_subscription_that_no_executor_sees(ros, strings):
-    """It is not the node's, so its messages wait for its owner."""
+    """The subscription is not in the node's list, so its messages wait for its owner."""
     publisher, subscription = strings
     assert subscription not in ros.node.subscriptions
     assert subscription.topic_name == '/text'
@@ -125,11 +125,11 @@ def test_subscribe_makes_a_subscription_that_no_executor_sees(ros, strings):
     for _ in range(10):
         ros.executor.spin_once(timeout_sec=0.01)
     with subscription.handle:
-        assert taken(subscription, False)[0] == String(data='hello')
+        assert take_next(subscription, False)[0] == String(data='hello')
 
 
 def test_incompatible_qos_counts_publishers_that_do_not_fit(ros):
-    """With the policy, once."""
+    """The event reports such a publisher once, with the policy that does not fit."""
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     subscription = subscribe(ros.node, String, 'text', print, latched,
                              ros.node.default_callback_group)
@@ -151,7 +151,7 @@ def test_incompatible_qos_counts_publishers_that_do_not_fit(ros):
 
 @pytest.mark.parametrize('by_node', [True, False])
 def test_a_guard_condition_calls_before_it_is_destroyed(ros, by_node):
-    """By `destroy_node` and by `destroy_guard_condition`, once."""
+    """Both `destroy_node` and `destroy_guard_condition` call the hook, and only once."""
     node, ended = Node('ending', context=ros.context), []
     guard = guard_condition(node, ReentrantCallbackGroup(), lambda: ended.append(True))
     assert not ended
@@ -165,9 +165,9 @@ def test_a_guard_condition_calls_before_it_is_destroyed(ros, by_node):
 
 
 def test_a_guard_condition_wakes_the_executor(ros):
-    """From another thread."""
+    """A trigger from another thread ends `spin_once` before its timeout."""
     guard = guard_condition(ros.node, ReentrantCallbackGroup(), print)
-    for _ in range(20):  # what else there is to do at first
+    for _ in range(20):  # handle the first events of the node
         ros.executor.spin_once(timeout_sec=0.01)
     begin = time.monotonic()
     threading.Timer(0.1, guard.trigger).start()
@@ -177,9 +177,9 @@ def test_a_guard_condition_wakes_the_executor(ros):
 
 
 def test_an_executor_that_spins_until_a_future_is_done_adds_a_callback_of_its_own(ros):
-    """Which is told by its module from those of users."""
+    """Its module distinguishes this callback from those of users."""
     class Watched(Future):
-        """Keeps what is added."""
+        """A future that records the callbacks that are added."""
 
         def add_done_callback(self, callback):
             added.append(callback)
@@ -193,7 +193,7 @@ def test_an_executor_that_spins_until_a_future_is_done_adds_a_callback_of_its_ow
 
 
 def test_a_wait_set_waits_for_subscriptions_and_guard_conditions(ros, strings):
-    """At most as long as it is told (ns)."""
+    """The wait ends when one of them is ready, or after the timeout (ns)."""
     publisher, subscription = strings
     guard = GuardCondition(None, None, context=ros.context)
     wait_set = WaitSet(1, 1, 0, 0, 0, 0, ros.context.handle)
@@ -216,14 +216,14 @@ def test_a_wait_set_waits_for_subscriptions_and_guard_conditions(ros, strings):
 
 
 def test_an_error_of_rcl_is_a_runtime_error(ros):
-    """`cli` catches it so, since rclpy.init raises it."""
+    """rclpy.init raises it, and the commands in `cli` catch RuntimeError."""
     assert issubclass(RCLError, RuntimeError)
     with pytest.raises(RCLError, match=r'enclave|Enclave|context'):
         type(ros.context)().init(args=['--ros-args', '-e', 'bad'], domain_id=0)
 
 
-def test_rcl_tells_the_gid_of_a_message(strings, ros):
-    """The beginning of what `get_publishers_info_by_topic` reports; all are taken, in order."""
+def test_rcl_reports_the_gid_of_a_message(strings, ros):
+    """The gid is the beginning of that in `get_publishers_info_by_topic`; the order is kept."""
     publisher, subscription = strings
     assert rcl_take() is not None
     messages: list[tuple[bytes, str, int]] = []
@@ -248,7 +248,7 @@ def test_rcl_tells_the_gid_of_a_message(strings, ros):
 @pytest.mark.parametrize('message', [
     TransformStamped(), Header(), Time(), Transform(), Vector3(), Quaternion()])
 def test_generated_messages_keep_each_field_in_a_slot(message):
-    """Of its name behind an underscore, and whether fields are checked, in `_check_fields`."""
+    """The slots are the names after an underscore, and `_check_fields`, a flag; nothing else."""
     names = {f'_{name}' for name in message.get_fields_and_field_types()}
     assert {*message.__slots__} == {*names, '_check_fields'}
     empty = object.__new__(type(message))
@@ -258,7 +258,7 @@ def test_generated_messages_keep_each_field_in_a_slot(message):
 
 
 def test_there_is_a_test_for_each_touch_point():
-    """Each name that the file defines is used here."""
+    """This module uses each public name that rclpy_private.py defines."""
     tree = ast.parse(Path(rclpy_private.__file__).read_text())
     names = {node.name for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
     names |= {target.id for node in tree.body if isinstance(node, ast.Assign)

@@ -1,4 +1,4 @@
-"""Rotations, as users compute with them."""
+"""The functions on rotations, compared with matrices, theorems and transforms3d."""
 
 from itertools import product
 import math
@@ -40,25 +40,25 @@ conventions = pytest.mark.parametrize('axes', CONVENTIONS)
 
 
 def hamilton(left, right):
-    """Multiply two quaternions: scalars and vectors."""
+    """Multiply two quaternions by their scalar and vector parts."""
     v, w = np.array(left[:3]), left[3]
     u, s = np.array(right[:3]), right[3]
     return np.array([*(w * u + s * v + np.cross(v, u)), w * s - v @ u])
 
 
 def about(angle, axis):
-    """Make the quaternion of a turn about a unit vector."""
+    """Return the quaternion of a rotation about a unit vector."""
     return np.array([*(math.sin(angle / 2) * np.array(axis)), math.cos(angle / 2)])
 
 
 def turned(quaternion):
-    """Make the matrix of a unit quaternion."""
+    """Return the rotation matrix of a unit quaternion."""
     v, w = np.array(quaternion[:3]), quaternion[3]
     return (w * w - v @ v) * np.eye(3) + 2 * np.outer(v, v) + 2 * w * np.cross(np.eye(3), v)
 
 
 def about_letter(axis, angle):
-    """Make the matrix of a turn about x, y or z."""
+    """Return the matrix of a rotation about x, y or z."""
     c, s = math.cos(angle), math.sin(angle)
     return np.array({'x': [[1, 0, 0], [0, c, -s], [0, s, c]],
                      'y': [[c, 0, s], [0, 1, 0], [-s, 0, c]],
@@ -66,40 +66,44 @@ def about_letter(axis, angle):
 
 
 def composed(three, axes):
-    """Multiply the matrices of three turns: those about fixed axes from the left."""
+    """Multiply the matrices of three rotations, those about fixed axes from the left."""
     a, b, c = (about_letter(axis, angle) for axis, angle in zip(axes[1:], three))
     return c @ b @ a if axes[0] == 's' else a @ b @ c
 
 
 def composed_quaternion(three, axes):
-    """Multiply the quaternions of three turns."""
+    """Multiply the quaternions of three rotations, in the order of `composed`."""
     a, b, c = (about(angle, np.eye(3)['xyz'.index(axis)]) for axis, angle in zip(axes[1:], three))
     return hamilton(c, hamilton(b, a)) if axes[0] == 's' else hamilton(a, hamilton(b, c))
 
 
 def from_angles(three: tuple[float, float, float], axes: str):
-    """Make the same by the function that is tested."""
+    """Return the same quaternion by the function under test."""
     return quaternion_from_euler(*three, axes)
 
 
 def apart(one, other):
-    """Give the angle between two rotations, if it is small."""
+    """Return the angle between two rotations (rad), which must be small."""
     one, other = np.array(one), np.array(other)
     return 2.0 * min(np.linalg.norm(one - other), np.linalg.norm(one + other))
 
 
 def locks(axes):
-    """Give middle angles at gimbal lock."""
+    """Return the middle angles at gimbal lock (rad)."""
     return [0.0, math.pi, -math.pi] if axes[1] == axes[3] else [math.pi / 2, -math.pi / 2]
 
 
 def from_lock(three, axes):
-    """Tell how far three angles are from gimbal lock."""
+    """Return how far three angles are from gimbal lock: 0 at the lock, at most 1."""
     return abs(math.sin(three[1]) if axes[1] == axes[3] else math.cos(three[1]))
 
 
 def check_round_trip(quaternion, axes):
-    """Find the angles of a unit quaternion; they must make the same rotation, to rounding."""
+    """
+    Assert that the Euler angles of a unit quaternion make the same rotation, to rounding.
+
+    :returns: the angles.
+    """
     found = euler_from_quaternion(quaternion, axes)
     assert apart(composed_quaternion(found, axes), quaternion) < 1e-14
     assert apart(quaternion_from_euler(*found, axes), quaternion) < 1e-14
@@ -108,7 +112,7 @@ def check_round_trip(quaternion, axes):
 
 
 def check_form(found, axes):
-    """Three Python floats in their ranges, none of them -0."""
+    """Assert that three angles are Python floats in their ranges, none of them -0."""
     assert [type(angle) for angle in found] == [float] * 3
     assert all(angle or math.copysign(1.0, angle) == 1.0 for angle in found)
     assert all(-math.pi < angle <= math.pi for angle in (found[0], found[2]))
@@ -121,7 +125,7 @@ def check_form(found, axes):
 
 
 def test_all_conventions_are_here():
-    """There are 24."""
+    """The tests of this file cover all 24 conventions."""
     assert len(CONVENTIONS) == 24
 
 
@@ -129,7 +133,7 @@ def test_all_conventions_are_here():
 @unhurried
 @given(st.tuples(angles, angles, angles))
 def test_from_euler_angles_as_matrices_by_hand(axes, three):
-    """About axes that stay, or that turn with the body."""
+    """The result is the product of three rotations, about fixed or rotating axes."""
     quaternion = from_angles(three, axes)
     assert [type(number) for number in quaternion] == [float] * 4
     assert np.allclose(turned(quaternion), composed(three, axes), rtol=0, atol=1e-14)
@@ -139,7 +143,7 @@ def test_from_euler_angles_as_matrices_by_hand(axes, three):
 
 @pytest.mark.parametrize('code', list(product(range(3), range(2), range(2), range(2))))
 def test_conventions_as_codes(code):
-    """First axis, parity, repetition, frame: as transforms3d reads them."""
+    """A code is the first axis, parity, repetition and frame, as in transforms3d."""
     quaternion = quaternion_from_euler(1.0, 2.0, 3.0, code)
     expected = euler.euler2mat(1.0, 2.0, 3.0, code)
     assert np.allclose(turned(quaternion), expected, rtol=0, atol=1e-14)
@@ -148,7 +152,7 @@ def test_conventions_as_codes(code):
 
 
 def test_names_of_conventions_in_capitals():
-    """As transforms3d takes them; and roll, pitch, yaw without any."""
+    """Capitals are accepted, as by transforms3d; the default is 'sxyz': roll, pitch, yaw."""
     assert quaternion_from_euler(1, 2, 3, 'RZYX') == quaternion_from_euler(1, 2, 3, 'rzyx')
     assert quaternion_from_euler(1, 2, 3) == quaternion_from_euler(1, 2, 3, 'sxyz')
     assert euler_from_quaternion((1, 2, 3, 4)) == euler_from_quaternion((1, 2, 3, 4), 'sxyz')
@@ -158,7 +162,7 @@ def test_names_of_conventions_in_capitals():
 @unhurried
 @given(st.tuples(angles, angles, angles))
 def test_euler_angles_there_and_back(axes, three):
-    """Of any rotation."""
+    """The Euler angles of any rotation make that rotation again."""
     check_round_trip(composed_quaternion(three, axes), axes)
 
 
@@ -166,7 +170,7 @@ def test_euler_angles_there_and_back(axes, three):
 @unhurried
 @given(st.data(), angles, angles)
 def test_at_gimbal_lock_the_last_angle_is_zero(axes, data, first, last):
-    """The first one about axes that turn, which is the last of the same about fixed axes."""
+    """About rotating axes, it is the first angle that is zero."""
     middle = data.draw(st.sampled_from(locks(axes)))
     for make in composed_quaternion, from_angles:
         found = check_round_trip(make((first, middle, last), axes), axes)
@@ -177,14 +181,14 @@ def test_at_gimbal_lock_the_last_angle_is_zero(axes, data, first, last):
 @settings(deadline=None, max_examples=200)
 @given(st.data(), angles, angles, st.floats(-16.0, -6.0), st.sampled_from([1.0, -1.0]))
 def test_near_gimbal_lock(axes, data, first, last, exponent, sign):
-    """Where a matrix has lost what tells the angles apart."""
+    """The angles are accurate even where a matrix can no longer tell them apart."""
     middle = data.draw(st.sampled_from(locks(axes))) + sign * 10.0 ** exponent
     check_round_trip(composed_quaternion((first, middle, last), axes), axes)
 
 
 @pytest.mark.parametrize('off', [0.0, 1e-15, 1e-12, 1e-9, 1e-7, 1e-3])
 def test_roll_and_yaw_of_what_looks_up(off):
-    """Their difference is known at the lock, each of them away from it."""
+    """At the lock only their difference is defined, away from it each of them."""
     roll, pitch, yaw = euler_from_quaternion(
         composed_quaternion((0.3, math.pi / 2 - off, 0.1), 'sxyz'))
     assert pitch == pytest.approx(math.pi / 2 - off, abs=1e-15)
@@ -197,7 +201,7 @@ def test_roll_and_yaw_of_what_looks_up(off):
 @unhurried
 @given(units)
 def test_euler_angles_as_those_of_transforms3d(axes, quaternion):
-    """All three, away from gimbal lock."""
+    """All three angles agree, away from gimbal lock."""
     expected = euler.quat2euler(np.roll(quaternion, 1), axes)
     assume(from_lock(expected, axes) > 1e-3)
     for ours, theirs in zip(euler_from_quaternion(quaternion, axes), expected):
@@ -208,7 +212,7 @@ def test_euler_angles_as_those_of_transforms3d(axes, quaternion):
 @unhurried
 @given(units, st.floats(1e-3, 1e3))
 def test_both_signs_and_any_length_are_the_same(axes, quaternion, length):
-    """The same angles, to the last bit but for the length; the same matrix."""
+    """The angles and the matrix depend neither on the sign nor on the length."""
     found = euler_from_quaternion(quaternion, axes)
     assert euler_from_quaternion(np.negative(quaternion), axes) == found
     assert np.array_equal(quaternion_matrix(np.negative(quaternion)),
@@ -222,7 +226,7 @@ def test_both_signs_and_any_length_are_the_same(axes, quaternion, length):
 
 @pytest.mark.parametrize('axis', AXES)
 def test_half_turns(axis):
-    """About any axis, where w is no more than zero."""
+    """The result is accurate about any axis, although w is 0 or -0."""
     expected = 2 * np.outer(axis, axis) - np.eye(3)
     for quaternion in (*axis, 0.0), (*-axis, -0.0):
         assert np.allclose(quaternion_matrix(quaternion)[:3, :3], expected, rtol=0, atol=1e-15)
@@ -235,7 +239,7 @@ def test_half_turns(axis):
 
 @conventions
 def test_no_rotation_has_no_angles(axes):
-    """Not -0 either, or a whole turn."""
+    """The angles of the identity are 0, neither -0 nor a whole turn."""
     for *xyz, w in product([0.0, -0.0], [0.0, -0.0], [0.0, -0.0], [1.0, -1.0, 2.0]):
         found = euler_from_quaternion((*xyz, w), axes)
         check_form(found, axes)
@@ -244,7 +248,7 @@ def test_no_rotation_has_no_angles(axes):
 
 @pytest.mark.parametrize('length', [1e-300, 1e-200, 1e-9, 1e9, 1e200, 1e307])
 def test_lengths_that_have_no_square(length):
-    """Neither too small nor too large."""
+    """Normalising does not square lengths that would underflow or overflow."""
     quaternion = np.multiply(length, (0.5, -0.5, 0.5, 0.5))
     expected = turned((0.5, -0.5, 0.5, 0.5))
     assert np.allclose(quaternion_matrix(quaternion)[:3, :3], expected, rtol=0, atol=1e-15)
@@ -255,7 +259,7 @@ def test_lengths_that_have_no_square(length):
 
 
 def test_what_tf_transformations_gives():
-    """The examples of its documentation."""
+    """The examples in the documentation of tf_transformations have the same results."""
     assert quaternion_from_euler(1, 2, 3, 'ryxz') == pytest.approx(
         (0.310622, -0.718287, 0.444435, 0.435953), abs=1e-6)
     assert euler_from_quaternion([0.06146124, 0, 0, 0.99810947]) == pytest.approx((0.123, 0, 0))
@@ -267,7 +271,7 @@ def test_what_tf_transformations_gives():
 @unhurried
 @given(angles, axes_of_turns, st.floats(1e-3, 1e3))
 def test_about_an_axis(angle, axis, length):
-    """Of any length: O. Rodrigues' formula."""
+    """The axis may have any length; the result agrees with Rodrigues' formula."""
     cross = np.cross(np.eye(3), axis)
     expected = np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross
     quaternion = quaternion_about_axis(angle, length * axis)
@@ -280,7 +284,7 @@ def test_about_an_axis(angle, axis, length):
 @example((1e-9, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0))
 @example((0.0, 0.6, 0.8, 0.0), (0.0, 0.0, 0.0))
 def test_matrices_there_and_back(quaternion, translation):
-    """Homogenous or not; the translation is no matter."""
+    """Matrices of shape (3, 3) and (4, 4) are accepted, and the translation is ignored."""
     matrix = quaternion_matrix(quaternion)
     assert np.allclose(matrix[:3, :3], turned(quaternion), rtol=0, atol=1e-14)
     assert np.array_equal(matrix[3], (0, 0, 0, 1))
@@ -294,7 +298,7 @@ def test_matrices_there_and_back(quaternion, translation):
 
 
 def test_matrices_that_were_typed_in():
-    """Three digits will do."""
+    """Three digits are enough, and the result is normalised."""
     matrix: list[list[float]] = [[0.707, -0.707, 0], [0.707, 0.707, 0], [0, 0, 1]]
     quaternion = quaternion_from_matrix(matrix)
     assert quaternion == pytest.approx(about(math.pi / 4, (0, 0, 1)), abs=1e-3)
@@ -304,7 +308,7 @@ def test_matrices_that_were_typed_in():
 @unhurried
 @given(units, units)
 def test_products_as_those_of_matrices(left, right):
-    """First the right one, then the left one."""
+    """The right rotation is applied first, then the left one."""
     found = quaternion_multiply(left, right)
     assert [type(number) for number in found] == [float] * 4
     assert np.allclose(turned(found), turned(left) @ turned(right), rtol=0, atol=1e-14)
@@ -314,7 +318,7 @@ def test_products_as_those_of_matrices(left, right):
 @given(quaternions, quaternions)
 @example((0.0, 0.0, 0.0, 0.0), (1.0, 2.0, 3.0, 4.0))
 def test_products_and_conjugates_of_any_length(left, right):
-    """Zero, too."""
+    """They do not normalise, and accept zeros."""
     assert quaternion_multiply(left, right) == pytest.approx(hamilton(left, right), abs=1e-12)
     x, y, z, w = left
     assert quaternion_conjugate(np.array(left)) == (-x, -y, -z, w)
@@ -323,7 +327,7 @@ def test_products_and_conjugates_of_any_length(left, right):
 @unhurried
 @given(units, st.floats(-150.0, 150.0))
 def test_inverses_of_any_length(quaternion, exponent):
-    """There and back is (0, 0, 0, 1), not just some multiple of it."""
+    """The product with the inverse is (0, 0, 0, 1), not a multiple of it."""
     quaternion = np.multiply(10.0 ** exponent, quaternion)
     found = quaternion_inverse(quaternion)
     assert [type(number) for number in found] == [float] * 4
@@ -338,7 +342,7 @@ halves = st.floats(0.0, math.pi / 2 - 1e-6) | st.floats(-16.0, -6.0).map(lambda 
 @given(units, axes_of_turns, halves, st.floats(-0.5, 1.5), st.sampled_from([1.0, -1.0]))
 @example((0.0, 0.0, 0.0, 1.0), np.array([1.0, 0.0, 0.0]), 0.5e-9, 0.25, 1.0)
 def test_slerp_turns_evenly_the_short_way(begin, axis, half, fraction, sign):
-    """By that part of the angle about the one axis, whatever the sign is."""
+    """The angle about one axis is proportional to the fraction, whatever the signs are."""
     end = sign * hamilton(about(2 * half, axis), begin)
     found = quaternion_slerp(begin, end, fraction)
     assert [type(number) for number in found] == [float] * 4
@@ -347,7 +351,7 @@ def test_slerp_turns_evenly_the_short_way(begin, axis, half, fraction, sign):
 
 
 def test_slerp_of_tiny_angles():
-    """A part of 1e-9 rad is known to many digits, where a cosine is one."""
+    """A fraction of 1e-9 rad is accurate, although the cosine of that angle rounds to 1."""
     end = (5e-10, 0.0, 0.0, 1.0)
     for fraction in 0.1, 0.25, 0.5, 0.9:
         for sign in 1, -1:
@@ -358,15 +362,15 @@ def test_slerp_of_tiny_angles():
 @unhurried
 @given(units, units)
 def test_slerp_at_its_ends(begin, end):
-    """To the last bit."""
-    for how in {}, {'shortestpath': False}, {'spin': 1}:
-        assert quaternion_slerp(begin, end, 0.0, **how) == begin
-        assert quaternion_slerp(begin, end, 1, **how) == end
+    """The result equals the begin or the end to the last bit."""
+    for kwargs in {}, {'shortestpath': False}, {'spin': 1}:
+        assert quaternion_slerp(begin, end, 0.0, **kwargs) == begin
+        assert quaternion_slerp(begin, end, 1, **kwargs) == end
     assert quaternion_slerp(begin, np.multiply(4.0, end), 1.0) == pytest.approx(end, abs=1e-15)
 
 
 def test_slerp_in_the_middle():
-    """Of a quarter turn, an eighth."""
+    """Half of a quarter turn is an eighth turn."""
     quarter = (0.0, 0.0, HALF, HALF)
     eighth = about(math.pi / 4, (0, 0, 1))
     assert quaternion_slerp(UNIT, quarter, 0.5) == pytest.approx(eighth, abs=1e-15)
@@ -377,8 +381,8 @@ def test_slerp_in_the_middle():
 @unhurried
 @given(units, axes_of_turns, st.floats(1e-3, math.pi - 1e-3), st.floats(-0.5, 1.5),
        st.integers(-2, 2))
-def test_slerp_the_way_that_the_signs_tell(begin, axis, half, fraction, spin):
-    """The long way, and some whole turns more."""
+def test_slerp_without_shortestpath(begin, axis, half, fraction, spin):
+    """The signs decide which way is taken, and spin adds whole turns."""
     assume(fraction not in (0.0, 1.0))
     end = hamilton(about(2 * half, axis), begin)
     found = quaternion_slerp(begin, end, fraction, spin, False)
@@ -390,7 +394,7 @@ def test_slerp_the_way_that_the_signs_tell(begin, axis, half, fraction, spin):
 @pytest.mark.parametrize('shortestpath', [True, False])
 @pytest.mark.parametrize('spin', [0, 1])
 def test_slerp_from_a_rotation_to_itself(shortestpath, spin):
-    """It stays, of either sign, because there is no axis."""
+    """The rotation stays as it is for either sign, since there is no axis."""
     begin = (0.5, -0.5, 0.5, 0.5)
     for end in begin, np.negative(begin), np.multiply(1 + 2e-16, begin):
         for fraction in 0.3, 0.5:
@@ -420,7 +424,7 @@ WITH_QUATERNIONS = [
     (np.full((4, 4), math.pi), r'array\(\[\[3.14159265, 3.14159265, 3.14159265, 3.14159265\], '),
 ])
 def test_no_quaternion(function, quaternion, given):
-    """Of the wrong number of elements, or not finite."""
+    """A quaternion has four finite elements; the error shows anything else."""
     with pytest.raises(ValueError, match=NO_NUMBERS + given) as error:
         function(quaternion)
     assert '\n' not in str(error.value)
@@ -428,7 +432,7 @@ def test_no_quaternion(function, quaternion, given):
 
 @pytest.mark.parametrize('function', WITH_ROTATIONS)
 def test_no_rotation(function):
-    """A quaternion without a length, or with one that is no number."""
+    """A quaternion whose length is zero, infinite or too small is not a rotation."""
     with pytest.raises(ValueError, match=NO_LENGTH + r'\(0.0, 0.0, 0.0, 0.0\) of length 0$'):
         function((0, 0, 0, 0))
     with pytest.raises(ValueError, match=NO_LENGTH + r'.* of length inf$'):
@@ -440,7 +444,7 @@ def test_no_rotation(function):
 @pytest.mark.parametrize('axis', [
     (0, 0, 0), (0, 0), (0, 0, 0, 1), (0, math.nan, 1), (0, math.inf, 1), 3])
 def test_no_axis(axis):
-    """Zero, of the wrong number of elements, or not finite."""
+    """An axis has three finite elements, of which at least one is not zero."""
     with pytest.raises(ValueError, match='an axis must be three finite numbers x, y, z, not all '
                                          r'zero, got [\(3]'):
         quaternion_about_axis(1.0, axis)
@@ -448,7 +452,7 @@ def test_no_axis(axis):
 
 @pytest.mark.parametrize('bad', [math.nan, math.inf])
 def test_angles_and_fractions_are_finite(bad):
-    """Or they are named."""
+    """Numbers that are not finite are shown in the error."""
     with pytest.raises(ValueError, match=r'Euler angles must be three .* got \(0.5, (nan|inf), 1'):
         quaternion_from_euler(0.5, bad, 1)
     with pytest.raises(ValueError, match=r'an angle must be a finite .* got \((nan|inf),\)'):
@@ -462,7 +466,7 @@ def test_angles_and_fractions_are_finite(bad):
 @pytest.mark.parametrize('axes', [
     'xyz', 'sxxy', 'txyz', 'sxyzx', '', (0, 0, 0, 2), (3, 0, 0, 0), (0, 0, 0), [0, 0, 0, 0], None])
 def test_no_axes_convention(axes):
-    """The error names the form, and some that there are."""
+    """The error describes the form of a convention and gives examples."""
     for function in lambda: euler_from_quaternion(UNIT, axes), lambda: quaternion_from_euler(
             1, 2, 3, axes):
         with pytest.raises(ValueError, match=r"axes must be 's' .* or 'r' .* and three of x, y, z,"
@@ -472,7 +476,7 @@ def test_no_axes_convention(axes):
 
 
 def homogenous(last):
-    """Make a matrix with that last row."""
+    """Return the identity with another last row."""
     return [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], last]
 
 
@@ -492,14 +496,14 @@ def homogenous(last):
     (np.full((3, 3), 1e200), 'unit vectors.* error inf, determinant'),
 ])
 def test_no_rotation_matrix(matrix, message):
-    """Of another shape, mirroring, scaled, sheared or not finite."""
+    """A matrix that has another shape, mirrors, scales, shears or is not finite is refused."""
     with pytest.raises(ValueError, match=message) as error:
         quaternion_from_matrix(matrix)
     assert '\n' not in str(error.value)
 
 
 def test_transforms_take_any_numbers():
-    """They are not checked: zeros do not rotate, and NaN stays NaN."""
+    """Transform does not check them: zeros do not rotate, and NaN stays NaN."""
     still = Transform(0, 'a', 'b', (1.0, 2.0, 3.0), (0.0, 0.0, 0.0, 0.0))
     assert np.array_equal(still.matrix()[:3, :3], np.eye(3))
     assert np.array_equal(rotations.matrix(np.zeros(4)), np.eye(3))

@@ -1,4 +1,4 @@
-"""The command `static_transform_publisher`: both styles, and what is wrong in them."""
+"""The command `static_transform_publisher`: both styles of arguments, and their errors."""
 
 from math import cos, pi, sin
 import re
@@ -16,8 +16,8 @@ NAME = 'static_transform_publisher'
 FRAMES = ['--frame-id', 'map', '--child-frame-id', 'base']
 
 
-def published(ros, start, *arguments):
-    """Run the command; give its process, and the only transform that it publishes."""
+def publish(ros, start, *arguments):
+    """Run the command; return its process, and the only transform that it publishes."""
     process = start(*tool(NAME, *arguments))
     messages: list[TFMessage] = []
     ros.node.create_subscription(
@@ -29,7 +29,7 @@ def published(ros, start, *arguments):
 
 
 def numbers(transform):
-    """List translation and rotation."""
+    """Return the translation (m) and the quaternion x, y, z, w."""
     t, r = transform.transform.translation, transform.transform.rotation
     return [t.x, t.y, t.z, r.x, r.y, r.z, r.w]
 
@@ -45,15 +45,15 @@ def numbers(transform):
      [0, 0, 0, 0, 0, 0.708 / (0.708**2 + 0.707**2)**0.5, 0.707 / (0.708**2 + 0.707**2)**0.5]),
 ])
 def test_new_style(ros, start, arguments, expected):
-    """Flags; negative numbers and exponents; a quaternion that is nearly of length 1."""
-    process, transform = published(ros, start, *arguments)
+    """Options accept negative numbers and exponents, and a quaternion of nearly unit length."""
+    process, transform = publish(ros, start, *arguments)
     assert numbers(transform) == pytest.approx(expected, abs=1e-12)
     assert (transform.header.frame_id, transform.child_frame_id) == ('map', 'base')
     assert 'deprecated' not in process.output
 
 
 @pytest.mark.parametrize(('arguments', 'expected'), [
-    # yaw pitch roll, in this order: a quarter turn about z, y or x
+    # The angles are yaw, pitch and roll, in this order: quarter turns about z, y and x.
     ('1 2 3 1.5707963267948966 0 0 /map base', [1, 2, 3, 0, 0, 0.5**0.5, 0.5**0.5]),
     ('-1 -2e0 -.5 0 1.5707963267948966 0 map /base', [-1, -2, -0.5, 0, 0.5**0.5, 0, 0.5**0.5]),
     ('0 0 0 0 0 -1.5707963267948966 /map /base', [0, 0, 0, -0.5**0.5, 0, 0, 0.5**0.5]),
@@ -61,15 +61,15 @@ def test_new_style(ros, start, arguments, expected):
     ('0 0 0 0 0 0 -1 map base', [0, 0, 0, 0, 0, 0, -1]),
 ])
 def test_old_style(ros, start, arguments, expected):
-    """It is deprecated; slashes stay on the wire."""
-    process, transform = published(ros, start, *arguments.split())
+    """The old style is deprecated; leading slashes are published."""
+    process, transform = publish(ros, start, *arguments.split())
     assert numbers(transform) == pytest.approx(expected, abs=1e-12)
     assert [transform.header.frame_id, transform.child_frame_id] == arguments.split()[-2:]
     process.line_with('Old-style arguments are deprecated; see --help for new-style arguments')
 
 
-def test_what_it_says_and_its_parameters(ros, start):
-    """tf2's words; a name that no other has; parameters that cannot be set."""
+def test_its_output_and_its_parameters(ros, start):
+    """It prints tf2's lines; its name is unique; its parameters are read-only."""
     process = start(*tool(NAME, '--x', '1', *FRAMES, '--ros-args', '-p', 'translation.x:=5.0'))
     other = start(*tool(NAME, '--frame-id', 'map', '--child-frame-id', 'other'))
     process.line_with('Spinning until stopped - publishing transform')
@@ -92,12 +92,12 @@ def test_what_it_says_and_its_parameters(ros, start):
     assert 'Traceback' not in process.output
 
 
-@pytest.mark.parametrize(('arguments', 'said'), [
-    # tf2 aborts with a core dump
+@pytest.mark.parametrize(('arguments', 'message'), [
+    # tf2 aborts with a core dump:
     (['--frame-id', 'map', '--child-frame-id', 'map'], "from 'map' to 'map': a frame cannot be"),
     (['--frame-id', '/map', '--child-frame-id', 'map'], "from '/map' to 'map': a frame cannot be"),
     (['0', '0', '0', '0', '0', '0', 'map', 'map'], "from 'map' to 'map': a frame cannot be"),
-    # tf2 publishes them without a word
+    # tf2 publishes them without a warning:
     (['--qw', '0', *FRAMES], '0 0 0 0 is not a rotation; the identity is 0 0 0 1'),
     (['0', '0', '0', '0', '0', '0', '0', 'map', 'base'], '0 0 0 0 is not a rotation'),
     (['--qz', '1', *FRAMES], 'of the quaternion 0 0 1 1 must be 1, not 1.41421; '
@@ -106,12 +106,12 @@ def test_what_it_says_and_its_parameters(ros, start):
     (['--qw', '-inf', *FRAMES], "argument --qw: '-inf' is not finite"),
     (['--x', '-nan', *FRAMES], "argument --x: '-nan' is not finite"),
     (['0', '0', 'nan', '0', '0', '0', 'map', 'base'], "argument z: 'nan' is not finite"),
-    # tf2 reads 1.0
+    # tf2 reads 1.0:
     (['--x', '1.0abc', *FRAMES], "argument --x: '1.0abc' is not a number"),
     (['--x', '1_0', *FRAMES], "argument --x: '1_0' is not a number"),
     (['0', '0', '0', '1,5', '0', '0', 'map', 'base'], "argument yaw: '1,5' is not a number"),
     (['--x', *FRAMES], 'argument --x: expected one argument'),
-    # tf2 does not see the second
+    # tf2 ignores the second one:
     (['--qw', '1', '--yaw', '0', *FRAMES], 'both quaternion and Euler rotations: --qw and --yaw'),
     (['--yaw', '1', '0', '0', '0', '0', '0', '0', 'map', 'base'], 'both new-style'),
     (['0', '0', '0', '0', '0', '0', 'map', 'base', '--x', '1'], 'both new-style .* and old-style'),
@@ -126,22 +126,22 @@ def test_what_it_says_and_its_parameters(ros, start):
     ([*'0123456789', 'map', 'base'], 'are 8, .*, or 9, .*; got 12'),
     (['--frame_id', 'map', '--child-frame-id', 'base'], r'--frame_id.*did you mean --frame-id\?'),
 ])
-def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments, said):
-    """It names what is wrong, and what is right."""
+def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments, message):
+    """The line names the error, and often the remedy."""
     code, line = failed(static_transform_publisher.main, *arguments)
     assert code == 2
-    assert re.fullmatch(f'{NAME}: .*{said}.*\n', line)
+    assert re.fullmatch(f'{NAME}: .*{message}.*\n', line)
 
 
 def test_equal_frames_are_no_crash(start):
-    """tf2 ends with a core dump."""
+    """The exit code is 2, and there is one line; tf2 ends with a core dump."""
     process = start(*tool(NAME, '--frame-id', 'map', '--child-frame-id', 'map'))
     assert process.exit_code() == 2
     assert process.output.count('\n') == 1
 
 
 def test_help(start):
-    """With an example; of both styles."""
+    """The help describes both styles, and has an example."""
     process = start(*tool(NAME, '--help'))
     assert process.exit_code() == 0
     for text in ('--child-frame-id', 'example: static_transform_publisher --z',
@@ -150,7 +150,7 @@ def test_help(start):
 
 
 def test_the_function_refuses_what_the_command_does():
-    """Before there is a node."""
+    """It raises a UsageError before it creates a node."""
     with pytest.raises(UsageError, match='its own parent'):
         static_transform_publisher.command((0, 0, 0), (0, 0, 0, 1), 'map', '/map')
     with pytest.raises(UsageError, match='is not a rotation'):

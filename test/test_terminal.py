@@ -1,10 +1,10 @@
-"""Lines on a terminal: cut off by columns, padded up to a bound."""
+"""Lines on a terminal: cut off by columns, padded up to a limit."""
 
 import pytest
 
 from dummy_arm.inspection import terminal
 
-COMBINED = 'e\u0301'  # of one column
+COMBINED = 'e\u0301'  # it occupies one column
 
 
 @pytest.mark.parametrize(('line', 'columns', 'left'), [
@@ -12,31 +12,31 @@ COMBINED = 'e\u0301'  # of one column
     ('日本', 4, '日本'), ('日本', 3, '日'), ('日本', 1, ''), ('a日', 2, 'a'),
     (COMBINED * 3, 3, COMBINED * 3), (COMBINED * 3, 2, COMBINED * 2)])
 def test_a_line_is_cut_off_by_columns(line, columns, left):
-    """Of which a character may take none, one or two."""
+    """A character occupies no column, one or two."""
     assert terminal.cut(line, columns) == left
     assert terminal.width(left) <= columns
 
 
 @pytest.mark.parametrize('line', ['日' * 3000, 'ä' * 3000, '\u0301' * 3000])
-def test_each_character_of_a_line_is_looked_at_once(monkeypatch, line):
-    """However much of it is cut off."""
-    looked_at: list[str] = []
+def test_each_character_of_a_line_is_measured_once(monkeypatch, line):
+    """The time is linear in the length of the line, even if most of it is cut off."""
+    measured: list[str] = []
 
     def counted(function):
-        def look(character):
-            looked_at.append(character)
+        def measure(character):
+            measured.append(character)
             return function(character)
 
-        return look
+        return measure
 
     for name in 'combining', 'east_asian_width':
         monkeypatch.setattr(terminal, name, counted(getattr(terminal, name)))
     terminal.cut(line, 80)
-    assert len(looked_at) <= 2 * len(line)
+    assert len(measured) <= 2 * len(line)
 
 
 def test_a_cell_that_is_too_wide_does_not_make_its_column_wide():
-    """It is not padded, nor cut off; the others are, to the widest of them."""
+    """It is neither padded nor cut off; the other cells are padded to the widest of them."""
     cells = ['map', 'odom', '日' * 1000]
     columns = terminal.column_width(map(terminal.width, cells))
     assert columns == 4

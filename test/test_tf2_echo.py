@@ -1,4 +1,4 @@
-"""The command `tf2_echo`: tf2's text, better where that is wrong; live, and out of a bag."""
+"""The command `tf2_echo`: tf2's output without its errors, from live messages and from a bag."""
 
 from math import pi, radians
 import re
@@ -17,7 +17,7 @@ S = 10**9
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 LATER = 1795204940_123456789  # ns
 
-# What tf2_echo of Jazzy printed of odom -> base_link, turned by 90 degrees.
+# The output of tf2_echo of Jazzy for odom -> base_link, turned by 90 degrees.
 JAZZY = """\
 At time 1795204941.212668814
 - Translation: [10.000, 2.000, 0.000]
@@ -29,7 +29,7 @@ At time 1795204941.212668814
   1.000  0.000  0.000  2.000
   0.000  0.000  1.000  0.000
   0.000  0.000  0.000  1.000"""
-# And that of Iron, in osrf/ros2_test_cases#974.
+# The output of Iron, from osrf/ros2_test_cases#974.
 IRON = """\
 At time 1683377979.902062451
 - Translation: [0.963, 0.172, 0.000]
@@ -44,7 +44,7 @@ At time 1683377979.902062451
 
 
 def turned(stamp, translation, *roll_pitch_yaw):
-    """Make a transform."""
+    """Return a transform map -> base_link; its stamp in ns, its rotation in rad."""
     return Transform(stamp, 'map', 'base_link', translation,
                      quaternion_from_euler(*roll_pitch_yaw))
 
@@ -54,27 +54,27 @@ def turned(stamp, translation, *roll_pitch_yaw):
     (JAZZY, turned(1795204941_212668814, (10.0, 2.0, -1e-9), -1e-9, -1e-9, pi / 2)),
     (IRON, turned(1683377979_902062451, (0.963, 0.172, 0.0), 0.0, 0.0, radians(-9.052)))])
 def test_the_text_is_that_of_tf2(recorded, transform):
-    """To the character, but without its negative zeros; the columns stay where they are."""
+    """It is identical except for negative zeros; the columns keep their positions."""
     lists, matrix = recorded.split('- Matrix:')
     assert format_transform(transform) == (
         lists.replace('-0.000', '0.000') + '- Matrix:' + matrix.replace('-0.000', ' 0.000'))
 
 
 def test_nanoseconds_have_nine_digits():
-    """So that 12.005 does not look like 12.5."""
+    """Otherwise 12.005 would look like 12.5."""
     assert format_transform(turned(12 * S + 5_000_000, (0.0,) * 3, 0, 0, 0)).startswith(
         'At time 12.005000000\n')
 
 
 @pytest.mark.parametrize(('pitch', 'roll'), [(pi / 2, 0.1), (-pi / 2, 0.5)])
 def test_rpy_is_right_at_gimbal_lock(pitch, roll):
-    """Of (0.3, +-pi/2, 0.2), where tf2 prints a roll of 0.1244 and 0.4636."""
+    """For roll 0.3, pitch +-pi/2 and yaw 0.2, tf2 prints a roll of 0.1244 and 0.4636."""
     assert f'RPY (radian) [{roll:.3f}, {pitch:.3f}, 0.000]' in format_transform(
         turned(0, (0.0,) * 3, 0.3, pitch, 0.2))
 
 
 def test_the_precision():
-    """Of every number; the columns of the matrix grow with it."""
+    """It applies to every number; the columns of the matrix widen with it."""
     transform = turned(S, (1000.0, -2 / 3, -0.4), 0.0, 0.0, 0.0)
     lines = format_transform(transform, 6).splitlines()
     assert lines[1] == '- Translation: [1000.000000, -0.666667, -0.400000]'
@@ -86,7 +86,7 @@ def test_the_precision():
 
 @pytest.mark.parametrize('arguments', [(), ('3',), ('-r', '3'), ('/map', '/end_effector')])
 def test_it_goes_on(start, arguments):
-    """At the rate that is asked for, until Ctrl-C; with tf2's slash or without."""
+    """It prints at the requested rate until Ctrl-C; frames may begin with a slash, as in tf2."""
     start(*ARM)
     frames = arguments if arguments[:1] == ('/map',) else ('map', 'end_effector', *arguments)
     process = start(*tool('tf2_echo', *frames))
@@ -102,14 +102,14 @@ def test_it_goes_on(start, arguments):
             assert process.line().startswith(begin)
     assert stamps[2] - stamps[0] > (S if frames[2:] == () else S // 3)
     if frames[2:]:
-        assert stamps[2] - stamps[0] < 2 * S  # what it takes without the option
+        assert stamps[2] - stamps[0] < 2 * S  # without the option, it would take this long
     process.end(signal.SIGINT)
     assert process.exit_code() == 0
     assert 'Traceback' not in process.output
 
 
 def test_a_time_exactly(start, ros):
-    """To the ns, and between samples; a time that is not there yet is waited for."""
+    """The time is exact to the ns, and may be between samples; a later time is waited for."""
     moving = TransformBroadcaster(ros.node)
 
     def send():
@@ -121,7 +121,7 @@ def test_a_time_exactly(start, ros):
     for time, x in (('1795204940.123456789', '1.0000000'), ('1795204941.123456789', '1.0000010'),
                     ('1795204941.623456789', '2.0000005'), ('1795204940.123456790', '1.0000000')):
         process = start(*tool('tf2_echo', 'map', 'robot', '-t', time, '--once', '-p', '7'))
-        ros.until(lambda process=process: process.ended())
+        ros.until(lambda process=process: process.has_ended())
         assert process.exit_code() == 0
         assert f'At time {time}\n- Translation: [{x}, ' in process.output
     late = start(*tool('tf2_echo', 'map', 'robot', '-t', '1795204943'))
@@ -130,7 +130,7 @@ def test_a_time_exactly(start, ros):
 
 
 def test_waiting_says_what_is_missing(start, ros):
-    """Once a second: tf2's words, and the frames that there are, the nearest first."""
+    """Once a second, it logs tf2's text and the known frames, the nearest names first."""
     process = start(*tool('tf2_echo', 'map', 'base_lnik'))
     ros.until(lambda: process.output.count('Waiting for transform map ->  base_lnik: ') == 3)
     first, *_, third = process.output.splitlines()
@@ -158,8 +158,8 @@ def test_waiting_says_what_is_missing(start, ros):
     ros.until(lambda: 'At time 0.000000000\n' in process.output)
 
 
-def test_a_failure_is_told_and_it_goes_on(start, ros):
-    """In tf2's words, with the frames."""
+def test_a_failure_is_printed_and_it_goes_on(start, ros):
+    """It prints tf2's text with the list of frames, and then transforms again."""
     broadcaster = StaticTransformBroadcaster(ros.node)
     broadcaster.sendTransform(message_of(Row(0, 'map', 'robot', STILL)))
     process = start(*tool('tf2_echo', 'map', 'robot', '20'))
@@ -200,7 +200,7 @@ def test_a_failure_is_told_and_it_goes_on(start, ros):
     (('map', 'odom', '--partial'), '--namespace and --partial need --bag'),
     (('map', 'odom', '--namespace', 'a'), r'--ros-args -r /tf:=/NAME/tf')])
 def test_wrong_use(failed, arguments, why):
-    """Is exit code 2, and one line."""
+    """The exit code is 2, and the error is one line."""
     code, error = failed(main, *arguments)
     assert code == 2
     assert why in error
@@ -210,13 +210,13 @@ def test_wrong_use(failed, arguments, why):
 
 @pytest.fixture
 def bag(tmp_path):
-    """Make a bag of a robot that moves."""
+    """A bag of a robot that moves."""
     bags = pytest.importorskip('bags')
     return str(bags.make(tmp_path, 'mcap', bags.walk()))
 
 
 def test_out_of_a_bag_without_ros(start, bag):
-    """The latest, or a time exactly."""
+    """It prints the latest transform, or that of an exact time."""
     for time, stamp, x in (((), '110.000000000', 11.0), (('-t', '105.05'), '105.050000000', 6.05)):
         process = start(*tool_without_ros(
             'tf2_echo', '--bag', bag, 'map', 'base_link', *time, '-p', '3e0', '--ros-args',
@@ -232,7 +232,7 @@ def test_out_of_a_bag_without_ros(start, bag):
     (('map', 'base_link', '-t', '99'), 'Lookup would require extrapolation into the past'),
     (('map', 'base_link', '-t', '111'), "'odom' -> 'base_link' end 1.000000000 s before that")])
 def test_what_a_bag_does_not_have(failed, bag, arguments, why):
-    """Is exit code 1, with what it has."""
+    """The exit code is 1; the error says what the bag contains instead."""
     code, error = failed(main, '--bag', bag, *arguments)
     assert code == 1
     assert why in error

@@ -1,10 +1,10 @@
-"""The command `tf2_monitor`: rates and delays of frames and nodes, chains, and what is missing."""
+"""The command `tf2_monitor`: rates and delays of frames and nodes, paths, missing transforms."""
 
 import re
 import signal
 import time
 
-from conftest import ARM, in_a_terminal, tool
+from conftest import ARM, run_in_terminal, tool
 import pytest
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -23,8 +23,8 @@ S, MS = 10**9, 10**6
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
-def sent(gid, received, *edges: tuple[str, str], stamp=None, is_static=False):
-    """Make a message; times in ns."""
+def received_message(gid, received, *edges: tuple[str, str], stamp=None, is_static=False):
+    """Return a message as if it had been received; times in ns."""
     message = ReceivedMessage(cdr.pack(
         Row(received if stamp is None else stamp, *edge, STILL) for edge in edges))
     message.gid, message.reception_time, message.is_static = gid, received, is_static
@@ -32,13 +32,13 @@ def sent(gid, received, *edges: tuple[str, str], stamp=None, is_static=False):
 
 
 def streams_of(traffic):
-    """Give the streams by frame and sender; a gid stands for its name."""
+    """Return the streams by frame and node; the name of a node is the gid without stars."""
     return {(stream.frame, stream.node): stream for stream in traffic.streams(
         lambda gids: {gid: gid.rstrip('*') for gid in gids}, ['/robot', '/other', '/a'])}
 
 
 def test_delays_over_the_window():
-    """The average and the maximum; what is older than ten seconds is not counted."""
+    """Average and maximum cover the last ten seconds only."""
     delays = Delays()
     delays.add(0, 9 * S)
     for i in range(20 * 50):
@@ -55,14 +55,14 @@ def test_delays_over_the_window():
 
 
 def test_one_arrival_has_no_rate():
-    """But a delay, which may be negative."""
+    """It has a delay, which may be negative."""
     delays = Delays()
     delays.add(5 * S, -MS)
     assert summarize([delays], 5 * S) == Summary(None, -0.001, -0.001)
 
 
 def test_a_little_out_of_order():
-    """As two threads may be: it is counted."""
+    """Arrivals that two threads add out of order are counted."""
     delays = Delays()
     for arrival in 100 * S, 100 * S - MS, 100 * S + MS:
         delays.add(arrival, MS)
@@ -73,7 +73,7 @@ def test_a_little_out_of_order():
 
 
 def test_memory_does_not_grow_with_the_rate():
-    """At a thousand a second, what is kept is as much as at one."""
+    """At 1000 Hz, it keeps one item for each second, as at 1 Hz."""
     delays = Delays()
     for i in range(60_000):
         delays.add(i * MS, MS)
@@ -90,10 +90,11 @@ def test_traffic_of_frames_and_of_nodes():
     for i in range(14):
         received = now - 13 * S // 10 + i * 100 * MS
         traffic.observe([
-            sent('/robot', received, ('map', '/odom'), ('odom', 'base'), stamp=received - 4 * MS),
-            sent('/other', received, ('map', 'cup'), ('map', '/'),
-                 stamp=received - (i % 2) * 8 * MS)])
-    traffic.observe([sent('/robot*', now, ('base', 'lidar'), is_static=True)])
+            received_message('/robot', received, ('map', '/odom'), ('odom', 'base'),
+                             stamp=received - 4 * MS),
+            received_message('/other', received, ('map', 'cup'), ('map', '/'),
+                             stamp=received - (i % 2) * 8 * MS)])
+    traffic.observe([received_message('/robot*', now, ('base', 'lidar'), is_static=True)])
     found = streams_of(traffic)
     assert [*found] == [('base', '/robot'), ('cup', '/other'), ('lidar', '/robot'),
                         ('odom', '/robot'), ('', '/other'), ('', '/robot')]
@@ -107,10 +108,10 @@ def test_traffic_of_frames_and_of_nodes():
 
 
 def test_each_frame_has_the_delay_of_its_own_stamp():
-    """Also after one without a name."""
+    """This also holds after a frame without a name in the same message."""
     traffic = Traffic(time.time_ns)
     now = time.time_ns()
-    traffic.observe([sent('/a', now - S, ('map', 'odom'))])
+    traffic.observe([received_message('/a', now - S, ('map', 'odom'))])
     message = ReceivedMessage(cdr.pack([Row(now - late * S, 'map', child, STILL)
                               for child, late in (('/', 3), ('odom', 1), ('base', 2))]))
     message.gid, message.reception_time = '/a', now
@@ -120,43 +121,45 @@ def test_each_frame_has_the_delay_of_its_own_stamp():
             late, abs=1e-2)
 
 
-def test_what_waited_to_be_discovered_is_not_late():
-    """What comes in with the first of a node has waited; it is heard, and has no delay."""
+def test_messages_that_waited_for_the_discovery_are_not_late():
+    """The first messages of a publisher may have waited for the discovery: they have no delay."""
     traffic = Traffic(time.time_ns)
     now = time.time_ns()
-    old = [sent('/a', now + i, ('map', 'odom'), stamp=now - S) for i in range(5)]
+    old = [received_message('/a', now + i, ('map', 'odom'), stamp=now - S) for i in range(5)]
     traffic.observe(old)
     found = streams_of(traffic)['odom', '/a']
     assert found == Stream('odom', '/a', False, True, None, None)
-    # A clock that is behind makes no difference.
-    traffic.observe([sent('/a', now + 300 * MS, ('map', 'odom'), stamp=now - 3600 * S)])
+    # The delay of a publisher whose clock is an hour behind is counted, too.
+    traffic.observe([
+        received_message('/a', now + 300 * MS, ('map', 'odom'), stamp=now - 3600 * S)])
     assert streams_of(traffic)['odom', '/a'].summary.maximum_delay == pytest.approx(3600.3, 1e-3)
 
 
-def test_what_is_kept_of_publishers_is_bounded(monkeypatch):
-    """They come and go; the last are known, so that their delays are counted."""
+def test_the_number_of_known_publishers_is_bounded(monkeypatch):
+    """Of many publishers, the most recent ones are known, so that their delays are counted."""
     monkeypatch.setattr('dummy_arm.inspection.traffic._MOST_PUBLISHERS', 10)
     traffic = Traffic(time.time_ns)
     now = time.time_ns()
     for i in range(100):
         for late in 0, 300 * MS:
-            traffic.observe([sent(f'/{i}', now + late, ('map', f'frame_{i}'), stamp=now)])
+            traffic.observe([
+                received_message(f'/{i}', now + late, ('map', f'frame_{i}'), stamp=now)])
     assert len(traffic._since) == 10
     found = streams_of(traffic)
     assert all(found[f'frame_{i}', f'/{i}'].summary for i in range(100))
 
 
 def test_time_that_is_set_back():
-    """What was before is forgotten; what was on its way then is not counted."""
+    """Earlier statistics are discarded; messages that were in transit then are not counted."""
     times, system = [1000 * S], [1_700_000_000 * S]
     traffic = Traffic(lambda: times[0], system_clock=lambda: system[0])
 
     def observe(stamp):
-        traffic.observe([sent('/a', system[0], ('map', 'odom'), stamp=stamp)])
+        traffic.observe([received_message('/a', system[0], ('map', 'odom'), stamp=stamp)])
 
     observe(1000 * S)
     system[0] += 250 * MS
-    late = sent('/a', system[0], ('map', 'odom'), stamp=1000 * S)
+    late = received_message('/a', system[0], ('map', 'odom'), stamp=1000 * S)
     observe(1000 * S)
     assert streams_of(traffic)['odom', '/a'].summary.rate is None
     times[0] = 5 * S
@@ -169,22 +172,24 @@ def test_time_that_is_set_back():
 
 
 def test_a_clock_that_does_not_run():
-    """What moves is not static; it has no delay."""
+    """Dynamic transforms are not shown as static; they have no delay."""
     traffic = Traffic(lambda: 0)
-    traffic.observe([sent('/a', time.time_ns() + i * S, ('map', 'odom')) for i in range(3)])
+    traffic.observe([
+        received_message('/a', time.time_ns() + i * S, ('map', 'odom')) for i in range(3)])
     assert streams_of(traffic)['odom', '/a'] == Stream('odom', '/a', False, True, None, None)
 
 
-def test_what_is_no_message_is_left_to_the_listener():
-    """And an empty one does no harm."""
+def test_malformed_messages_are_skipped():
+    """Malformed messages are skipped, since the listener logs them; empty ones do no harm."""
     traffic = Traffic(time.time_ns)
     bad = ReceivedMessage(b'\0\1\0\0\7')
-    traffic.observe([bad, sent('/a', 1), sent('/a', time.time_ns(), ('map', 'odom'))])
+    traffic.observe([bad, received_message('/a', 1),
+                     received_message('/a', time.time_ns(), ('map', 'odom'))])
     assert ('odom', '/a') in streams_of(traffic)
 
 
 def test_lines():
-    """A table, whose columns fit the longest name; what is odd can be seen."""
+    """The columns of the table fit the longest name; unusual streams are marked."""
     moving = Summary(50.04, 0.00123449, 0.25)
     assert format_streams([
         Stream('base_link', '/arm', True, True, None, None),
@@ -213,7 +218,7 @@ def test_lines():
 
 
 def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
-    """The others stand as they would without it."""
+    """The columns of the other lines are as they would be without the long name."""
     name = 'x' * 3000
     short = f'{"x" * 49}...{"x" * 48}'
     streams = [Stream('base', '/arm', True, True, None, None),
@@ -230,18 +235,18 @@ def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
 
 @pytest.mark.parametrize('arguments', [('map',), ('map', ''), ('/', 'odom')])
 def test_wrong_use(failed, arguments):
-    """Is exit code 2, and one line."""
+    """The exit code is 2, and the error is one line."""
     assert failed(main, *arguments) == (
         2, 'tf2_monitor: give two frames, or none to monitor all frames\n')
 
 
 def test_the_arm(start):
-    """Every frame and node, its rate; between two frames only what is on the way."""
+    """It prints the rates of all frames and nodes; with two frames, those on their path."""
     start(*ARM)
     every = start(*tool('tf2_monitor'))
-    way = start(*tool('tf2_monitor', 'map', '/joint_2'))
+    chain = start(*tool('tf2_monitor', 'map', '/joint_2'))
     every.line_with('RESULTS: for all frames, over the last 10 s')
-    for process in every, way:
+    for process in every, chain:
         while not re.search(r'  joint_2  +\d+\.\d Hz', process.output):
             assert process.line(), process.output
         process.line_with('All Broadcasters:')
@@ -249,20 +254,20 @@ def test_the_arm(start):
         assert re.search(r'  base_link  +static  +/dummy_arm\n', process.output)
         rates = [float(rate) for rate in re.findall(
             r'  joint_2  +(\d+\.\d) Hz +0\.\d{6} s +0\.\d{6} s  /dummy_arm\n', process.output)]
-        assert 25.0 < rates[-1] < 60.0  # of 50; on a busy machine it is slower
+        assert 25.0 < rates[-1] < 60.0  # the rate is 50 Hz, less on a busy machine
         assert re.search(r'\n +\d+\.\d Hz +0\.\d{6} s +0\.\d{6} s  /dummy_arm\n', process.output)
     assert '  end_effector ' in every.output
-    assert '  end_effector ' not in way.output.partition('Chain is')[2]
-    assert 'Chain is: map -> base_link -> joint_1 -> joint_2\n' in way.output
-    assert re.search(r'Net delay     avg = 0\.\d{6} s: max = 0\.\d{6} s\n', way.output)
-    for process in every, way:
+    assert '  end_effector ' not in chain.output.partition('Chain is')[2]
+    assert 'Chain is: map -> base_link -> joint_1 -> joint_2\n' in chain.output
+    assert re.search(r'Net delay     avg = 0\.\d{6} s: max = 0\.\d{6} s\n', chain.output)
+    for process in every, chain:
         process.end(signal.SIGINT)
         assert process.exit_code() == 0
         assert 'Traceback' not in process.output
 
 
 def test_late_transforms(start, ros):
-    """A node in a namespace that sends a quarter of a second late; the chain is as late."""
+    """A node in a namespace publishes 0.25 s late; the net delay of the path is as large."""
     node = Node('late', namespace='/robot', context=ros.context)
     ros.executor.add_node(node)
     broadcaster = TransformBroadcaster(node)
@@ -280,8 +285,8 @@ def test_late_transforms(start, ros):
     node.destroy_node()
 
 
-def test_it_does_not_die_of_what_is_missing(start, ros):
-    """It says what, and goes on; a static chain has no delay."""
+def test_it_continues_when_something_is_missing(start, ros):
+    """It prints what is missing, and continues; a static path has no delay."""
     process = start(*tool('tf2_monitor', 'map', 'robot'))
     ros.until(lambda: 'No transform has been received yet. Publishers on ' in process.output)
     broadcaster = StaticTransformBroadcaster(ros.node)
@@ -290,17 +295,17 @@ def test_it_does_not_die_of_what_is_missing(start, ros):
         'Waiting for transform map ->  robot: Invalid frame ID "robot" passed to canTransform '
         'argument source_frame - frame does not exist. Frames here, the nearest names first: '
         "'robo', 'map'.\n" in process.output))
-    for parent, told in (
+    for parent, expected in (
             ('map', 'Chain is: map -> robot\nNet delay     none: all transforms are static\n'),
             ('moon', 'not part of the same tree'), ('map', 'Chain is: ')):
         before = len(process.output)
         broadcaster.sendTransform(message_of(Row(0, parent, 'robot', STILL)))
-        ros.until(lambda told=told, before=before: told in process.output[before:])
+        ros.until(lambda expected=expected, before=before: expected in process.output[before:])
     assert 'Traceback' not in process.output
 
 
-def test_two_nodes_that_send_one_frame(start, ros):
-    """Are told of."""
+def test_two_nodes_that_publish_one_frame(start, ros):
+    """It prints a warning, as long as both nodes exist."""
     other = Node('other', context=ros.context)
     for node in ros.node, other:
         StaticTransformBroadcaster(node).sendTransform(message_of(Row(0, 'map', 'odom', STILL)))
@@ -316,10 +321,10 @@ def test_two_nodes_that_send_one_frame(start, ros):
 
 
 def test_in_place_on_a_terminal(ros):
-    """Cut off where the terminal ends, at 80 columns and 24 lines."""
+    """The output is cut off at the size of the terminal: 80 columns and 24 lines."""
     StaticTransformBroadcaster(ros.node).sendTransform(
         [message_of(Row(0, 'map', f'frame_{i:02}_{"long" * 20}', STILL)) for i in range(30)])
-    written = in_a_terminal(
+    written = run_in_terminal(
         ros.context.get_domain_id(), *tool('tf2_monitor'),
         until=lambda written: written.count('frame_05') > 1)
     first, second = [screen.splitlines() for screen in written.split('\x1b[H\x1b[2J')
@@ -328,11 +333,11 @@ def test_in_place_on_a_terminal(ros):
         assert len(lines) <= 23
         assert max(map(len, lines)) <= 80
     assert first[0] == 'RESULTS: for all frames, over the last 10 s'
-    assert first[-1] == '... 14 more lines (pipe the output to see all)'  # of 36
+    assert first[-1] == '... 14 more lines (pipe the output to see all)'  # there are 36 lines
 
 
 def test_sim_time_that_is_set_back(start, ros):
-    """What was before is forgotten, of the chain, too."""
+    """Earlier statistics are discarded, also those of the path."""
     clock = ros.node.create_publisher(Clock, '/clock', 10)
     broadcaster = TransformBroadcaster(ros.node)
     begin, wall = 1000.0, time.monotonic()
@@ -347,22 +352,22 @@ def test_sim_time_that_is_set_back(start, ros):
 
     ros.node.create_timer(0.02, tick)
     process = start(*tool('tf2_monitor', '--ros-args', '-p', 'use_sim_time:=true'))
-    way = start(*tool('tf2_monitor', 'map', 'odom', '--ros-args', '-p', 'use_sim_time:=true'))
+    chain = start(*tool('tf2_monitor', 'map', 'odom', '--ros-args', '-p', 'use_sim_time:=true'))
     ros.until(lambda: re.search(r'  old +\d+\.\d Hz', process.output)
-              and re.search(r'Net delay     avg = 0\.[23]', way.output))
+              and re.search(r'Net delay     avg = 0\.[23]', chain.output))
     begin, wall = 5.0, time.monotonic()
-    before, before_of_way = len(process.output), len(way.output)
+    before, chain_before = len(process.output), len(chain.output)
     ros.until(lambda: process.output[before:].count('RESULTS') > 3
-              and way.output[before_of_way:].count('RESULTS') > 3)
+              and chain.output[chain_before:].count('RESULTS') > 3)
     last = process.output.rpartition('RESULTS')[0].rpartition('RESULTS')[2]
     assert re.search(r'  odom +\d+\.\d Hz +-?0\.[01]\d{5} s +-?0\.[01]\d{5} s  /test\n', last)
     assert re.search(r'  old +/test\n', last)
-    last = way.output.rpartition('RESULTS')[0].rpartition('RESULTS')[2]
+    last = chain.output.rpartition('RESULTS')[0].rpartition('RESULTS')[2]
     assert re.search(r'Net delay     avg = -?0\.[01]\d{5} s: max = -?0\.[01]\d{5} s\n', last)
 
 
 def test_without_a_clock(start):
-    """It says so."""
+    """It prints a warning."""
     start(*ARM)
     process = start(*tool('tf2_monitor', '--ros-args', '-p', 'use_sim_time:=true'))
     process.line_with('Warning: use_sim_time is set, but no message has arrived on /clock')
@@ -370,8 +375,8 @@ def test_without_a_clock(start):
     assert re.search(r'  joint_1 +/dummy_arm\n', process.output)
 
 
-def test_what_comes_too_fast_is_told(start):
-    """What is not counted; the rates are too low then."""
+def test_messages_that_arrive_too_fast_are_reported(start):
+    """The warning has the number of messages that are not counted: the rates are too low then."""
     start(*ARM)
     _, code = tool('tf2_monitor')
     process = start('-c', f'from dummy_arm.tf import publisher_listener; '
@@ -381,7 +386,7 @@ def test_what_comes_too_fast_is_told(start):
 
 
 def test_nowhere_to_print(start):
-    """Is no fault."""
+    """A closed stdout is no error."""
     _, code = tool('tf2_monitor')
     process = start('-c', f'import os; os.close(1); {code}')
     time.sleep(2.5)

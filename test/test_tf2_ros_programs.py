@@ -1,4 +1,4 @@
-"""Programs that were written for tf2_ros, of the shape of examples_tf2_py."""
+"""Tests with programs that were written for tf2_ros, in the style of examples_tf2_py."""
 
 from pathlib import Path
 import re
@@ -13,7 +13,7 @@ PROGRAMS = Path(__file__).parent / 'tf2_ros_programs'
 
 @pytest.fixture
 def ported(tmp_path):
-    """Copy the programs, with their imports changed and nothing else."""
+    """The directory with copies of the programs, in which only the imports are changed."""
     for program in PROGRAMS.glob('*.py'):
         code = program.read_text()
         changed = re.sub(r'^from (tf2_ros|tf2_msgs\.msg)\b', 'from dummy_arm.tf', code,
@@ -27,7 +27,7 @@ def ported(tmp_path):
     ('blocking_wait', 'got transform'), ('async_wait', 'got transform from sonar'),
     ('wait_in_callback', 'got transform'), ('frame_dumper', "  parent: 'robot'")])
 def test_runs_with_only_the_import_changed(ported, start, ros, program, line):
-    """Waits until the transforms come in, over DDS, and then has them."""
+    """The program waits until the transforms arrive over DDS, and then uses them."""
     process = start(str(ported / f'{program}.py'))
     process.line_with('waiting')
     wheel, sonar = TransformStamped(child_frame_id='wheel'), TransformStamped(

@@ -1,4 +1,4 @@
-"""The value that a lookup gives."""
+"""The class Transform, the result of a lookup."""
 
 import math
 from types import SimpleNamespace
@@ -14,13 +14,13 @@ B_FROM_C = Transform(5, 'b', 'c', (2.0, 0.0, 0.0))
 
 
 def test_its_matrix():
-    """Homogenous, (4, 4)."""
+    """The matrix is homogeneous, of shape (4, 4)."""
     assert A_FROM_B.matrix() == pytest.approx(np.array(
         [[0, -1, 0, 1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]), abs=1e-15)
 
 
 def test_is_made_of_a_message():
-    """Of geometry_msgs, or of any class with its fields."""
+    """The message is of geometry_msgs, or of any class with the same fields."""
     def fields(**values):
         return SimpleNamespace(**values)
 
@@ -33,7 +33,7 @@ def test_is_made_of_a_message():
 
 
 def test_takes_points_from_the_child_frame():
-    """One or many."""
+    """`apply` transforms one point or an array of points into the parent frame."""
     assert A_FROM_B.apply([1, 2, 3]) == pytest.approx([-1, 1, 3])
     assert A_FROM_B.apply(np.eye(3)[:2]) == pytest.approx(np.array([[1, 1, 0], [0, 0, 0]]))
     with pytest.raises(ValueError, match=r'of shape \(3,\) or \(n, 3\), got \(2,\)'):
@@ -41,7 +41,7 @@ def test_takes_points_from_the_child_frame():
 
 
 def test_composes_where_the_frames_between_are_the_same():
-    """a_from_b @ b_from_c is a_from_c, with the stamp of the left one."""
+    """a_from_b @ b_from_c is a_from_c, with the stamp of the left operand."""
     a_from_c = A_FROM_B @ B_FROM_C
     assert a_from_c[:3] == (3, 'a', 'c')
     assert a_from_c.translation == pytest.approx((1, 2, 0))
@@ -53,7 +53,7 @@ def test_composes_where_the_frames_between_are_the_same():
 
 
 def test_its_inverse():
-    """The frames change places, and there and back is nothing."""
+    """The inverse swaps the frames, and its product with the transform is the identity."""
     b_from_a = A_FROM_B.inverse()
     assert b_from_a[:3] == (3, 'b', 'a')
     assert (A_FROM_B @ b_from_a).matrix() == pytest.approx(np.eye(4))

@@ -1,4 +1,4 @@
-"""Listening to /tf and /tf_static, over DDS; what is sent comes from processes of their own."""
+"""Tests of the TransformListener over DDS; most publishers run in processes of their own."""
 
 from abc import ABC, abstractmethod
 import math
@@ -8,8 +8,8 @@ import threading
 import time
 from typing import Any
 
-from conftest import TIMEOUT, unexpected
-from endings import without_others
+from conftest import fail_on_error, TIMEOUT
+from endings import without_library_lines
 from geometry_msgs.msg import TransformStamped
 import pytest
 from rclpy.clock import ROSClock
@@ -44,7 +44,7 @@ WAIT = Duration(seconds=TIMEOUT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
-SENDER = """
+PUBLISHER = """
 import sys, time, rclpy
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
 from dummy_arm.tf._ros.transform_stamped import message_of
@@ -64,34 +64,38 @@ while True:
 """
 
 
-def made(stamp_ns=0, parent='map', child='robot', x=0.0):
-    """Make a transform."""
+def stamped(stamp_ns=0, parent='map', child='robot', x=0.0):
+    """Return a TransformStamped without rotation; the stamp is in ns, x in m."""
     return message_of(Row(stamp_ns, parent, child, (x, *STILL[1:])))
 
 
 @pytest.fixture
-def sender(start):
-    """Start a process that sends `PARENT CHILD ...` a hundred times a second."""
-    def send(frames):
-        process = start('-c', SENDER, frames)
+def start_publisher(start):
+    """
+    Return a function that starts a process which publishes transforms.
+
+    Its argument is `PARENT CHILD ...`: the frames, which are published a hundred times a second.
+    """
+    def start_publishing(frames):
+        process = start('-c', PUBLISHER, frames)
         process.line_with('sending')
         return process
 
-    return send
+    return start_publishing
 
 
 @pytest.fixture
 def listen(ros):
-    """Make a buffer and its listener."""
+    """Return a function that creates a buffer and its listener."""
     listeners = []
 
-    def make(node=None, buffer=None, **how):
+    def create(node=None, buffer=None, **kwargs):
         node = node or ros.node
         buffer = Buffer(node=node) if buffer is None else buffer
-        listeners.append(TransformListener(buffer, node, **how))
+        listeners.append(TransformListener(buffer, node, **kwargs))
         return buffer, listeners[-1]
 
-    yield make
+    yield create
     for listener in listeners:
         listener.unregister()
 
@@ -100,24 +104,24 @@ def eventually(condition):
     """Wait until a condition holds, without spinning anything."""
     deadline = time.monotonic() + TIMEOUT
     while not condition():
-        assert time.monotonic() < deadline, 'waited in vain'
+        assert time.monotonic() < deadline, 'the condition did not become true in time'
         time.sleep(0.002)
 
 
-def spun(work):
-    """Do work in a thread; wait for its end; give its result."""
+def run_in_thread(work):
+    """Call a function in a thread, wait until it returns, and return its result."""
     results = []
     thread = threading.Thread(target=lambda: results.append(work()), daemon=True)
     thread.start()
     thread.join(2 * TIMEOUT)
-    assert results, 'it never ended'
+    assert results, 'the function did not return in time'
     return results[0]
 
 
 @pytest.mark.parametrize('spin_thread', [False, True])
 @pytest.mark.parametrize('where', ['timer', 'subscription', 'service'])
-def test_a_lookup_waits_inside_a_callback(ros, sender, listen, where, spin_thread):
-    """Of a single-threaded executor, which spins nothing else meanwhile."""
+def test_a_lookup_waits_inside_a_callback(ros, start_publisher, listen, where, spin_thread):
+    """The lookup succeeds although a single-threaded executor spins nothing else meanwhile."""
     buffer, _ = listen(spin_thread=spin_thread)
     answers: list[Any] = []
 
@@ -141,7 +145,7 @@ def test_a_lookup_waits_inside_a_callback(ros, sender, listen, where, spin_threa
         client = other.create_client(Trigger, 'go')
         assert client.wait_for_service(TIMEOUT)
         client.call_async(Trigger.Request())
-    starting = threading.Timer(0.3, lambda: sender('map robot'))
+    starting = threading.Timer(0.3, lambda: start_publisher('map robot'))
     starting.start()
     ros.until(lambda: len(answers) == 2, 2 * TIMEOUT)
     assert answers[0].child_frame_id == 'robot'
@@ -150,10 +154,10 @@ def test_a_lookup_waits_inside_a_callback(ros, sender, listen, where, spin_threa
     other.destroy_node()
 
 
-def test_spin_once_returns_when_transforms_come_in(ros, sender, listen):
-    """Without a timeout, and nothing else that happens in the node."""
+def test_spin_once_returns_when_transforms_arrive(ros, start_publisher, listen):
+    """The transforms alone end a spin_once without a timeout: nothing else happens in the node."""
     buffer, _ = listen()
-    starting = threading.Timer(0.3, lambda: sender('map robot'))
+    starting = threading.Timer(0.3, lambda: start_publisher('map robot'))
     starting.start()
 
     def spin():
@@ -170,15 +174,15 @@ def test_spin_once_returns_when_transforms_come_in(ros, sender, listen):
         executor.shutdown()
         return spins
 
-    assert spun(spin) > 0
+    assert run_in_thread(spin) > 0
     starting.join()
 
 
-def test_the_executor_is_woken_ten_times_a_second(ros, sender, listen):
-    """However many messages come in; so spinning costs little."""
+def test_the_executor_is_woken_ten_times_a_second(ros, start_publisher, listen):
+    """The executor is not woken for each message, so spinning the node costs little."""
     buffer, _ = listen()
     for number in range(3):
-        sender(f'map robot_{number}')
+        start_publisher(f'map robot_{number}')
     eventually(lambda: buffer.can_transform('robot_0', 'robot_2', LATEST))
     executor = SingleThreadedExecutor(context=ros.context)
     executor.add_node(ros.node)
@@ -191,63 +195,63 @@ def test_the_executor_is_woken_ten_times_a_second(ros, sender, listen):
 
 
 @pytest.mark.parametrize('with_node', [True, False])
-def test_async_waits_end_while_the_node_is_spun(ros, sender, listen, with_node):
-    """Soon after the data are there, whether the buffer knows the node or not."""
+def test_async_waits_end_while_the_node_is_spun(ros, start_publisher, listen, with_node):
+    """A coroutine continues soon after the data arrive, even if the buffer has no node."""
     buffer, _ = listen(buffer=Buffer(node=ros.node if with_node else None))
     found = []
 
-    async def look():
+    async def look_up():
         transform = await buffer.lookup_transform_async('map', 'robot', LATEST)
         found.append((transform, buffer.lookup_transform('map', 'robot', LATEST)))
 
-    ros.executor.create_task(look)
+    ros.executor.create_task(look_up)
     ros.executor.spin_once(timeout_sec=0.0)
-    sender('map robot')
+    start_publisher('map robot')
     ros.until(lambda: found)
     assert found[0][0].child_frame_id == 'robot'
 
 
-def test_a_late_joiner_has_what_is_static(sender, listen, ros):
-    """Although it was sent once, long ago, by two."""
+def test_a_late_joiner_receives_static_transforms(start_publisher, listen, ros):
+    """Two publishers have sent the transforms only once, long before the listener starts."""
     first, _ = listen()
-    sender('map a')
-    sender('map b')
+    start_publisher('map a')
+    start_publisher('map b')
     first.lookup_transform('a_static', 'b_static', LATEST, timeout=WAIT)
-    for name in 'ab':  # long after that
+    for name in 'ab':  # both publishers have sent further messages
         first.lookup_transform('map', name, LATEST, timeout=WAIT)
     buffer, _ = listen()
     assert buffer.lookup_transform('a_static', 'b_static', LATEST, timeout=WAIT)
 
 
-def test_a_publisher_that_was_killed_comes_back(sender, listen, kill):
-    """And is heard again."""
+def test_a_publisher_that_was_killed_comes_back(start_publisher, listen, kill):
+    """Transforms of its successor are received like those of the first publisher."""
     buffer, _ = listen()
-    first = sender('map robot')
+    first = start_publisher('map robot')
     buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
     kill(first)
     silence = buffer.get_latest_common_time('map', 'robot')
-    sender('map robot')
+    start_publisher('map robot')
     buffer.lookup_transform('map', 'robot', silence + Duration(seconds=0.1), timeout=WAIT)
 
 
-def test_two_publishers_of_interleaved_frames(sender, listen):
-    """Each has every other frame of a chain."""
+def test_two_publishers_of_interleaved_frames(start_publisher, listen):
+    """A lookup combines the edges of a chain that different publishers send."""
     buffer, _ = listen()
-    sender('f0 f1')
-    sender('f1 f2')
-    sender('f2 f3')
+    start_publisher('f0 f1')
+    start_publisher('f1 f2')
+    start_publisher('f2 f3')
     begin = buffer.lookup_transform('f0', 'f3', LATEST, timeout=WAIT).header.stamp
     later = Time.from_msg(begin) + Duration(seconds=0.5)
     assert buffer.lookup_transform('f0', 'f3', later, timeout=WAIT)
 
 
 def test_static_transforms_are_updated(ros, listen):
-    """By the same broadcaster, and by another."""
+    """The same broadcaster may update a static transform, and so may another one."""
     buffer, _ = listen()
     first, second = StaticTransformBroadcaster(ros.node), StaticTransformBroadcaster(ros.node)
     for number, broadcaster in enumerate([first, first, second, first]):
-        broadcaster.sendTransform(made(child=f'other_{number}'))
-        broadcaster.sendTransform(made(x=float(number)))
+        broadcaster.sendTransform(stamped(child=f'other_{number}'))
+        broadcaster.sendTransform(stamped(x=float(number)))
         eventually(lambda: buffer.can_transform(
             'map', f'other_{number}', LATEST))  # noqa: B023
         eventually(lambda: buffer.lookup_transform(
@@ -255,16 +259,16 @@ def test_static_transforms_are_updated(ros, listen):
 
 
 def test_a_clock_that_jumps_back_clears_the_buffer(ros, listen):
-    """As does a switch to the simulation's; what is static stays."""
+    """A switch to simulated time clears the buffer, too; static transforms stay."""
     node = Node('simulated', context=ros.context)
     ros.executor.add_node(node)
     clock = ros.node.create_publisher(Clock, '/clock', 10)
     buffer, _ = listen(node=node)
-    StaticTransformBroadcaster(ros.node).sendTransform(made(child='static'))
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped(child='static'))
     broadcaster = TransformBroadcaster(ros.node)
 
     def send(seconds):
-        broadcaster.sendTransform(made(seconds * 10**9))
+        broadcaster.sendTransform(stamped(seconds * 10**9))
         eventually(lambda: buffer.can_transform('map', 'robot', Time(seconds=seconds)))
 
     def tick(seconds):
@@ -295,7 +299,7 @@ def test_a_clock_that_jumps_back_clears_the_buffer(ros, listen):
 
 
 def test_remappings_and_namespace_apply_as_with_tf2(ros, listen):
-    """The topics' names are absolute, and can be remapped."""
+    """The names of the topics are absolute, and can be remapped."""
     node = Node('n', context=ros.context, namespace='/robot1',
                 cli_args=['--ros-args', '-r', '/tf:=/other/tf', '-r', '/tf_static:=tf_static'])
     _, listener = listen(node=node)
@@ -306,13 +310,13 @@ def test_remappings_and_namespace_apply_as_with_tf2(ros, listen):
         '/other/tf') == 1
     publisher = ros.node.create_publisher(TFMessage, '/other/tf', 10)
     ros.until(lambda: publisher.get_subscription_count() == 1)
-    publisher.publish(TFMessage(transforms=[made(5)]))
+    publisher.publish(TFMessage(transforms=[stamped(5)]))
     eventually(lambda: listener.buffer.can_transform('map', 'robot', LATEST))
     node.destroy_node()
 
 
 def test_no_executor_sees_the_subscriptions(ros, listen):
-    """Nothing of the node but one guard condition is added to what it waits for."""
+    """The listener adds only one guard condition to the node, and removes it at its end."""
     before = [list(ros.node.subscriptions), list(ros.node.waitables), list(ros.node.guards)]
     _, listener = listen()
     after = [list(ros.node.subscriptions), list(ros.node.waitables), list(ros.node.guards)]
@@ -323,20 +327,20 @@ def test_no_executor_sees_the_subscriptions(ros, listen):
     assert list(ros.node.guards) == before[2]
 
 
-def published(ros, listener, *messages):
-    """Publish messages, and wait until the last, with a mark in it, is in the buffer."""
+def publish_and_wait(ros, listener, *messages):
+    """Publish messages and one more with a new frame; wait until that is in the buffer."""
     publisher = ros.node.create_publisher(TFMessage, '/tf', 1000)
     ros.until(lambda: publisher.get_subscription_count() > 0)
     for message in messages:
         publisher.publish(message)
     mark = f'mark_{time.monotonic_ns()}'
-    publisher.publish(TFMessage(transforms=[made(1, child=mark)]))
+    publisher.publish(TFMessage(transforms=[stamped(1, child=mark)]))
     eventually(lambda: listener.buffer.can_transform('map', mark, LATEST))
 
 
 @pytest.fixture
-def said(monkeypatch):
-    """List what the listener and the buffer log."""
+def log_lines(monkeypatch):
+    """The lines that the listener and the buffer log, each with the name of its logger."""
     lines = []
     from rclpy.impl.rcutils_logger import RcutilsLogger
 
@@ -347,41 +351,43 @@ def said(monkeypatch):
     return lines
 
 
-def test_malformed_messages_are_counted_and_told_once_a_cause(ros, listen, said, golden_messages):
-    """And what comes between them is heard."""
+def test_malformed_messages_are_counted_and_logged_once_per_cause(
+        ros, listen, log_lines, golden_messages):
+    """A valid message that follows is inserted, and a cause is not logged a second time."""
     _, listener = listen()
     data = bytes.fromhex(max((case['cdr_hex'] for case in golden_messages), key=len))
     bad = [data[:end] for end in range(9, len(data) - 8, 41)]
-    published(ros, listener, *bad, data[:4] + bytes([255] * 4) + data[8:], b'\0\7' + data[2:])
+    publish_and_wait(
+        ros, listener, *bad, data[:4] + bytes([255] * 4) + data[8:], b'\0\7' + data[2:])
     assert listener.malformed == len(bad) + 2
-    eventually(lambda: len(said) == 3)
-    lines = [line for name, line in said if name == 'tf2_listener']
+    eventually(lambda: len(log_lines) == 3)
+    lines = [line for name, line in log_lines if name == 'tf2_listener']
     assert [line.partition(':')[0] for line in lines] == [
         'Dropped a message that cannot be decoded, impossible count',
         'Dropped a message that cannot be decoded, truncated',
         'Dropped a message that cannot be decoded, unknown encoding']
-    published(ros, listener, *bad)
+    publish_and_wait(ros, listener, *bad)
     assert listener.malformed == 2 * len(bad) + 2
-    assert len([line for name, line in said if name == 'tf2_listener']) == 3
+    assert len([line for name, line in log_lines if name == 'tf2_listener']) == 3
 
 
-def test_refusals_are_in_the_words_of_tf2_once_a_second(ros, listen, said):
-    """NaN, no rotation, a frame in itself, no name, too old; the good ones with them go in."""
+def test_refusals_are_in_the_words_of_tf2_once_a_second(ros, listen, log_lines):
+    """Each cause is logged once a second at most; valid transforms in a message are inserted."""
     buffer, listener = listen()
     now = 1_700_000_000 * 10**9
-    nan, unturned = made(now, child='nan'), made(now, child='unturned')
+    nan, unturned = stamped(now, child='nan'), stamped(now, child='unturned')
     nan.transform.translation.x = math.nan
     unturned.transform.rotation.w = 0.0
-    bad = [nan, unturned, made(now, parent='self', child='self'), made(now, parent=''),
-           made(now, child='')]
-    good = made(now, child='good')
+    bad = [nan, unturned, stamped(now, parent='self', child='self'), stamped(now, parent=''),
+           stamped(now, child='')]
+    good = stamped(now, child='good')
     message = TFMessage(transforms=[good, *bad])
-    old = TFMessage(transforms=[made(now - 11 * 10**9, child='good')])
+    old = TFMessage(transforms=[stamped(now - 11 * 10**9, child='good')])
     begin = time.monotonic()
-    published(ros, listener, *[message] * 20, *[old] * 20)
-    eventually(lambda: any('TF_OLD_DATA' in line for _, line in said))
+    publish_and_wait(ros, listener, *[message] * 20, *[old] * 20)
+    eventually(lambda: any('TF_OLD_DATA' in line for _, line in log_lines))
     seconds = time.monotonic() - begin
-    lines = [line for name, line in said if name == 'tf2_buffer']
+    lines = [line for name, line in log_lines if name == 'tf2_buffer']
     causes = [line.partition(' ')[0].rstrip(':') for line in lines]
     for cause in ('TF_NAN_INPUT', 'TF_DENORMALIZED_QUATERNION', 'TF_SELF_TRANSFORM',
                   'TF_NO_FRAME_ID', 'TF_NO_CHILD_FRAME_ID', 'TF_OLD_DATA'):
@@ -392,54 +398,54 @@ def test_refusals_are_in_the_words_of_tf2_once_a_second(ros, listen, said):
     assert not {'nan', 'unturned', 'self', ''} & set(buffer._getFrameStrings())
 
 
-def test_frames_are_limited(ros, listen, said):
-    """A peer that sends ever new names does not fill the machine."""
+def test_frames_are_limited(ros, listen, log_lines):
+    """A publisher that keeps sending new frame names cannot fill the memory."""
     buffer, _ = listen(buffer=Buffer(node=ros.node, max_frames=50))
-    known = made(1, child='known')
+    known = stamped(1, child='known')
     flood = [TFMessage(transforms=[known, *(
-        made(1, child=f'{i}_{j}') for j in range(10))]) for i in range(20)]
+        stamped(1, child=f'{i}_{j}') for j in range(10))]) for i in range(20)]
     publisher = ros.node.create_publisher(TFMessage, '/tf', 1000)
     ros.until(lambda: publisher.get_subscription_count() > 0)
     for message in flood:
         publisher.publish(message)
-    publisher.publish(TFMessage(transforms=[made(2, child='known')]))
+    publisher.publish(TFMessage(transforms=[stamped(2, child='known')]))
     eventually(lambda: buffer.can_transform('map', 'known', Time(nanoseconds=2)))
     assert len(buffer._getFrameStrings()) == 50
-    eventually(lambda: said)
-    assert [line.partition(':')[0] for _, line in said] == ['TF_TOO_MANY_FRAMES']
+    eventually(lambda: log_lines)
+    assert [line.partition(':')[0] for _, line in log_lines] == ['TF_TOO_MANY_FRAMES']
 
 
-def test_a_misfit_is_told_with_the_remedy(ros, said):
-    """Static transforms that are not latched never arrive; it is told once a second at most."""
+def test_incompatible_qos_is_logged_with_the_remedy(ros, log_lines):
+    """Static transforms that are not latched never arrive; the log has one line per second."""
     tf_static, now = subscribe(ros.node, TFMessage, '/tf_static', print, LATCHED,
                                ros.node.default_callback_group), 0.0
     monitor = QosMonitor(tf_static, lambda: now)
     ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
 
-    def told():
+    def check_later():
         nonlocal now
         now += 1.0
         monitor.check()
-        return said
+        return log_lines
 
-    ros.until(told)
-    assert said[0][1].startswith(
+    ros.until(check_later)
+    assert log_lines[0][1].startswith(
         "New publisher discovered on topic '/tf_static', offering incompatible QoS. "
         'No messages will be received from it. Last incompatible policy: DURABILITY')
     ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
     ros.until(lambda: ros.node.count_publishers('/tf_static') == 2)
     monitor.check()
-    assert len(said) == 1
-    ros.until(lambda: len(told()) == 2)
+    assert len(log_lines) == 1
+    ros.until(lambda: len(check_later()) == 2)
     for _ in range(3):
-        told()
-    assert len(said) == 2
+        check_later()
+    assert len(log_lines) == 2
     monitor.close()
     tf_static.destroy()
 
 
 def test_qos_is_as_asked(listen):
-    """Depths alone leave /tf_static latched; profiles are taken as they are."""
+    """A depth alone leaves /tf_static latched; a profile is used as it is."""
     _, default = listen()
     assert (default.tf_sub.qos_profile.depth, default.tf_static_sub.qos_profile.depth) == (
         100, 100)
@@ -459,40 +465,40 @@ def test_qos_is_as_asked(listen):
 
 
 class Counting(Buffer):
-    """A buffer that counts what is set."""
+    """A buffer that counts the calls of its setters."""
 
-    moving = static = 0
+    dynamic = static = 0
 
     def set_transform(self, transform, authority='default_authority'):
-        """Count, and set it."""
+        """Count the call, and insert a dynamic transform."""
         assert isinstance(transform, TransformStamped)
-        self.moving += 1
+        self.dynamic += 1
         super().set_transform(transform, authority)
 
     def set_transform_static(self, transform, authority='default_authority'):
-        """Count, and set it."""
+        """Count the call, and insert a static transform."""
         self.static += 1
         super().set_transform_static(transform, authority)
 
 
 class Recorder:
-    """What is no Buffer, but can be set."""
+    """An object that is not a buffer, but has the setters of one."""
 
     def __init__(self):
-        """Begin with nothing."""
-        self.moving, self.static = [], []
+        """Create empty lists of calls."""
+        self.dynamic, self.static = [], []
 
     def set_transform(self, transform, authority):
-        """Remember it."""
-        self.moving.append((transform.child_frame_id, authority))
+        """Record the frame and the authority of a dynamic transform."""
+        self.dynamic.append((transform.child_frame_id, authority))
 
     def set_transform_static(self, transform, authority):
-        """Remember it."""
+        """Record the frame and the authority of a static transform."""
         self.static.append((transform.child_frame_id, authority))
 
 
-def test_methods_that_are_overridden_are_called(ros, sender, listen):
-    """Of a subclass, of anything else, and of the listener."""
+def test_methods_that_are_overridden_are_called(ros, start_publisher, listen):
+    """The setters of a Buffer subclass or another object are called, as are own callbacks."""
     counting, recorder = Counting(node=ros.node), Recorder()
 
     class Filtering(TransformListener):
@@ -504,13 +510,13 @@ def test_methods_that_are_overridden_are_called(ros, sender, listen):
     listen(buffer=counting)
     listen(buffer=recorder)
     filtering = Filtering(filtered, ros.node)
-    sender('map a')
-    sender('map b')
+    start_publisher('map a')
+    start_publisher('map b')
     assert counting.lookup_transform('a', 'b', LATEST, timeout=WAIT)
     assert counting.lookup_transform('a_static', 'b_static', LATEST, timeout=WAIT)
-    assert counting.moving >= 2
+    assert counting.dynamic >= 2
     assert counting.static >= 2
-    eventually(lambda: {name for name, _ in recorder.moving} == {'a', 'b'})
+    eventually(lambda: {name for name, _ in recorder.dynamic} == {'a', 'b'})
     eventually(lambda: set(recorder.static) == {
         (f'{name}_static', 'default_authority') for name in 'ab'})
     assert filtered.lookup_transform('a', 'b_static', LATEST, timeout=WAIT)
@@ -520,7 +526,7 @@ def test_methods_that_are_overridden_are_called(ros, sender, listen):
 
 @pytest.mark.parametrize('kind', [Buffer, MessageBufferCore, BufferCore])
 def test_a_callback_that_is_overridden_fills_any_buffer(ros, kind):
-    """With what that takes: a BufferCore has no messages."""
+    """The base callback passes messages to a Buffer, and a Transform to a BufferCore."""
     class Own(TransformListener):
         def callback(self, data):
             super().callback(data)
@@ -529,8 +535,8 @@ def test_a_callback_that_is_overridden_fills_any_buffer(ros, kind):
     listener = Own(buffer, ros.node)
     publisher = ros.node.create_publisher(TFMessage, '/tf', 10)
     ros.until(lambda: publisher.get_subscription_count() > 0)
-    publisher.publish(TFMessage(transforms=[made(5, x=2.0)]))
-    StaticTransformBroadcaster(ros.node).sendTransform(made(child='static'))
+    publisher.publish(TFMessage(transforms=[stamped(5, x=2.0)]))
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped(child='static'))
     eventually(lambda: len(buffer.frames()) == 2)
     known = buffer.dump()
     assert known['robot']['stamps'] == [5]
@@ -539,59 +545,60 @@ def test_a_callback_that_is_overridden_fills_any_buffer(ros, kind):
     listener.unregister()
 
 
-def test_an_error_in_what_is_overridden_is_told_and_the_next_message_taken(ros, listen, said):
-    """It must not end the thread; nor is it told at each message."""
+def test_an_error_in_an_overridden_method_is_logged_and_the_next_message_taken(
+        ros, listen, log_lines):
+    """The error does not end the thread, and is not logged for each message."""
     class Failing(Counting):
         def set_transform(self, transform, authority='default_authority'):
             super().set_transform(transform, authority)
             raise ZeroDivisionError('of the user')
 
     buffer, listener = listen(buffer=Failing(node=ros.node))
-    published(ros, listener, *[TFMessage(transforms=[made(i)]) for i in range(1, 20)],
+    publish_and_wait(ros, listener, *[TFMessage(transforms=[stamped(i)]) for i in range(1, 20)],
               b'\0\1\0\0\1\0\0\0')
-    assert buffer.moving == 20
+    assert buffer.dynamic == 20
     assert listener.malformed == 1
-    eventually(lambda: len(said) > 1)
-    errors = [line for name, line in said if 'ZeroDivisionError: of the user' in line]
+    eventually(lambda: len(log_lines) > 1)
+    errors = [line for name, line in log_lines if 'ZeroDivisionError: of the user' in line]
     assert 1 <= len(errors) <= 3
     assert 'in set_transform' in errors[0]
 
 
-def test_the_buffer_can_be_changed(ros, sender, listen):
-    """To another, to something else, to a BufferCore; what was before gets nothing more."""
-    sender('map robot')
+def test_the_buffer_can_be_changed(ros, start_publisher, listen):
+    """The new buffer may be of any kind, and the previous one receives nothing more."""
+    start_publisher('map robot')
     first, listener = listen()
     first.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
     listener.buffer = recorder = Recorder()
-    eventually(lambda: recorder.moving)
+    eventually(lambda: recorder.dynamic)
     last = first.get_latest_common_time('map', 'robot')
     listener.buffer = core = BufferCore()
     assert listener.buffer is core
     assert core.lookup_transform('map', 'robot', 0, timeout=WAIT).stamp > last.nanoseconds
-    number = len(recorder.moving)
+    number = len(recorder.dynamic)
     later = core.get_latest_common_time('map', 'robot') + 10**8
     assert core.lookup_transform('map', 'robot', later, timeout=WAIT)
-    assert len(recorder.moving) == number
+    assert len(recorder.dynamic) == number
     listener.buffer = messages = MessageBufferCore()
     eventually(lambda: messages.can_transform_core('map', 'robot', LATEST)[0])
     assert first.get_latest_common_time('map', 'robot') == last
 
 
 def test_a_lookup_has_all_that_has_arrived(ros, listen):
-    """Also while the thread pauses, since messages come in fast."""
+    """A lookup inserts the messages in the queue, even while the listener's thread pauses."""
     buffer, _ = listen()
     publisher = ros.node.create_publisher(TFMessage, '/tf', 100)
     ros.until(lambda: publisher.get_subscription_count() > 0)
-    late = 0
+    late = 0  # failed attempts; with the thread alone, some 25 for each message
     for stamp in range(1, 500):
-        publisher.publish(TFMessage(transforms=[made(stamp * 10**6)]))
+        publisher.publish(TFMessage(transforms=[stamped(stamp * 10**6)]))
         time.sleep(0.001)
         deadline = time.monotonic() + TIMEOUT
         while not buffer.can_transform('map', 'robot', Time(nanoseconds=stamp * 10**6)):
             assert time.monotonic() < deadline
             late += 1
             time.sleep(0.001)
-    assert late < 250  # of 500; if the thread alone took them, some 25 for each
+    assert late < 250
 
 
 @pytest.mark.parametrize(('depth', 'messages', 'seconds', 'expected'), [
@@ -605,7 +612,7 @@ def test_a_lookup_has_all_that_has_arrived(ros, listen):
     (100, 11, 0.1, 0.1),
     (100, 0, 0.1, 0.0)])
 def test_in_a_pause_half_of_the_queue_stays_free(ros, depth, messages, seconds, expected):
-    """At the rate since the last round; above 100 Hz, and for a tenth of a second at most."""
+    """The pause follows from the rate since the last round; up to 100 Hz there is no pause."""
     now = 1000.0
     source, publish, close = source_of(ros, depth, lambda: now)
     source.end_round()
@@ -617,18 +624,23 @@ def test_in_a_pause_half_of_the_queue_stays_free(ros, depth, messages, seconds, 
 
 
 def source_of(ros, depth, clock=time.monotonic):
-    """Return a source of a topic, what publishes messages that it then takes, and its end."""
+    """
+    Create a source with its own subscriptions.
+
+    :returns: the source, a function that publishes messages which the source then takes, and a
+        function that destroys the subscriptions.
+    """
     tf, tf_static = (subscribe(ros.node, TFMessage, topic, print, QoSProfile(depth=depth),
                                ros.node.default_callback_group)
                      for topic in ('/tf', '/tf_static'))
-    source = SubscriptionSource(tf_static, tf, unexpected, lambda: None, clock)
+    source = SubscriptionSource(tf_static, tf, fail_on_error, lambda: None, clock)
     broadcaster = TransformBroadcaster(ros.node)
     ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
 
     def publish(count):
         for number in range(count):
             source.take().clear()
-            broadcaster.sendTransform(made(number + 1))
+            broadcaster.sendTransform(stamped(number + 1))
             eventually(source.take)
         source.take().clear()
 
@@ -639,11 +651,11 @@ def source_of(ros, depth, clock=time.monotonic):
     return source, publish, close
 
 
-def test_what_was_taken_stays_until_it_is_emptied(ros):
-    """By the buffer, after the insertion: the list is the source's own."""
+def test_taken_messages_stay_until_the_list_is_cleared(ros):
+    """The source keeps the list, which the buffer clears after the insertion."""
     source, publish, close = source_of(ros, 10)
     publish(1)
-    TransformBroadcaster(ros.node).sendTransform(made(5))
+    TransformBroadcaster(ros.node).sendTransform(stamped(5))
     eventually(source.take)
     assert source.take() is source.take()
     (piece,) = source.take()
@@ -655,7 +667,7 @@ def test_what_was_taken_stays_until_it_is_emptied(ros):
 
 
 def test_the_trip_of_a_message_is_as_written_down(ros):
-    """In the theory of operation, call by call."""
+    """The theory of operation in engine.py lists exactly the calls that a message causes."""
     calls = []
 
     def profile(frame, event, _):
@@ -672,7 +684,7 @@ def test_the_trip_of_a_message_is_as_written_down(ros):
     ros.until(lambda: publisher.get_subscription_count() > 0)
     for number in range(3):
         before = len(calls)
-        publisher.publish(TFMessage(transforms=[made(number + 1)]))
+        publisher.publish(TFMessage(transforms=[stamped(number + 1)]))
         eventually(lambda: ('insert_batches', '_core/insertion.py') in calls[before:])  # noqa: B023
         eventually(lambda: calls[-1] == ('_wait', '_ros/listener_thread.py'))
     listener.unregister()
@@ -695,7 +707,7 @@ def test_the_trip_of_a_message_is_as_written_down(ros):
 
 
 def test_listeners_and_contexts_are_independent(ros, listen):
-    """Each hears its domain; the end of one leaves the others."""
+    """Each listener receives the messages of its domain, and goes on when another one ends."""
     other = Context()
     other.init(domain_id=ros.context.get_domain_id() + 100)
     node = Node('elsewhere', context=other)
@@ -703,15 +715,15 @@ def test_listeners_and_contexts_are_independent(ros, listen):
     also_here, also = listen()
     elsewhere = Buffer(node=node)
     listener_elsewhere = TransformListener(elsewhere, node)
-    StaticTransformBroadcaster(ros.node).sendTransform(made(child='here'))
-    StaticTransformBroadcaster(node).sendTransform(made(child='there'))
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped(child='here'))
+    StaticTransformBroadcaster(node).sendTransform(stamped(child='there'))
     for buffer, mine, not_mine in ((here, 'here', 'there'), (also_here, 'here', 'there'),
                                    (elsewhere, 'there', 'here')):
         assert buffer.lookup_transform('map', mine, LATEST, timeout=WAIT)
         assert not buffer.can_transform('map', not_mine, LATEST)
     listener.unregister()
     other.try_shutdown()
-    StaticTransformBroadcaster(ros.node).sendTransform(made(child='later'))
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped(child='later'))
     assert also_here.lookup_transform('map', 'later', LATEST, timeout=WAIT)
     assert not here.can_transform('map', 'later', LATEST)
     listener_elsewhere.unregister()
@@ -719,43 +731,43 @@ def test_listeners_and_contexts_are_independent(ros, listen):
     also.unregister()
 
 
-def test_after_the_end_nothing_more_comes_in(ros, sender, listen):
-    """Neither by the thread nor by a lookup, nor if the buffer is set anew."""
+def test_nothing_is_inserted_after_the_end(ros, start_publisher, listen):
+    """Neither the thread nor a lookup inserts a message, even if another buffer is set then."""
     buffer, listener = listen()
-    sender('map robot')
+    start_publisher('map robot')
     buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
     listener.unregister()
     assert not [thread for thread in threading.enumerate() if thread.name == 'tf of test']
     last = buffer.get_latest_common_time('map', 'robot')
     listener.buffer = other = Buffer(node=ros.node)
     assert not ros.node.get_subscriptions_info_by_topic('/tf')
-    heard, _ = listen()
-    heard.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
-    eventually(lambda: heard.get_latest_common_time('map', 'robot') > last)
+    later_buffer, _ = listen()
+    later_buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
+    eventually(lambda: later_buffer.get_latest_common_time('map', 'robot') > last)
     assert buffer.get_latest_common_time('map', 'robot') == last
     assert not other.can_transform('map', 'robot', LATEST)
 
 
 @pytest.mark.parametrize('end', ['unregister', 'destroy_node'])
 def test_all_that_had_arrived_is_there_after_the_end(ros, listen, end):
-    """Whether it was taken already or not."""
+    """Messages that are still in the queue are inserted at the end."""
     node = Node('ending', context=ros.context)
     buffer, listener = listen(node=node)
     also, _ = listen()
     publish = flood(ros, listener)
     publish(2000 * 10**9)
     last = Time(nanoseconds=2000 * 10**9 + 19)
-    eventually(lambda: also.can_transform('map', 'robot', last))  # to which it was sent last
+    eventually(lambda: also.can_transform('map', 'robot', last))  # DDS sends to this one last
     if end == 'unregister':
         listener.unregister()
     node.destroy_node()
     assert buffer.get_latest_common_time('map', 'robot') == last
 
 
-def test_messages_come_in_though_nobody_looks_up(ros):
-    """In the course of a stream that has the thread pause."""
+def test_messages_are_inserted_without_lookups(ros):
+    """The thread pauses at this rate, but inserts messages while they keep arriving."""
     class Watched(Buffer):
-        """Counts the updates that bring something, which only the thread can make."""
+        """A buffer that counts the updates with new data; only the thread makes them here."""
 
         news = last = 0
 
@@ -775,20 +787,20 @@ def test_messages_come_in_though_nobody_looks_up(ros):
     listener.unregister()
 
 
-def test_what_is_refused_late_is_told_all_the_same(ros, listen, said):
-    """Though nothing follows it, and nobody looks up."""
+def test_a_refusal_is_logged_without_further_messages(ros, listen, log_lines):
+    """The refusal is logged although the thread pauses and nobody looks up."""
     _, listener = listen()
     publish = flood(ros, listener)
     publish(2000 * 10**9, 60)
     publisher = ros.node.create_publisher(TFMessage, '/tf', 100)
     ros.until(lambda: publisher.get_subscription_count() > 0)
     publish(3000 * 10**9, 60)
-    publisher.publish(TFMessage(transforms=[made(child='map')]))
-    eventually(lambda: any('TF_SELF_TRANSFORM' in text for _, text in said))
+    publisher.publish(TFMessage(transforms=[stamped(child='map')]))
+    eventually(lambda: any('TF_SELF_TRANSFORM' in text for _, text in log_lines))
 
 
-def test_a_shutdown_without_a_word_ends_the_spin(domain_id):
-    """As Ctrl-C shuts down, and may find rclpy's executor between its looks at the context."""
+def test_a_shutdown_without_callbacks_ends_the_spin(domain_id):
+    """Ctrl-C shuts down this way, which does not always wake an executor that is spinning."""
     context = Context()
     context.init(domain_id=domain_id)
     node = Node('spun', context=context)
@@ -808,7 +820,7 @@ def test_a_shutdown_without_a_word_ends_the_spin(domain_id):
     time.sleep(0.5)
     begin = time.monotonic()
     assert context.handle is not None
-    context.handle.shutdown()  # which calls none of those that want to know
+    context.handle.shutdown()  # this calls no shutdown callbacks
     thread.join(TIMEOUT)
     assert ended
     assert ended[0] < begin + 2.0
@@ -818,7 +830,7 @@ def test_a_shutdown_without_a_word_ends_the_spin(domain_id):
 
 
 def test_the_node_name_is_free_at_once_after_destroy_node(start):
-    """No subscription outlives its node, so that the next of this name is the only one."""
+    """No subscription outlives its node, so the next node of this name is the only one."""
     process = start('-c', """
 import rclpy
 from dummy_arm.tf import Buffer, TransformListener
@@ -834,22 +846,22 @@ print('done')
     assert process.output == 'done\n'
 
 
-def test_a_listener_that_nobody_holds_goes_on(ros, sender):
-    """As with tf2_ros, whose subscriptions hold it."""
+def test_a_listener_that_nobody_holds_goes_on(ros, start_publisher):
+    """As with tf2_ros, a listener receives messages although the user keeps no reference to it."""
     buffer = Buffer(node=ros.node)
     TransformListener(buffer, ros.node)
-    sender('map robot')
+    start_publisher('map robot')
     assert buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)
 
 
 def flood(ros, listener):
-    """Make a function that publishes a transform, at a rate at which the thread pauses."""
+    """Return a function that publishes transforms at a rate at which the thread pauses."""
     publisher = ros.node.create_publisher(TFMessage, '/tf', 100)
     ros.until(lambda: publisher.get_subscription_count() > 0)
 
     def publish(stamp_ns, number=20):
         for i in range(number):
-            publisher.publish(TFMessage(transforms=[made(stamp_ns + i)]))
+            publisher.publish(TFMessage(transforms=[stamped(stamp_ns + i)]))
             time.sleep(0.002)
 
     publish(1000 * 10**9, 50)
@@ -857,8 +869,8 @@ def flood(ros, listener):
     return publish
 
 
-def test_what_was_sent_before_a_clear_does_not_come_in_after_it(ros, listen):
-    """It would be newer than all that follows, where time has jumped back."""
+def test_messages_from_before_a_clear_are_not_inserted_after_it(ros, listen):
+    """After a jump back in time, such a message would be newer than all that follow."""
     buffer, listener = listen()
     publish = flood(ros, listener)
     for _ in range(10):
@@ -872,23 +884,23 @@ def test_what_was_sent_before_a_clear_does_not_come_in_after_it(ros, listen):
 
 
 def test_a_buffer_that_is_set_gets_all_that_is_sent_from_then_on(ros, listen):
-    """Also when the thread waits for the lock of the one before."""
+    """No message is lost while the thread waits for the lock of the previous buffer."""
     first, listener = listen()
     flood(ros, listener)
     second = Buffer(node=ros.node)
     also, _ = listen()
     with first.fetched():
-        TransformBroadcaster(ros.node).sendTransform(made(2000 * 10**9))
+        TransformBroadcaster(ros.node).sendTransform(stamped(2000 * 10**9))
         eventually(lambda: also.can_transform('map', 'robot', Time(seconds=2000)))
         listener.buffer = second
-        StaticTransformBroadcaster(ros.node).sendTransform(made(child='static'))
+        StaticTransformBroadcaster(ros.node).sendTransform(stamped(child='static'))
         eventually(lambda: also.can_transform('map', 'static', LATEST))
     assert second.lookup_transform('map', 'static', LATEST, timeout=WAIT)
     assert not first.can_transform('map', 'static', LATEST)
 
 
 def test_a_signal_handler_may_look_up(start):
-    """Wherever it interrupts a lookup: each pose stays with its stamp."""
+    """Each pose keeps its stamp, wherever the handler interrupts a lookup."""
     process = start('-c', """
 import signal, time
 import rclpy
@@ -928,8 +940,8 @@ print('good')
     assert process.output == 'good\n'
 
 
-def test_what_a_done_callback_does_leaves_the_thread_alive(ros, listen, said):
-    """It may exit, and it may wait for moving and static transforms, although it runs in there."""
+def test_what_a_done_callback_does_leaves_the_thread_alive(ros, listen, log_lines):
+    """A done callback runs in this thread; it may wait for transforms, and raise SystemExit."""
     buffer, listener = listen()
     found = []
 
@@ -939,25 +951,25 @@ def test_what_a_done_callback_does_leaves_the_thread_alive(ros, listen, said):
         raise SystemExit('of the user')
 
     buffer.wait_for_transform_async('map', 'robot', LATEST).add_done_callback(wait)
-    published(ros, listener)
+    publish_and_wait(ros, listener)
     broadcaster = TransformBroadcaster(ros.node)
     ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
-    broadcaster.sendTransform(made(1))
+    broadcaster.sendTransform(stamped(1))
     also, _ = listen()
-    broadcaster.sendTransform(made(1, child='also'))
+    broadcaster.sendTransform(stamped(1, child='also'))
     eventually(lambda: also.can_transform('map', 'also', LATEST))
     assert not found
-    broadcaster.sendTransform(made(1, child='moving'))
-    StaticTransformBroadcaster(ros.node).sendTransform(made(child='static'))
-    eventually(lambda: [line for _, line in said if 'SystemExit: of the user' in line])
+    broadcaster.sendTransform(stamped(1, child='moving'))
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped(child='static'))
+    eventually(lambda: [line for _, line in log_lines if 'SystemExit: of the user' in line])
     assert found == [True, True]
-    published(ros, listener)
+    publish_and_wait(ros, listener)
 
 
 @pytest.mark.parametrize('own_callback', [False, True])
-@pytest.mark.parametrize('way', ['unregister', 'destroy_node'])
-def test_an_end_within_a_block_of_the_buffer(ros, way, own_callback):
-    """While messages come in: it ends at once, and so does the thread after the block."""
+@pytest.mark.parametrize('method', ['unregister', 'destroy_node'])
+def test_an_end_within_a_block_of_the_buffer(ros, method, own_callback):
+    """While messages arrive, the call returns at once, and the thread ends after the block."""
     class Own(TransformListener):
         def callback(self, data):
             super().callback(data)
@@ -969,20 +981,22 @@ def test_an_end_within_a_block_of_the_buffer(ros, way, own_callback):
         broadcaster = TransformBroadcaster(ros.node)
         ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)  # noqa: B023
 
+        end_of = {'unregister': listener.unregister, 'destroy_node': node.destroy_node}
+
         def end():
             with buffer.fetched():  # noqa: B023
-                broadcaster.sendTransform(made(1))  # noqa: B023
-                (listener.unregister if way == 'unregister' else node.destroy_node)()  # noqa: B023
+                broadcaster.sendTransform(stamped(1))  # noqa: B023
+                end_of[method]()  # noqa: B023
             return True
 
-        assert spun(end)
+        assert run_in_thread(end)
         eventually(lambda: not threads_of_listeners())
         broadcaster.pub_tf.destroy()
         node.destroy_node()
 
 
 def test_an_end_while_another_thread_is_in_a_block(ros):
-    """It takes no longer than to wait for the listener's thread: half a second."""
+    """`destroy_node` does not wait for the lock, which the listener's thread needs to end."""
     node = Node('test', context=ros.context, namespace='/own')
     buffer = Buffer(node=node)
     TransformListener(buffer, node)
@@ -1005,12 +1019,12 @@ def test_an_end_while_another_thread_is_in_a_block(ros):
 
 
 def threads_of_listeners():
-    """List the threads of listeners."""
+    """Return the threads of the listeners of nodes with the name `test`."""
     return [thread for thread in threading.enumerate() if thread.name == 'tf of test']
 
 
-def latched_has_come(node):
-    """Wait until a thread that ran already would have called the callbacks."""
+def wait_for_latched(node):
+    """Wait as long as a listener's thread needs to call the callbacks, if it runs already."""
     buffer = Buffer(node=node)
     listener = TransformListener(buffer, node)
     buffer.lookup_transform('map', 'latched', LATEST, timeout=WAIT)
@@ -1018,75 +1032,76 @@ def latched_has_come(node):
 
 
 class Filter(TransformListener):
-    """A listener whose callbacks need what its constructor sets at its end."""
+    """A listener whose callback needs an attribute that its constructor sets last."""
 
     def __init__(self, *args, **kwargs):
-        """Listen, and take one's time."""
+        """Start the listener, and set the attribute late."""
         super().__init__(*args, **kwargs)
-        latched_has_come(self.node)
-        self.heard = []
+        wait_for_latched(self.node)
+        self.received = []
 
     def static_callback(self, data):
-        """Remember, and set."""
-        self.heard += [transform.child_frame_id for transform in data.transforms]
+        """Record the frames, and insert the transforms."""
+        self.received += [transform.child_frame_id for transform in data.transforms]
         super().static_callback(data)
 
 
 class AbstractFilter(Filter, ABC):
-    """The same with another metaclass."""
+    """A filter with another metaclass."""
 
     @abstractmethod
     def name(self):
-        """Give a name."""
+        """Return a name."""
 
 
 class NamedFilter(AbstractFilter):
-    """Without a constructor of its own."""
+    """A filter that inherits the constructor of an abstract class."""
 
     def name(self):
-        """Give a name."""
+        """Return a name."""
         return 'filter'
 
 
 class Mixin:
-    """A class whose constructor comes before the listener's."""
+    """A class whose constructor calls that of the listener."""
 
     node: Node
 
     def __init__(self, *args, **kwargs):
-        """Listen, and take one's time."""
+        """Start the listener, and set the attribute late."""
         super().__init__(*args, **kwargs)
-        latched_has_come(self.node)
+        wait_for_latched(self.node)
         self.names = []
 
 
 class MixedFilter(Mixin, TransformListener):
-    """What it needs is set by the constructor of another class."""
+    """A filter whose attribute is set by the constructor of another class."""
 
     def static_callback(self, data):
-        """Remember, and set."""
+        """Record the frame, and insert the transform."""
         self.names.append(data.transforms[0].child_frame_id)
         super().static_callback(data)
 
 
 class PlainFilter(TransformListener):
-    """A filter without a constructor, as a base beside another."""
+    """A filter without a constructor, which is the first of two bases."""
 
     def static_callback(self, data):
-        """Set."""
+        """Insert the transforms."""
         super().static_callback(data)
 
 
 class BothFilters(PlainFilter, Filter):
-    """Its constructor is that of its second base."""
+    """A filter that inherits the constructor of its second base."""
 
 
 @pytest.mark.parametrize('another_waits', [False, True])
 @pytest.mark.parametrize('kind', [Filter, NamedFilter, MixedFilter, BothFilters])
-def test_callbacks_of_a_subclass_are_called_after_its_constructor(ros, said, kind, another_waits):
-    """A latched message waits till then, and so does another thread; it is not lost."""
+def test_callbacks_of_a_subclass_are_called_after_its_constructor(
+        ros, log_lines, kind, another_waits):
+    """A latched message is not lost: it is taken later, even if another thread waits for it."""
     static = StaticTransformBroadcaster(ros.node)
-    static.sendTransform(made(child='latched'))
+    static.sendTransform(stamped(child='latched'))
     buffer, waiting = Buffer(node=ros.node), None
     if another_waits:
         waiting = threading.Thread(
@@ -1097,24 +1112,24 @@ def test_callbacks_of_a_subclass_are_called_after_its_constructor(ros, said, kin
     if waiting is not None:
         waiting.join()
     assert buffer.lookup_transform('map', 'latched', LATEST, timeout=WAIT)
-    assert 'latched' in (listener.names if kind is MixedFilter else listener.heard)
-    assert not said
+    assert 'latched' in (listener.names if kind is MixedFilter else listener.received)
+    assert not log_lines
     listener.unregister()
 
 
-@pytest.mark.parametrize('way', ['timeout', 'future', 'poll'])
-def test_a_subclass_may_wait_for_a_transform_in_its_constructor(ros, way):
-    """By a timeout, a future, or by asking again and again."""
-    StaticTransformBroadcaster(ros.node).sendTransform(made(child='latched'))
+@pytest.mark.parametrize('method', ['timeout', 'future', 'poll'])
+def test_a_subclass_may_wait_for_a_transform_in_its_constructor(ros, method):
+    """The constructor may wait with a timeout, with a future, or by repeated lookups."""
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped(child='latched'))
 
     class Waiting(TransformListener):
         def __init__(self, buffer, node):
-            self.heard = []
+            self.received = []
             super().__init__(buffer, node)
             arguments = 'map', 'latched', LATEST
-            if way == 'timeout':
+            if method == 'timeout':
                 self.found = buffer.lookup_transform(*arguments, timeout=WAIT)
-            elif way == 'future':
+            elif method == 'future':
                 future = buffer.wait_for_transform_async(*arguments)
                 eventually(future.done)
                 self.found = future.result()
@@ -1123,17 +1138,17 @@ def test_a_subclass_may_wait_for_a_transform_in_its_constructor(ros, way):
                 self.found = buffer.lookup_transform(*arguments)
 
         def static_callback(self, data):
-            self.heard += data.transforms
+            self.received += data.transforms
             super().static_callback(data)
 
-    listener = spun(lambda: Waiting(Buffer(node=ros.node), ros.node))
+    listener = run_in_thread(lambda: Waiting(Buffer(node=ros.node), ros.node))
     assert listener.found.child_frame_id == 'latched'
-    assert listener.heard
+    assert listener.received
     listener.unregister()
 
 
 def test_a_subclass_may_end_in_its_constructor(ros):
-    """Before its thread was started; nothing is left."""
+    """If the constructor calls `unregister`, no thread and no subscription are left."""
     class Ended(TransformListener):
         def callback(self, data):
             super().callback(data)
@@ -1148,7 +1163,7 @@ def test_a_subclass_may_end_in_its_constructor(ros):
 
 
 def test_a_subclass_whose_constructor_fails_listens_no_more(ros):
-    """Nor are its callbacks called, with what it has not set."""
+    """The callbacks, which may need attributes that were not set, are never called."""
     class Failing(TransformListener):
         def callback(self, data):
             self.nothing.append(data)  # type: ignore[attr-defined]
@@ -1165,9 +1180,9 @@ def test_a_subclass_whose_constructor_fails_listens_no_more(ros):
 
 
 def test_a_signal_handler_may_end_a_listener_that_gets_another_buffer(ros):
-    """Wherever it interrupts that; the buffer gets nothing more."""
+    """If the handler runs during the replacement, the new buffer keeps no source."""
     class Interrupted(Buffer):
-        """When a source is added, a signal comes."""
+        """A buffer that ends the listener when its source is added, as a signal handler may."""
 
         sources: frozenset[object] = frozenset()
 
@@ -1187,15 +1202,15 @@ def test_a_signal_handler_may_end_a_listener_that_gets_another_buffer(ros):
         listener.buffer = other
         return True
 
-    assert spun(switch)
+    assert run_in_thread(switch)
     assert not other.sources
     eventually(lambda: not threads_of_listeners())
 
 
 def test_a_listener_that_gets_its_own_buffer_again_goes_on(ros):
-    """A lookup that waits does not end."""
+    """The listener does not remove its source, since that would end a blocked lookup."""
     class Watched(Buffer):
-        """Counts the sources that were removed."""
+        """A buffer that counts the sources that were removed."""
 
         removed = 0
 
@@ -1211,23 +1226,23 @@ def test_a_listener_that_gets_its_own_buffer_again_goes_on(ros):
     assert buffer.removed
 
 
-def later_looks(buffer):
-    """Wait as long as somebody waits who looks again twice without news."""
+def wait_for_retries(buffer):
+    """Wait until a blocked lookup has tried twice more, which it does every 0.2 s."""
     with pytest.raises(LookupException):
         buffer.lookup_transform('map', 'nobody', LATEST, timeout=Duration(seconds=0.45))
 
 
 class Ignoring(TransformListener):
-    """A listener that sets nothing."""
+    """A listener that inserts nothing."""
 
     def callback(self, data):
-        """Set nothing."""
+        """Insert nothing."""
 
 
 @pytest.mark.parametrize('kind', [TransformListener, Ignoring])
 @pytest.mark.parametrize('end', ['unregister', 'destroy_node', 'other buffer'])
 def test_a_blocked_lookup_ends_when_the_last_listener_ends(ros, end, kind):
-    """With its last error, and no sooner."""
+    """The lookup raises its last error then, and not when the first of two listeners ends."""
     node = Node('ending', context=ros.context)
     buffer = Buffer(node=node)
     listeners = [kind(buffer, node), kind(buffer, node)]
@@ -1242,7 +1257,7 @@ def test_a_blocked_lookup_ends_when_the_last_listener_ends(ros, end, kind):
     thread.start()
     eventually(lambda: buffer.has_waiters)
     listeners[0].unregister()
-    later_looks(buffer)
+    wait_for_retries(buffer)
     assert not results
     begin = time.monotonic()
     if end == 'unregister':
@@ -1258,8 +1273,8 @@ def test_a_blocked_lookup_ends_when_the_last_listener_ends(ros, end, kind):
     node.destroy_node()
 
 
-def test_a_lookup_that_began_before_any_listener_waits_on(ros, sender):
-    """One that comes and goes does not end it; the next brings the transform."""
+def test_a_lookup_that_began_before_any_listener_waits_on(ros, start_publisher):
+    """The lookup outlasts the end of a listener that started later, and uses the next one."""
     buffer = Buffer(node=ros.node)
     found = []
     thread = threading.Thread(target=lambda: found.append(
@@ -1267,20 +1282,20 @@ def test_a_lookup_that_began_before_any_listener_waits_on(ros, sender):
     thread.start()
     eventually(lambda: buffer.has_waiters)
     TransformListener(buffer, ros.node).unregister()
-    later_looks(buffer)
+    wait_for_retries(buffer)
     assert thread.is_alive()
     listener = TransformListener(buffer, ros.node)
-    sender('map robot')
+    start_publisher('map robot')
     thread.join(TIMEOUT)
     assert found
     listener.unregister()
 
 
 @pytest.mark.parametrize('ending', [KeyboardInterrupt, SystemExit])
-def test_ctrl_c_in_who_ends_a_listener_is_not_swallowed(ros, ending):
-    """It is not of the listener's thread; as SystemExit of a callback that runs there."""
+def test_ctrl_c_while_a_listener_is_ended_is_not_swallowed(ros, ending):
+    """A done callback that runs in the thread which ends the listener raises there."""
     class Late(Buffer):
-        """Its listener's thread gets no news."""
+        """A buffer that reports no new data to the listener's thread."""
 
         def update(self):
             return 0 if threads_of_listeners() == [threading.current_thread()] else (
@@ -1295,46 +1310,46 @@ def test_ctrl_c_in_who_ends_a_listener_is_not_swallowed(ros, ending):
     buffer.wait_for_transform_async('map', 'robot', LATEST).add_done_callback(end)
     broadcaster = TransformBroadcaster(ros.node)
     ros.until(lambda: broadcaster.pub_tf.get_subscription_count() == 1)
-    broadcaster.sendTransform(made(1))
-    eventually(lambda: buffer.can_transform('map', 'robot', LATEST))  # which finishes no future
+    broadcaster.sendTransform(stamped(1))
+    eventually(lambda: buffer.can_transform('map', 'robot', LATEST))  # this completes no future
     with pytest.raises(ending):
         listener.unregister()
     assert not buffer.is_held()
     eventually(lambda: not threads_of_listeners())
 
 
-#: A few times, and more than a hundred.
+#: The number of repetitions: a few, or more than a hundred.
 often = pytest.mark.parametrize('count', [3, pytest.param(101, marks=pytest.mark.soak)])
 
 
-def ended(start, count, kind, *ways):
-    """Run `endings.py` in two ways at the same time; wait for the good end of both."""
+def check_endings(start, count, kind, *ways):
+    """Run `endings.py` in each of the ways at the same time; check that all succeed."""
     script = str(Path(__file__).parent / 'endings.py')
     processes = [start(script, str(count), kind, way, str(100 * i)) for i, way in enumerate(ways)]
     for process in processes:
         assert process.exit_code(300) == 0
-        assert without_others(process.output) == 'all ended\n'
+        assert without_library_lines(process.output) == 'all ended\n'
 
 
 @often
 def test_every_order_of_ending_in_a_thread(start, count):
-    """In any order of three calls, again and again; in the executor's and the listener's."""
-    ended(start, count, 'in', 'executor', 'thread')
+    """Three calls end a listener in any order, in the executor's thread and in its own."""
+    check_endings(start, count, 'in', 'executor', 'thread')
 
 
 @often
 def test_every_order_of_ending_in_the_main_thread(start, count):
-    """In any order of three calls, again and again."""
-    ended(start, count, 'in', 'main')
+    """The calls unregister, destroy_node and shutdown end a listener in any order."""
+    check_endings(start, count, 'in', 'main')
 
 
 @often
 def test_every_end_of_a_program(start, count):
-    """Again and again: its last line, and sys.exit() in a callback."""
-    ended(start, count, 'by', 'end', 'exit')
+    """A program with a listener ends cleanly by its last line, or by sys.exit() in a callback."""
+    check_endings(start, count, 'by', 'end', 'exit')
 
 
 @often
 def test_every_end_by_ctrl_c(start, count):
-    """Again and again: while it spins, and while it waits for a transform."""
-    ended(start, count, 'by', 'spin', 'lookup')
+    """Ctrl-C ends a program with a listener while it spins and while it waits for a transform."""
+    check_endings(start, count, 'by', 'spin', 'lookup')

@@ -1,4 +1,4 @@
-"""Lookups in trees that hypothesis makes up."""
+"""Properties of lookups in random trees."""
 
 import contextlib
 import math
@@ -32,7 +32,7 @@ any_rotations = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(
     lambda numbers: np.linalg.norm(numbers) > 0.1).map(unit)
 near_rotations = st.tuples(*[st.floats(-1e-7, 1e-7)] * 3).map(lambda v: unit((*v, 1.0)))
 rotations = any_rotations | near_rotations | st.sampled_from(HALF_TURNS)
-# Of any two of these, the way from the one to the other is clear.
+# No two of these rotations are half a turn apart, so that their interpolation is unambiguous.
 pool = [unit(numbers) for numbers in np.random.default_rng(7).normal(size=(8, 4))]
 inserts = st.tuples(
     st.integers(0, 30).map(lambda tenths: START + tenths * S // 10),
@@ -43,7 +43,7 @@ names = st.sampled_from([*FRAMES, 'nobody'])
 
 
 def outcome(lookup, *arguments):
-    """Give the stamp and matrix of an answer, or the name of the exception."""
+    """Return the stamp and the matrix of an answer, or the name of the exception."""
     try:
         answer = lookup(*arguments)
     except TransformException as error:
@@ -51,11 +51,11 @@ def outcome(lookup, *arguments):
     return answer.stamp, answer.matrix()
 
 
-def same(ours, expected):
-    """Tell whether two outcomes are the same."""
-    if isinstance(ours, str) or isinstance(expected, str):
-        return ours == expected
-    return ours[0] == expected[0] and np.allclose(ours[1], expected[1], rtol=0, atol=1e-9)
+def are_equal(answer, expected):
+    """Return True if two outcomes are equal."""
+    if isinstance(answer, str) or isinstance(expected, str):
+        return answer == expected
+    return answer[0] == expected[0] and np.allclose(answer[1], expected[1], rtol=0, atol=1e-9)
 
 
 queries = st.tuples(names, names, names, times, times)
@@ -64,7 +64,11 @@ queries = st.tuples(names, names, names, times, times)
 @settings(max_examples=300, deadline=None)
 @given(st.lists(inserts | queries, min_size=1, max_size=50))
 def test_answers_as_the_model(data):
-    """Whatever comes in and is asked: reparenting, static and moving, late, twice, loops."""
+    """
+    The buffer answers as the model after any sequence of transforms.
+
+    Frames are re-parented and form loops; transforms are static or dynamic, late, or repeated.
+    """
     buffer, model = BufferCore(2 * S), Model(2 * S)
     for item in data:
         if len(item) == 6:
@@ -72,31 +76,31 @@ def test_answers_as_the_model(data):
             taken = buffer.insert(stamp, parent, child, (*xyz, *xyzw), is_static=is_static)
             assert taken == model.insert(stamp, parent, child, xyz, xyzw, is_static)
         else:
-            ask(buffer, model, *item)
+            compare_lookups(buffer, model, *item)
 
 
-def ask(buffer, model, target, source, fixed, at, source_at):
-    """Ask the buffer in every way for what the model knows."""
+def compare_lookups(buffer, model, target, source, fixed, at, source_at):
+    """Compare the answers of all kinds of lookups with those of the model."""
     began = time.monotonic()
-    ours = outcome(buffer.lookup_transform, target, source, at)
+    answer = outcome(buffer.lookup_transform, target, source, at)
     full = outcome(buffer.lookup_transform_full, target, at, source, source_at, fixed)
     poses = buffer.lookup_transforms(target, source, [at, source_at, at])
     assert time.monotonic() - began < 5.0
     other = outcome(buffer.lookup_transform, target, source, source_at)
-    assert [*poses[2]] == [not isinstance(one, str) for one in (ours, other, ours)]
-    for i, one in enumerate((ours, other, ours)):
+    assert [*poses[2]] == [not isinstance(one, str) for one in (answer, other, answer)]
+    for i, one in enumerate((answer, other, answer)):
         if poses[2][i]:
             assert np.allclose(matrix(poses[0][i], poses[1][i]), one[1], rtol=0, atol=1e-9)
-    assert buffer.can_transform(target, source, at) != isinstance(ours, str)
+    assert buffer.can_transform(target, source, at) != isinstance(answer, str)
     assert buffer.can_transform_full(target, at, source, source_at, fixed) != isinstance(full, str)
     with contextlib.suppress(Loop):
-        assert same(ours, model.lookup(target, source, at))
-        assert same(full, model.lookup_full(target, at, source, source_at, fixed))
+        assert are_equal(answer, model.lookup(target, source, at))
+        assert are_equal(full, model.lookup_full(target, at, source, source_at, fixed))
 
 
 @st.composite
 def trees(draw):
-    """Make a tree of moving frames, with two samples each, and a time between them."""
+    """Return a tree of dynamic frames with two samples each, and a time between the two."""
     buffer = BufferCore()
     count = draw(st.integers(2, 8))
     for child in range(1, count):
@@ -109,14 +113,14 @@ def trees(draw):
 
 
 def near(one, other):
-    """Tell whether two transforms are the same."""
+    """Return True if two transforms are equal up to rounding."""
     return (one[:3] == other[:3]
             and np.allclose(one.matrix(), other.matrix(), rtol=0, atol=1e-9))
 
 
 @given(trees(), st.data())
 def test_a_frame_in_itself_is_the_identity(tree, data):
-    """At any time."""
+    """The identity has the requested stamp."""
     buffer, frames, at = tree
     frame = data.draw(st.sampled_from(frames))
     assert buffer.lookup_transform(frame, frame, at) == Transform(at, frame, frame)
@@ -124,7 +128,7 @@ def test_a_frame_in_itself_is_the_identity(tree, data):
 
 @given(trees(), st.data())
 def test_the_way_back_is_the_inverse(tree, data):
-    """Between any two frames."""
+    """Swapping target and source inverts the transform, for any two frames."""
     buffer, frames, at = tree
     a, b = data.draw(st.sampled_from(frames)), data.draw(st.sampled_from(frames))
     assert near(buffer.lookup_transform(a, b, at), buffer.lookup_transform(b, a, at).inverse())
@@ -132,7 +136,7 @@ def test_the_way_back_is_the_inverse(tree, data):
 
 @given(trees(), st.data())
 def test_a_path_can_be_cut_anywhere(tree, data):
-    """a_from_c is a_from_b @ b_from_c, whatever frame b is."""
+    """a_from_c equals a_from_b @ b_from_c for any frame b."""
     buffer, frames, at = tree
     a, b, c = (data.draw(st.sampled_from(frames)) for _ in range(3))
     a_from_b, b_from_c = buffer.lookup_transform(a, b, at), buffer.lookup_transform(b, c, at)
@@ -141,7 +145,7 @@ def test_a_path_can_be_cut_anywhere(tree, data):
 
 @given(trees(), st.data())
 def test_rotations_stay_unit(tree, data):
-    """However long the path is."""
+    """The quaternion of a lookup has norm 1, however long the path is."""
     buffer, frames, at = tree
     a, b = data.draw(st.sampled_from(frames)), data.draw(st.sampled_from(frames))
     assert np.linalg.norm(buffer.lookup_transform(a, b, at).rotation) == pytest.approx(1, abs=1e-9)
@@ -149,7 +153,11 @@ def test_rotations_stay_unit(tree, data):
 
 @given(any_rotations, any_rotations, st.floats(0.0, 1.0), st.booleans(), st.booleans())
 def test_both_signs_of_a_quaternion_are_the_same(before, after, ratio, flip_before, flip_after):
-    """Between two rotations that are not just a half turn apart."""
+    """
+    The interpolation does not depend on the signs of the two quaternions.
+
+    Rotations half a turn apart are left out: there, the direction of the turn is ambiguous.
+    """
     assume(abs(np.dot(before, after)) > 1e-6)
     matrices = []
     for signs in (1.0, 1.0), (-1.0 if flip_before else 1.0, -1.0 if flip_after else 1.0):
@@ -164,7 +172,7 @@ def test_both_signs_of_a_quaternion_are_the_same(before, after, ratio, flip_befo
 @pytest.mark.parametrize('rotation', HALF_TURNS)
 @pytest.mark.parametrize('ratio', [0.0, 0.25, 0.5, 1.0])
 def test_half_a_turn(rotation, ratio):
-    """Turned evenly about its axis, from no turn to an exact half turn."""
+    """The interpolation to an exact half turn rotates evenly about its axis."""
     buffer = BufferCore()
     buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
     buffer.insert(START + S, 'a', 'b', (0.0, 0.0, 0.0, *rotation))
@@ -177,7 +185,7 @@ def test_half_a_turn(rotation, ratio):
 @given(st.tuples(*[st.floats(-1e-6, 1e-6)] * 3), st.floats(0.0, 1.0))
 @example((1e-9, 0.0, 0.0), 0.5)
 def test_near_the_identity(vector, ratio):
-    """A turn by next to nothing: within what tf2 itself loses where a cosine rounds to one."""
+    """A tiny rotation is interpolated within the error of tf2, where a cosine rounds to one."""
     buffer = BufferCore()
     buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
     buffer.insert(START + S, 'a', 'b', (0.0, 0.0, 0.0, *unit((*vector, 1.0))))
@@ -187,7 +195,7 @@ def test_near_the_identity(vector, ratio):
 
 @given(rotations)
 def test_what_is_stored_is_the_same_rotation(rotation):
-    """Normalised, of either sign."""
+    """The quaternion is normalised on insertion; its sign may change."""
     buffer = BufferCore()
     buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, *np.multiply(rotation, 3.0)))
     x, y, z, w = buffer.lookup_transform('a', 'b').rotation
@@ -197,7 +205,7 @@ def test_what_is_stored_is_the_same_rotation(rotation):
 
 @st.composite
 def uneven_trees(draw):
-    """Make a tree whose edges know of different times; with each child's parent and span."""
+    """Return a tree whose edges have data for different times, and its parents and time spans."""
     buffer, parents, spans = BufferCore(100 * S), {}, {}
     for child in range(1, draw(st.integers(2, 9))):
         parent = f'f{draw(st.integers(0, child - 1))}'
@@ -213,7 +221,7 @@ def uneven_trees(draw):
 
 
 def edges_between(target, source, parents):
-    """List the children of the edges between two frames of a tree."""
+    """Return the child frames of the edges between two frames of a tree."""
     def up(frame):
         return [frame, *up(parents[frame])] if frame in parents else [frame]
 
@@ -223,7 +231,7 @@ def edges_between(target, source, parents):
 @settings(max_examples=300, deadline=None)
 @given(st.lists(inserts, min_size=1, max_size=30), st.data())
 def test_the_edge_that_an_error_names_is_short_where_frames_change_their_parents(data, more):
-    """By what it tells, as the list of frames has it."""
+    """The edge misses the requested time by as much as the error says, according to `frames`."""
     buffer = BufferCore(2 * S)
     for stamp, parent, child, xyz, xyzw, is_static in data:
         buffer.insert(stamp, parent, child, (*xyz, *xyzw), is_static=is_static)
@@ -252,8 +260,8 @@ HINT = re.compile(
 
 @settings(max_examples=300, deadline=None)
 @given(uneven_trees(), st.data())
-def test_the_edge_that_an_error_names_is_on_the_path_and_short_by_what_it_tells(tree, data):
-    """And no other edge of the path is farther off, whatever edge tf2's own words are about."""
+def test_the_edge_that_an_error_names_is_on_the_path_and_short_by_what_it_says(tree, data):
+    """No other edge of the path misses the time by more, whichever edge tf2 itself refers to."""
     buffer, parents, spans = tree
     frames = st.sampled_from(['f0', *parents])
     target, source = data.draw(frames), data.draw(frames)

@@ -1,4 +1,4 @@
-"""What web_view shows, but for the browser: frames and their ages, rods, paths, texts."""
+"""The parts of web_view behind its page: snapshots, rods, trails, texts, ports and requests."""
 
 import asyncio
 from contextlib import ExitStack
@@ -29,13 +29,13 @@ HALF = 0.5 ** 0.5
 
 
 def pose(x, y=0.0, z=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
-    """Make a pose."""
+    """Return a pose."""
     return x, y, z, *rotation
 
 
 @pytest.fixture
 def clock(monkeypatch):
-    """A clock that a test sets: `clock[0]`, in s."""
+    """A clock that a test sets: `clock[0]` (s)."""
     now = [1000.0]
     for module in snapshot_module, player_module:
         monkeypatch.setattr(module, 'monotonic', lambda: now[0])
@@ -43,13 +43,13 @@ def clock(monkeypatch):
 
 
 def arm(buffer, stamp, *names):
-    """Insert frames in a row, each 1 m along x from the one before it."""
+    """Insert a chain of frames, each 1 m along x from the one before it."""
     for parent, child in pairwise(names):
         buffer.insert(stamp, parent, child, pose(1.0))
 
 
 def test_what_is_shown():
-    """All trees; that of most frames in its root, others beside it; no loops."""
+    """All trees are shown, the largest in its root and others beside it, but no loops."""
     buffer = BufferCore()
     snapshot = FrameWatcher(buffer).snapshot()
     assert (snapshot.fixed, snapshot.deepest) == ('', '')
@@ -74,14 +74,14 @@ def test_what_is_shown():
     snapshot = FrameWatcher(buffer).snapshot('odom')
     assert dict(zip(snapshot.names, snapshot.points[:, 0])) == {
         'odom': 0, 'map': -1, 'base': 1, 'other': 0, 'world': 0, 'tree': 1}
-    assert snapshot.deepest == 'base'  # as before: it is not by chance that it is chosen
+    assert snapshot.deepest == 'base'  # the same as before: ties are not broken by chance
     assert snapshot.anchor_of('map') == ('odom', 0.0)
     assert FrameWatcher(buffer).snapshot('nowhere').fixed == 'map'
     assert FrameWatcher(buffer).snapshot('below').fixed == 'map'  # a loop
 
 
 def test_ages_live(clock):
-    """A frame is as old as the silence on its way; a root as the youngest below it."""
+    """A frame is as old as the stalest edge on its path; a root as its youngest descendant."""
     buffer = BufferCore()
     watcher = FrameWatcher(buffer)
     buffer.insert(T, 'map', 'base', pose(1.0), is_static=True)
@@ -101,7 +101,7 @@ def test_ages_live(clock):
 
 
 def test_ages_in_a_bag():
-    """They count from the time that is looked at, also within a silence."""
+    """Ages count from the time that is shown, also in a gap of the data."""
     buffer = BufferCore(10**18)
     for second in 0, 1, 2, 8, 9:
         arm(buffer, T + second * S, 'map', 'base')
@@ -115,7 +115,7 @@ def test_ages_in_a_bag():
 
 
 def test_frames_of_a_time():
-    """Who was whose child by then, with what was known of it."""
+    """The frames at a time have the parents and the samples that were known by then."""
     buffer = BufferCore()
     for second, parent in enumerate(['left', 'left', 'right', 'right']):
         buffer.insert(T + second * S, parent, 'hand', pose(1.0))
@@ -138,7 +138,7 @@ FAR = [(1e7, 0.0, 0.0), (-1e200, 1e200, 0.0), (1e308, 1e308, -1e308), (0.0, -1e1
 
 @pytest.mark.parametrize('place', FAR)
 def test_what_is_far_is_drawn_nearer(place):
-    """At 1000 km, in the same direction; its numbers stay."""
+    """It is drawn at 1000 km in the same direction, but its pose is not changed."""
     buffer = BufferCore()
     buffer.insert(T, 'map', 'near', pose(6e5, 8e5))
     buffer.insert(T, 'map', 'far', pose(*place))
@@ -155,7 +155,7 @@ def test_what_is_far_is_drawn_nearer(place):
 
 
 def test_what_is_not_finite_is_not_drawn():
-    """It is told of, and what is below it, too."""
+    """Such frames are listed with their descendants, of which none is drawn."""
     buffer = BufferCore()
     for parent, child, x in (('map', 'base', 1.0), ('map', 'lost', float('inf')),
                              ('lost', 'below', 1.0), ('map', 'a', 1e308), ('a', 'b', 1e308)):
@@ -166,7 +166,7 @@ def test_what_is_not_finite_is_not_drawn():
 
 
 def test_rods():
-    """Axes along x, y and z of each frame; lines from each to its parent."""
+    """Each frame has rods along its x, y and z axes, and one to its parent."""
     buffer = BufferCore()
     buffer.insert(T, 'map', 'a', pose(0.0, 0.0, 2.0, (0.0, 0.0, HALF, HALF)))
     buffer.insert(T, 'a', 'b', pose(1.0, 2.0, 2.0))
@@ -175,7 +175,7 @@ def test_rods():
     drawn = rods(snapshot, 0.5, 'b')
     count = len(snapshot.names)
     assert len(drawn.positions) == len(drawn.colors) == 4 * count
-    w, x, y, z = drawn.wxyzs.T  # what becomes of the z axis
+    w, x, y, z = drawn.wxyzs.T  # each rod ends on the z axis of its rotation
     ends = drawn.positions + drawn.scales[:, 2:] * np.column_stack(
         [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
     begins = dict(zip(snapshot.names, drawn.positions[:count]))
@@ -190,14 +190,14 @@ def test_rods():
 
 
 def test_fading_as_in_rviz():
-    """A third of 15 s as it was, a third turning grey, a third vanishing."""
+    """Of 15 s a frame keeps its colour for a third, then turns grey, and then vanishes."""
     colourfulness, thickness = fading(np.array([0.0, 5.0, 7.5, 10.0, 12.5, 15.0, 99.0]))
     assert colourfulness == pytest.approx([1.0, 1.0, 0.5, 0.0, 0.0, 0.0, 0.0])
     assert thickness == pytest.approx([1.0, 1.0, 1.0, 1.0, 0.5, 0.0, 0.0])
 
 
 def test_a_trail():
-    """The path of the last 20 s, in each frame, however often it is drawn."""
+    """The trail covers the last 20 s in any fixed frame, however often it is drawn."""
     buffer = BufferCore(60 * S)
     often, seldom = Trail(buffer), Trail(buffer)
     for i in range(3001):
@@ -218,7 +218,7 @@ def test_a_trail():
 
 
 def test_a_player(clock):
-    """It goes as time goes, stands, is set, and begins anew at the end."""
+    """The player follows the clock, pauses, seeks, and starts again after the end."""
     buffer = BufferCore(10**18)
     for second in 0, 4:
         arm(buffer, T + second * S, 'map', 'base')
@@ -243,30 +243,30 @@ def test_a_player(clock):
     assert (still.length, still.time) == (0.0, 1)
 
 
-class Known:
-    """A source of which all is known."""
+class StubSource:
+    """A source with the same facts about every frame."""
 
     name = '/tf'
     player: Optional[Player] = None
 
     def __init__(self, buffer, publication):
-        """Have a buffer, and facts of every frame."""
+        """Create a source of a buffer, with the facts about its frames."""
         self.buffer, self._publication = buffer, publication
 
     def publication(self, frame):
-        """Tell them."""
+        """Return the facts, whatever the frame is."""
         return self._publication
 
     def why_no_frames(self):
-        """Tell why."""
+        """Return a reason."""
         return 'because'
 
 
 def test_texts():
-    """Names cannot be HTML; what is wrong is told."""
+    """Names cannot inject HTML, and problems are reported."""
     from dummy_arm.view.details import details, overview
     buffer = BufferCore()
-    source = Known(buffer, Publication(50.04, 0.00123, '/<i>'))
+    source = StubSource(buffer, Publication(50.04, 0.00123, '/<i>'))
     assert 'no frames yet. because' in overview(FrameWatcher(buffer).snapshot(), source)
     arm(buffer, T, 'map', '<script>', 'b')
     arm(buffer, T, 'x\n', 'y', 'x\n')
@@ -284,7 +284,7 @@ def test_texts():
     assert '<td data-value="publisher">/&lt;i&gt;</td>' in text
     assert f'{T // S}.000000000 s' in text
     buffer.clear()
-    text = details(snapshot, 'b', source)  # as after a jump of time, or a long pause
+    text = details(snapshot, 'b', source)  # as after a jump of time or a long pause
     assert 'parent' in text
     assert 'nan' not in text
     assert 'the fixed frame &lt;b&gt; is not available' in overview(snapshot, source, '<b>')
@@ -296,10 +296,10 @@ def test_texts():
 
 
 def test_texts_of_what_is_far():
-    """The panel names it, with its own numbers; not what is not drawn any more."""
+    """The panel lists frames that are far, with their real numbers, until they vanish."""
     from dummy_arm.view.details import details, overview
     buffer = BufferCore()
-    source = Known(buffer, Publication(None, None, ''))
+    source = StubSource(buffer, Publication(None, None, ''))
     buffer.insert(T, 'map', 'near', pose(1.0))
     assert 'away' not in overview(FrameWatcher(buffer).snapshot(), source)
     buffer.insert(T, 'map', '<far>', pose(1e7, -2.5))
@@ -319,13 +319,13 @@ def test_texts_of_what_is_far():
 
 @pytest.fixture
 def bag(tmp_path):
-    """Make a short bag; give its path."""
+    """The path of a short bag."""
     bags = pytest.importorskip('bags')
     return str(bags.make(tmp_path / 'bag', 'mcap', bags.walk(1)))
 
 
 def test_an_address_that_is_none(failed, bag):
-    """It is refused in one line that tells what is taken."""
+    """It is refused in one line that says what is accepted."""
     pytest.importorskip('viser')
     from dummy_arm.tools.web_view import main
     for host in '', '..', '192.0.2.1':
@@ -336,7 +336,7 @@ def test_an_address_that_is_none(failed, bag):
 
 
 def test_no_free_port(monkeypatch):
-    """It is told which are taken."""
+    """The error names the ports that are in use."""
     pytest.importorskip('viser')
     from dummy_arm.cli.parser import CommandError
     from dummy_arm.view import server
@@ -348,26 +348,26 @@ def test_no_free_port(monkeypatch):
 
 
 def refusing(number):
-    """Make a function that fails by an error of the system."""
+    """Return a function that raises an OSError with an error number."""
     def refuse(*_):
         raise OSError(number, 'refused')
     return refuse
 
 
 def test_the_next_free_port(capsys):
-    """Two pages without a port have one each."""
+    """Two pages without --port are served at two ports."""
     pytest.importorskip('viser')
     from dummy_arm.view.server import serve
     with serve('127.0.0.1') as one, serve('127.0.0.1') as other:
         ports = [one.get_port(), other.get_port()]
-    assert ports[0] != ports[1]  # in any order: other tests have such ports, too
+    assert ports[0] != ports[1]  # in any order, since other tests use such ports, too
     assert min(ports) >= 8080
     assert capsys.readouterr().out.splitlines() == [
         f'look at http://127.0.0.1:{port}' for port in ports]
 
 
 def test_a_port_that_is_given(start, monkeypatch):
-    """The page is there, whatever viser is told by the environment."""
+    """The page is served there, whatever viser's environment variables are."""
     monkeypatch.setenv('_VISER_PORT_OVERRIDE', '1')
     port = free_port()
     process = start(*tool('web_view', '--port', str(port)))
@@ -377,13 +377,13 @@ def test_a_port_that_is_given(start, monkeypatch):
 
 
 def free_port():
-    """Find a port that nobody has."""
+    """Return a port that is not in use."""
     with socket.create_server(('127.0.0.1', 0)) as found:
         return found.getsockname()[1]
 
 
 def test_a_port_that_is_taken(failed, bag):
-    """It is an error, and no other port is taken instead."""
+    """It is an error, and no other port is used instead."""
     pytest.importorskip('viser')
     from dummy_arm.tools.web_view import main
     with socket.create_server(('127.0.0.1', 0)) as taken:
@@ -396,7 +396,7 @@ def test_a_port_that_is_taken(failed, bag):
 @pytest.mark.parametrize('text', ['0', '-1', '65536', '8080.0', '80_80', ' 80', '', 'http', '٣',
                                   '9' * 5000])
 def test_a_port_that_is_none(failed, text):
-    """It is refused in one line that tells the limits."""
+    """It is refused in one line that states the limits."""
     from dummy_arm.tools.web_view import main
     code, error = failed(main, '--port', text)
     assert code == 2
@@ -405,7 +405,7 @@ def test_a_port_that_is_none(failed, text):
 
 
 def test_a_port_that_needs_root(failed, monkeypatch, bag):
-    """It is told that it is the port that does not do, not the address."""
+    """The error blames the port, not the address."""
     pytest.importorskip('viser')
     from dummy_arm.tools.web_view import main
     monkeypatch.setattr(socket.socket, 'bind', refusing(errno.EACCES))
@@ -415,8 +415,8 @@ def test_a_port_that_needs_root(failed, monkeypatch, bag):
                      'without root, --port must be at least 1024\n')
 
 
-def test_who_can_look():
-    """It is told when it is not this machine only."""
+def test_address_lines():
+    """A line warns of other viewers, unless only this machine can reach the page."""
     pytest.importorskip('viser')
     from dummy_arm.view.server import address_lines
     assert address_lines('127.0.0.1', 8080) == ['look at http://127.0.0.1:8080']
@@ -437,7 +437,7 @@ OWN = '127.0.0.1:8080'
     ('127.1.2.3:8080', 'http://127.1.2.3:8080'), ('[::1]:8080', 'http://[::1]:8080'),
 ])
 def test_own_pages_are_served(host, origin):
-    """Whoever names this machine, and tells no other origin."""
+    """A request is accepted if it names this machine, and no other origin."""
     assert refused([host], [origin] if origin else []) == ''
 
 
@@ -455,7 +455,7 @@ def test_own_pages_are_served(host, origin):
     ('me@localhost', None), ('localhost/evil', None), ('evil#localhost', None),
 ])
 def test_other_hosts_and_origins_are_refused(host, origin):
-    """Whatever page is open in the browser, also by a name for this machine, or malformed."""
+    """No other site that is open in the browser can use the page, by whatever name."""
     why = refused([host], [origin] if origin is not None else [])
     assert len(why.encode().splitlines()) == 1
 
@@ -464,18 +464,18 @@ def test_other_hosts_and_origins_are_refused(host, origin):
     ([], []), ([OWN, OWN], []), ([OWN], [f'http://{OWN}'] * 2),
 ])
 def test_missing_and_repeated_headers_are_refused(hosts, origins):
-    """It would not be known which one the browser means."""
+    """It would not be clear which of them the browser means."""
     assert 'one Host header' in refused(hosts, origins)
 
 
 def test_a_page_for_all_is_served_under_any_name():
-    """The names of the machine are not known, but other pages are refused nevertheless."""
+    """The names of the machine are not known, but other origins are refused nevertheless."""
     assert refused(['robot:8080'], ['http://robot:8080'], is_loopback=False) == ''
     assert refused(['robot:8080'], ['http://evil.example'], is_loopback=False)
 
 
 def refused(hosts, origins, is_loopback=True):
-    """Call `why_refused` for the headers of a request."""
+    """Return `why_refused` for the headers of a request."""
     pytest.importorskip('viser')
     from websockets import Headers
 
@@ -485,7 +485,7 @@ def refused(hosts, origins, is_loopback=True):
 
 
 def test_a_refused_request_is_answered_by_403():
-    """Of a page or a WebSocket, with headers of any bytes."""
+    """This holds for pages and WebSockets, with headers of any bytes."""
     pytest.importorskip('viser')
     from dummy_arm.view.server import serve
     with serve('127.0.0.1') as server:
@@ -516,7 +516,7 @@ def test_a_refused_request_is_answered_by_403():
 
 
 def test_a_viser_that_cannot_be_guarded(monkeypatch):
-    """It is told which one does, and nothing is served."""
+    """The error names a version that can be, and nothing is served."""
     viser = pytest.importorskip('viser')
     import websockets.asyncio.server
 
@@ -525,7 +525,7 @@ def test_a_viser_that_cannot_be_guarded(monkeypatch):
     servers = []
 
     class Serve(websockets.asyncio.server.serve):
-        """What viser has taken before it is replaced."""
+        """An unguarded class, to which viser keeps a reference; it records its servers."""
 
         async def __aenter__(self):
             servers.append(await super().__aenter__())
@@ -542,25 +542,25 @@ def test_a_viser_that_cannot_be_guarded(monkeypatch):
 
 
 def test_the_viser_of_an_error_is_that_of_setup_py():
-    """The remedy is what is installed with the package."""
+    """The error recommends the version that is installed with the package."""
     pytest.importorskip('viser')
     from dummy_arm.view.viser_private import VISER
     assert f"'view': ['{VISER}', " in (Path(__file__).parent.parent / 'setup.py').read_text()
 
 
 class Sent:
-    """What a viewer sends: `handle.update_cb` gets it."""
+    """An update of a control by a viewer, as viser passes it to callbacks."""
 
     client_id = 1
 
     def __init__(self, target):
-        """Take the control that it is about."""
+        """Create an update of a control."""
         self.target = target
 
 
 @pytest.fixture
 def view(capsys):
-    """Make the view of a buffer: `view(buffer)`."""
+    """A function that creates the view of a source: `view(source)`."""
     pytest.importorskip('viser')
     from dummy_arm.view.server import serve
     from dummy_arm.view.view import View
@@ -569,9 +569,9 @@ def view(capsys):
 
 
 def test_a_view_of_what_is_static_or_odd(view):
-    """It goes on."""
+    """Odd names, numbers and stamps, loops and a cleared buffer raise no error."""
     buffer = BufferCore()
-    page = view(Known(buffer, Publication(None, None, '')))
+    page = view(StubSource(buffer, Publication(None, None, '')))
     page.update()
     buffer.insert(0, 'map', 'base', pose(1.0), is_static=True)
     for parent, child, x in (('//map', 'bad', 1.0), ('map', 'far', float('inf')), ('a', 'b', 1.0),
@@ -591,9 +591,9 @@ def test_a_view_of_what_is_static_or_odd(view):
 @pytest.mark.filterwarnings('error')
 @pytest.mark.parametrize('place', FAR)
 def test_a_view_of_what_is_far(view, place):
-    """All that is drawn is near, and no number overflows on the way."""
+    """All that is drawn is near, and no number overflows."""
     buffer = BufferCore()
-    page = view(Known(buffer, Publication(None, None, '')))
+    page = view(StubSource(buffer, Publication(None, None, '')))
     for i in range(5):
         for sign, child in (1, 'far'), (-1, 'hand'):
             buffer.insert(T + i * S, 'map', child, pose(*(sign * x for x in place)))
@@ -614,9 +614,9 @@ def test_a_view_of_what_is_far(view, place):
 
 
 def test_a_view_that_stands_still(view, clock):
-    """As long as it is paused, also when the buffer has dropped the data that are shown."""
+    """A paused page keeps its data, also after the buffer has dropped them."""
     buffer = BufferCore()
-    page = view(Known(buffer, Publication(None, None, '')))
+    page = view(StubSource(buffer, Publication(None, None, '')))
     arm(buffer, T, 'map', 'base', 'hand')
     page.update()
     page._panel._pause.value = True
@@ -634,14 +634,14 @@ def test_a_view_that_stands_still(view, clock):
 
 
 def test_what_is_chosen_stays(view):
-    """Against what is proposed, while it is not there, and when it is chosen in the meantime."""
+    """A choice outlasts new proposals, even while the chosen frame does not exist."""
     buffer = BufferCore()
     arm(buffer, T, 'map', 'base', 'hand')
-    page = view(Known(buffer, Publication(None, None, '')))
+    page = view(StubSource(buffer, Publication(None, None, '')))
     page.update()
     choice = page._panel.fixed
     assert (choice.name, choice.chosen) == ('map', '')
-    choice._dropdown.value = 'base'  # as viser does, before it calls back
+    choice._dropdown.value = 'base'  # viser sets it before it calls back
     asyncio.run(choice._on_update(Sent(choice._dropdown)))
     choice.set_options(['map', 'base', 'hand', 'more'], 'map')
     assert (choice.name, choice._dropdown.value) == ('base', 'base')
@@ -656,7 +656,7 @@ def test_what_is_chosen_stays(view):
 
 
 def test_a_stray_stamp_does_not_stretch_a_bag():
-    """As of a node that sent before its clock was set."""
+    """A node may have published before its clock was set."""
     buffer = BufferCore(10**19)
     arm(buffer, T, 'map', 'base')
     arm(buffer, T + 4 * S, 'map', 'base')
@@ -668,7 +668,7 @@ def test_a_stray_stamp_does_not_stretch_a_bag():
 
 
 def test_without_viser(start):
-    """It is told what is missing."""
+    """The error says what is missing, and how to install it."""
     process = start(*tool_without(['viser'], 'web_view'))
     assert process.exit_code() == 1
     assert process.output == ('web_view: viser, which makes the page, cannot be imported (No '
@@ -676,7 +676,7 @@ def test_without_viser(start):
 
 
 def test_without_ros(start):
-    """It is told that a bag can be looked at."""
+    """The error says that a bag can be shown without ROS."""
     process = start(*tool_without_ros('web_view'))
     assert process.exit_code() == 1
     assert 'can read a bag without ROS: --bag FILE' in process.output

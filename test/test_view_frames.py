@@ -1,4 +1,4 @@
-"""The command `view_frames`: trees of any form, odd names, files that cannot be written."""
+"""The command `view_frames`: any trees, any names, and files that cannot be written."""
 
 import os
 from pathlib import Path
@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 
 from builtin_interfaces.msg import Time
 from conftest import (
-    in_a_terminal,
     is_running,
+    run_in_terminal,
     TIMEOUT,
     tool,
     tool_without,
@@ -35,28 +35,28 @@ from dummy_arm.tools import view_frames
 
 S = 10**9
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-HEARD = 6.0  # s; for discovery on a machine that is busy
+LISTENING = 6.0  # s; discovery takes long on a busy machine
 ODD = ['54', 'on', 'a: b', 'say "hi"', 'two\nlines', 'ünï', 'back\\slash', 'end\\', '<b>b</b>',
        '&amp;', '{x|y}', '\\N', '--', 'digraph', "it's", 'n' * 80]
 
 
-def static(name, parent, sender='/node'):
-    """Make a static frame."""
-    return Frame(name, parent, sender, True, 1, 0, 0)
+def static(name, parent, publisher='/node'):
+    """Return a static frame."""
+    return Frame(name, parent, publisher, True, 1, 0, 0)
 
 
-def moving(name, parent, hertz=10, seconds=5, sender='/node'):
-    """Make a frame that moves."""
-    return Frame(name, parent, sender, False, hertz * seconds + 1, 100 * S, (100 - seconds) * S)
+def dynamic(name, parent, hertz=10, seconds=5, publisher='/node'):
+    """Return a dynamic frame."""
+    return Frame(name, parent, publisher, False, hertz * seconds + 1, 100 * S, (100 - seconds) * S)
 
 
 def chain(length):
-    """Make a forest in which each frame is the parent of the next: 0, 1, and so on."""
-    return Forest([moving(f'{i + 1}', f'{i}') for i in range(length)])
+    """Return a forest in which each frame is the parent of the next: 0, 1, and so on."""
+    return Forest([dynamic(f'{i + 1}', f'{i}') for i in range(length)])
 
 
-def format_transform(frames, tmp_path):
-    """Draw frames into a PDF, and read its text."""
+def drawn_lines(frames, tmp_path):
+    """Draw frames into a PDF, and return the lines of its text."""
     pypdf = pytest.importorskip('pypdf')
     path = tmp_path / 'drawn.pdf'
     path.write_bytes(draw(as_dot(Forest(frames), 100 * S), 'pdf'))
@@ -65,22 +65,27 @@ def format_transform(frames, tmp_path):
 
 
 @pytest.fixture
-def ours(monkeypatch, ros, tmp_path):
-    """Be in the domain of the test, in an empty directory; give what sends static transforms."""
+def publish_static(monkeypatch, ros, tmp_path):
+    """
+    Enter the domain of the test and an empty directory.
+
+    :returns: a function that publishes static transforms; its arguments are pairs of frames.
+    """
     monkeypatch.setenv('ROS_DOMAIN_ID', str(ros.context.get_domain_id()))
     monkeypatch.chdir(tmp_path)
     broadcaster = StaticTransformBroadcaster(ros.node)
 
-    def send(*edges: tuple[str, str]):
+    def publish(*edges: tuple[str, str]):
         broadcaster.sendTransform([message_of(Row(0, *edge, STILL)) for edge in edges])
 
-    return send
+    return publish
 
 
 def test_labels(tmp_path):
-    """As in tf2, but for a static frame, and one whose rate cannot be told."""
-    lines = format_transform([moving('a', 'map'), static('b', 'a', '/other'),
-                     Frame('c', 'a', '/node', False, 1, 5 * S, 5 * S)], tmp_path)
+    """They are those of tf2, except for static frames and for frames of an unknown rate."""
+    lines = drawn_lines([
+        dynamic('a', 'map'), static('b', 'a', '/other'),
+        Frame('c', 'a', '/node', False, 1, 5 * S, 5 * S)], tmp_path)
     for line, number in (
             ('Broadcaster: /node', 2), ('Broadcaster: /other', 1), ('static', 1),
             ('Average rate: 10.000 Hz', 1), ('Average rate: unknown', 1),
@@ -90,18 +95,18 @@ def test_labels(tmp_path):
 
 
 def test_odd_names_are_drawn_as_they_are(tmp_path):
-    """tf2 breaks at some of them: it reads 54 as a number, on as a truth, a: b not at all."""
-    lines = format_transform([static(name, 'odd "root"') for name in ODD], tmp_path)
+    """tf2 fails with some: it reads 54 as a number, on as a boolean, and rejects a: b."""
+    lines = drawn_lines([static(name, 'odd "root"') for name in ODD], tmp_path)
     for name in ['odd "root"', *ODD]:
         assert set(name.split('\n')) <= set(lines), name
     assert lines.count('static') == len(ODD)
 
 
 def test_several_roots_and_a_loop_are_drawn(tmp_path):
-    """tf2 draws the last root only, and nothing where there is a loop."""
+    """tf2 draws only the last root, and nothing if there is a loop."""
     frames = [static('a', 'root 1'), static('b', 'root 2'), static('x', 'y'), static('y', 'z'),
               static('z', 'x'), static('twig', 'x')]
-    lines = format_transform(frames, tmp_path)
+    lines = drawn_lines(frames, tmp_path)
     names = {'a', 'root 1', 'b', 'root 2', 'x', 'y', 'z', 'twig'}
     assert names <= set(lines)
     assert as_dot(Forest(frames), 0).count('->') == 6
@@ -112,9 +117,9 @@ def test_several_roots_and_a_loop_are_drawn(tmp_path):
 
 
 def test_the_trees_in_the_terminal():
-    """With rates, ages and senders, in columns."""
-    frames = [static('base', 'map'), moving('arm', 'base', 50), moving('日本', 'arm', 1),
-              moving('wheel', 'base'), static('a', 'b'), static('b', 'a'), static('tab\t', 'b')]
+    """Rates, ages and publishers are in columns."""
+    frames = [static('base', 'map'), dynamic('arm', 'base', 50), dynamic('日本', 'arm', 1),
+              dynamic('wheel', 'base'), static('a', 'b'), static('b', 'a'), static('tab\t', 'b')]
     assert view_frames.format_tree(Forest(frames), 100 * S + S // 4) == [
         'map',
         '└── base             static                 /node',
@@ -129,30 +134,30 @@ def test_the_trees_in_the_terminal():
 
 
 def test_a_long_chain_is_drawn():
-    """Longer than Python's recursion is deep."""
+    """The chain is longer than Python's recursion limit."""
     lines = view_frames.format_tree(chain(3000), 0)
     assert len(lines) == chain(3000).line_count == 3001
 
 
 def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
-    """The columns of the others stand where they would be without it."""
+    """The columns of the other lines are as they would be without the long name."""
     name = f'begin{"-" * 3000}end'
-    short = [static('base', 'map'), moving('arm', 'base')]
+    short = [static('base', 'map'), dynamic('arm', 'base')]
     lines = view_frames.format_tree(
-        Forest([*short, static(name, 'map', sender=f'/{name}')]), 100 * S)
+        Forest([*short, static(name, 'map', publisher=f'/{name}')]), 100 * S)
     assert lines[:3] == [
         'map',
         '├── base        static                 /node',
         '│   └── arm    10.0 Hz    0.000 s old  /node']
-    begin, _, sender = lines[3].split()[1:]
+    begin, _, publisher = lines[3].split()[1:]
     assert begin == f'begin{"-" * 44}...{"-" * 45}end'
-    assert sender == f'/begin{"-" * 43}...{"-" * 45}end'
+    assert publisher == f'/begin{"-" * 43}...{"-" * 45}end'
     hostile = view_frames.format_tree(Forest([*short, static('\x1b' * 3000, 'map')]), 100 * S)
     assert hostile[:3] == lines[:3]
 
 
 def test_the_lines_of_a_deep_tree_are_not_as_long_as_the_longest():
-    """Each is as long as its branches, and a bounded rest."""
+    """The length of a line is that of its branches plus a bounded number."""
     lines = view_frames.format_tree(chain(1000), 100 * S)
     for level, line in enumerate(lines):
         tree = 4 * min(level, 100) + len('1000 ... ') + len('1000')
@@ -160,15 +165,15 @@ def test_the_lines_of_a_deep_tree_are_not_as_long_as_the_longest():
 
 
 def test_the_branches_of_a_chain_are_cut_off():
-    """From the hundredth level on, a line begins with its level; the rest is as long as before."""
+    """From the hundredth level on, a line begins with its level; its indent grows no more."""
     first, *others = (twig.branches for twig in chain(5000).lines())
     assert first == ''
     assert others[:100] == [f'{" " * 4 * i}└── ' for i in range(100)]
     assert others[100:] == [f'{i + 1} ... {" " * 4 * 99}└── ' for i in range(100, 5000)]
 
 
-def test_of_a_tree_only_what_a_terminal_shows_is_made():
-    """What is not shown does not make columns wide, either."""
+def test_only_the_lines_that_a_terminal_shows_are_formatted():
+    """Frames that are not shown do not widen the columns, either."""
     lines = view_frames.format_tree(chain(3000), 100 * S, 10)
     assert len(lines) == 10
     assert lines[1] == f'{"└── 1":{4 * 9 + 1}}    10.0 Hz    0.000 s old  /node'
@@ -179,7 +184,7 @@ def test_of_a_tree_only_what_a_terminal_shows_is_made():
     ('my.robot.PNG', {'my.robot.PNG', 'my.robot.gv'}, b'\x89PNG'),
     ('v1.2', {'v1.2.pdf', 'v1.2.gv'}, b'%PDF')])
 def test_the_ending_says_how_to_draw(tmp_path, monkeypatch, output, files, begin):
-    """The .gv file is beside it."""
+    """The suffix of the output file is the format; the .gv file is written beside it."""
     monkeypatch.chdir(tmp_path)
     path = view_frames.output_path(output)
     view_frames.save(Forest([static('base', 'map')]), 0, path)
@@ -189,9 +194,9 @@ def test_the_ending_says_how_to_draw(tmp_path, monkeypatch, output, files, begin
     assert path.read_bytes().startswith(begin)
 
 
-def test_the_sender_is_told_by_its_node(ros, ours, start, capsys):
-    """Each its own, with its namespace."""
-    ours(('map', 'ours'))
+def test_a_publisher_is_named_by_its_node(ros, publish_static, start, capsys):
+    """Each line ends with the full name of the node that publishes the frame."""
+    publish_static(('map', 'ours'))
     process = start(*tool(
         'static_transform_publisher', '--frame-id', 'map', '--child-frame-id', 'theirs',
         '--ros-args', '-r', '__node:=theirs', '-r', '__ns:=/robot'))
@@ -199,7 +204,7 @@ def test_the_sender_is_told_by_its_node(ros, ours, start, capsys):
     broadcaster = TransformBroadcaster(ros.node)
     for i in range(10):
         broadcaster.sendTransform(message_of(Row(i * S, 'map', 'early', STILL)))
-    assert view_frames.command('no such directory/frames', HEARD, text=True) == 0
+    assert view_frames.command('no such directory/frames', LISTENING, text=True) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == 'map'
     assert {tuple(line.split()[-3:]) for line in lines[1:]} == {
@@ -207,10 +212,10 @@ def test_the_sender_is_told_by_its_node(ros, ours, start, capsys):
     assert not [*Path().iterdir()]
 
 
-def test_loops_are_reported(ours, capsys):
-    """And drawn; tf2 ends with exit code 0 and no PDF."""
-    ours(('a', 'b'), ('b', 'a'), ('map', 'base'))
-    assert view_frames.command(wait_time=HEARD) == 0
+def test_loops_are_reported(publish_static, capsys):
+    """A loop is drawn, too; tf2 ends with exit code 0 and without a PDF."""
+    publish_static(('a', 'b'), ('b', 'a'), ('map', 'base'))
+    assert view_frames.command(wait_time=LISTENING) == 0
     out, err = capsys.readouterr()
     assert re.fullmatch('view_frames: warning: these frames form a loop: '
                         '(a -> b -> a|b -> a -> b)\n', err)
@@ -219,7 +224,7 @@ def test_loops_are_reported(ours, capsys):
 
 
 def test_no_data_is_exit_code_1_and_what_to_check(start, tmp_path):
-    """tf2 writes a PDF that says so."""
+    """No file is written; tf2 writes a PDF that says that there is no data."""
     process = start(*tool('view_frames', '-t', '0.5'), cwd=tmp_path)
     assert process.exit_code() == 1
     assert re.fullmatch(r'view_frames: no transform was received within 0\.5 s\. .*here: 0.*'
@@ -228,7 +233,7 @@ def test_no_data_is_exit_code_1_and_what_to_check(start, tmp_path):
     assert not [*tmp_path.iterdir()]
 
 
-@pytest.mark.parametrize(('arguments', 'said'), [
+@pytest.mark.parametrize(('arguments', 'message'), [
     (['-t', '0'], 'more than 0 s, .*got 0'), (['-t', '-1e-1'], 'more than 0 s, .*got -0.1'),
     (['-t', 'x'], "'x' is not a number"), (['-t', 'nan'], "'nan' is not finite"),
     (['--wait_time'], r'unrecognized arguments: --wait_time \(did you mean --wait-time\?\)'),
@@ -237,15 +242,15 @@ def test_no_data_is_exit_code_1_and_what_to_check(start, tmp_path):
     (['-o', 'directory/'], 'is not a file name'),
     (['-o', 'a.jpg'], 'must end in .pdf, .svg, .png'),
     (['--ros-args', '-p'], 'ROS arguments')])
-def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments, said):
-    """It names what is wrong."""
+def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments, message):
+    """The line names the error."""
     code, line = failed(view_frames.main, *arguments)
     assert code == 2
-    assert re.fullmatch(f'view_frames: .*{said}.*\n', line)
+    assert re.fullmatch(f'view_frames: .*{message}.*\n', line)
 
 
 def test_a_file_is_written_whole_or_not_at_all(tmp_path):
-    """As on a full disk: no half file, and an old one stays."""
+    """On a full disk, there is no partial file, and an old file stays."""
     code = """if True:
         import resource, sys
         from pathlib import Path
@@ -267,7 +272,7 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path):
 
 @pytest.mark.parametrize('output', ['/proc/frames', 'missing/frames', 'directory.pdf'])
 def test_where_nothing_can_be_written(monkeypatch, tmp_path, output):
-    """It says why."""
+    """The error says why the file cannot be written."""
     monkeypatch.chdir(tmp_path)
     Path('directory.pdf').mkdir()
     name = output.removesuffix('.pdf')
@@ -276,8 +281,8 @@ def test_where_nothing_can_be_written(monkeypatch, tmp_path, output):
     assert [path.name for path in Path().iterdir()] == ['directory.pdf']
 
 
-def test_a_place_that_cannot_be_written_to_is_told_at_once(failed):
-    """Not after listening."""
+def test_a_directory_that_is_not_writable_is_reported_at_once(failed):
+    """The command does not listen before it checks the directory."""
     begin = time.monotonic()
     code, line = failed(view_frames.main, '-t', '100', '-o', 'missing/frames')
     assert (code, line) == (1, 'view_frames: cannot write missing/frames.pdf: missing is not a '
@@ -285,9 +290,9 @@ def test_a_place_that_cannot_be_written_to_is_told_at_once(failed):
     assert time.monotonic() < begin + 5.0
 
 
-def test_sim_time_is_heard(ros, ours, capsys):
-    """Ages count from /clock."""
-    ours(('map', 'base'))
+def test_sim_time_is_used(ros, publish_static, capsys):
+    """Ages are relative to the time of /clock."""
+    publish_static(('map', 'base'))
     broadcaster = TransformBroadcaster(ros.node)
     clock = ros.node.create_publisher(Clock, '/clock', 10)
 
@@ -303,7 +308,7 @@ def test_sim_time_is_heard(ros, ours, capsys):
     thread = threading.Thread(target=publish)
     thread.start()
     try:
-        assert view_frames.command(wait_time=HEARD, text=True, ros_args=[
+        assert view_frames.command(wait_time=LISTENING, text=True, ros_args=[
             'view_frames', '--ros-args', '-p', 'use_sim_time:=true']) == 0
     finally:
         ended.set()
@@ -313,7 +318,7 @@ def test_sim_time_is_heard(ros, ours, capsys):
 
 
 def test_ros_that_does_not_start_is_exit_code_1(start):
-    """As by an environment that is wrong."""
+    """This happens if an environment variable of ROS is invalid."""
     process = start('-c', 'import os; os.environ["ROS_DOMAIN_ID"] = "abc"; ' + tool(
         'view_frames')[1], '-t', '0.3')
     assert process.exit_code() == 1
@@ -321,7 +326,7 @@ def test_ros_that_does_not_start_is_exit_code_1(start):
 
 
 def test_an_svg_is_well_formed(tmp_path):
-    """Also where names have what XML does not take."""
+    """Characters that XML does not allow are escaped."""
     path = tmp_path / 'odd.svg'
     view_frames.save(Forest([
         static('\x1b[31mred', '\x00'), *(static(name, 'root') for name in ODD)]), 0, path)
@@ -329,7 +334,7 @@ def test_an_svg_is_well_formed(tmp_path):
 
 
 def test_without_pygraphviz(tmp_path, monkeypatch):
-    """The .gv file is written, and the error says how to get it; tf2 ends well."""
+    """The .gv file is written, and the error has the remedy; tf2 exits with code 0."""
     monkeypatch.setitem(sys.modules, 'pygraphviz', None)
     with pytest.raises(CommandError, match=r'pip install pygraphviz.*; wrote .*frames\.gv$'):
         view_frames.save(Forest([static('base', 'map')]), 0, tmp_path / 'frames.pdf')
@@ -338,7 +343,7 @@ def test_without_pygraphviz(tmp_path, monkeypatch):
 
 
 def test_what_the_command_refuses():
-    """Without ROS."""
+    """The arguments are checked before ROS is needed."""
     with pytest.raises(UsageError, match='more than 0 s'):
         view_frames.command(wait_time=0.0)
     with pytest.raises(UsageError, match='is not a file name'):
@@ -346,9 +351,9 @@ def test_what_the_command_refuses():
 
 
 @pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
-def test_watch_goes_on_until_it_is_told_to_end(ours, start, signal_number):
-    """In a pipe, line by line, the tree again and again."""
-    ours(('map', 'base'))
+def test_watch_goes_on_until_a_signal(publish_static, start, signal_number):
+    """If stdout is a pipe, it prints the tree repeatedly, line by line."""
+    publish_static(('map', 'base'))
     process = start(*tool('view_frames', '--watch'))
     for _ in range(2):
         process.line_with('map')
@@ -361,7 +366,7 @@ def test_watch_goes_on_until_it_is_told_to_end(ours, start, signal_number):
 @pytest.mark.parametrize('delay', [0.1, 0.4, *(
     pytest.param(delay, marks=pytest.mark.soak) for delay in (0.2, 0.3, 0.5, 0.7, 0.9, 1.2))])
 def test_ctrl_c_at_any_time_is_a_normal_end(start, tmp_path, delay):
-    """While it imports, starts, listens or draws; it leaves no file half written."""
+    """It may be importing, starting, listening or drawing; no partial file is left."""
     option, code, *arguments = tool('view_frames', '-t', '0.5')
     process = start(option, f'print("begun"); {code}', *arguments, cwd=tmp_path)
     process.line_with('begun')
@@ -373,44 +378,45 @@ def test_ctrl_c_at_any_time_is_a_normal_end(start, tmp_path, delay):
     assert not [*tmp_path.iterdir()]
 
 
-def test_a_bar_and_a_live_tree_on_a_terminal(ours, ros):
-    """The bar is gone in the end."""
-    ours(('map', 'base'))
+def test_a_bar_and_a_live_tree_on_a_terminal(publish_static, ros):
+    """The progress bar is erased before the tree is printed."""
+    publish_static(('map', 'base'))
     domain = ros.context.get_domain_id()
-    bar = in_a_terminal(domain, *tool('view_frames', '--text', '-t', str(HEARD)),
-                        until=lambda _: False)
+    bar = run_in_terminal(domain, *tool('view_frames', '--text', '-t', str(LISTENING)),
+                          until=lambda _: False)
     assert 'listening to /tf and /tf_static' in bar
     assert bar.split('map\r\n')[0].count('\r') > 10
     assert '└── base' in bar.split('listening')[-1]
-    live = in_a_terminal(domain, *tool('view_frames', '--watch'),
-                         until=lambda written: written.count('└── base') > 1)
+    live = run_in_terminal(domain, *tool('view_frames', '--watch'),
+                           until=lambda written: written.count('└── base') > 1)
     assert live.count('└── base') > 1
     assert live.count('\x1b[H') > 1
 
 
-def test_a_live_tree_says_how_much_of_it_is_not_shown(ours, ros):
-    """As it is longer than the terminal, of 24 lines."""
-    ours(*(('map', f'frame_{i}') for i in range(30)))
-    written = in_a_terminal(ros.context.get_domain_id(), *tool('view_frames', '--watch'),
-                            until=lambda written: written.count('more lines') > 1)
+def test_a_live_tree_says_how_much_of_it_is_not_shown(publish_static, ros):
+    """The tree is longer than the 24 lines of the terminal."""
+    publish_static(*(('map', f'frame_{i}') for i in range(30)))
+    written = run_in_terminal(ros.context.get_domain_id(), *tool('view_frames', '--watch'),
+                              until=lambda written: written.count('more lines') > 1)
     screen = written.split('\x1b[H\x1b[2J')[-1].splitlines()
     assert len(screen) == 23
     assert screen[-1] == '... 9 more lines (pipe the output to see all)'
 
 
-def test_without_tqdm_there_is_no_bar(ours, ros):
-    """On a terminal; all else is as with it."""
-    ours(('map', 'base'))
-    written = in_a_terminal(
+def test_without_tqdm_there_is_no_bar(publish_static, ros):
+    """On a terminal, the rest of the output is the same as with tqdm."""
+    publish_static(('map', 'base'))
+    written = run_in_terminal(
         ros.context.get_domain_id(),
-        *tool_without(['tqdm'], 'view_frames', '--text', '-t', str(HEARD)), until=lambda _: False)
+        *tool_without(['tqdm'], 'view_frames', '--text', '-t', str(LISTENING)),
+        until=lambda _: False)
     assert '└── base' in written
     assert 'listening' not in written
     assert 'Traceback' not in written
 
 
 def test_without_tqdm_a_bag_is_read(start, tmp_path):
-    """With nothing said of it."""
+    """The missing module is not mentioned."""
     bags = pytest.importorskip('bags')
     bag = str(bags.make(tmp_path / 'bag', 'mcap', bags.walk()))
     process = start(*tool_without(['tqdm', *ROS], 'view_frames', '--text', '--bag', bag))
@@ -422,7 +428,7 @@ def test_without_tqdm_a_bag_is_read(start, tmp_path):
     ('mcap', 'mcap', []), ('mcap', 'mcap', ['--partial']), ('ruamel', 'db3', []),
     ('lz4', 'bag lz4', [])])
 def test_without_a_reader_of_bags_a_command_says_so(start, tmp_path, module, kind, partial):
-    """In one line, with the remedy."""
+    """The error is one line with the remedy."""
     bags = pytest.importorskip('bags')
     bag = str(bags.make(tmp_path / 'bag', kind, bags.walk()))
     process = start(*tool_without([module, *ROS], 'view_frames', '--text', '--bag', bag, *partial))
@@ -432,7 +438,7 @@ def test_without_a_reader_of_bags_a_command_says_so(start, tmp_path, module, kin
 
 
 def test_without_pygraphviz_a_command_says_so(start, tmp_path):
-    """In one line, with the remedy; the graph is there, to be drawn elsewhere."""
+    """The error is one line with the remedy; the .gv file can be drawn elsewhere."""
     bags = pytest.importorskip('bags')
     bag = str(bags.make(tmp_path / 'bag', 'mcap', bags.walk()))
     process = start(*tool_without(['pygraphviz', *ROS], 'view_frames', '--bag', bag), cwd=tmp_path)
@@ -444,7 +450,7 @@ def test_without_pygraphviz_a_command_says_so(start, tmp_path):
 
 @pytest.mark.parametrize('kind', ['db3', 'mcap', 'bag'])
 def test_a_bag_is_drawn_without_ros(start, tmp_path, kind):
-    """Into a PDF that tells of its frames, as they were at its end."""
+    """The PDF shows the frames as they were at the end of the bag."""
     bags, pypdf = pytest.importorskip('bags'), pytest.importorskip('pypdf')
     bag = str(bags.make(tmp_path / 'robot', kind, bags.walk()))
     process = start(*tool_without_ros('view_frames', '--bag', bag), cwd=tmp_path)
@@ -453,15 +459,15 @@ def test_a_bag_is_drawn_without_ros(start, tmp_path, kind):
         'wrote frames.pdf and frames.gv: frames: 3, transforms: 2, root: map\n'
         'from 100.000000 s to 110.000000 s, 10.000 s; ages are relative to the end\n')
     text = pypdf.PdfReader(tmp_path / 'frames.pdf').pages[0].extract_text()
-    sender = '/sender' if kind == 'bag' else 'not recorded'
+    publisher = '/sender' if kind == 'bag' else 'not recorded'
     for words in ('map', 'odom', 'base_link', 'static', 'Average rate: 10.000 Hz',
-                  f'Broadcaster: {sender}', 'Recorded at time: 110.000000',
+                  f'Broadcaster: {publisher}', 'Recorded at time: 110.000000',
                   'Most recent transform: 110.000000', 'Buffer length: 10.000 s'):
         assert words in text
 
 
 def test_the_tree_of_a_bag(start, tmp_path):
-    """In the terminal; ages are relative to its end. Of a damaged one, with a warning."""
+    """Ages are relative to the end of the bag; --partial reads a damaged one, with a warning."""
     bags = pytest.importorskip('bags')
     bag = bags.make(tmp_path / 'robot.bag', 'bag', [
         *bags.walk(), ('/tf', 99 * bags.S, [bags.row(99 * bags.S, 'odom', 'cup')])])
@@ -484,7 +490,7 @@ def test_the_tree_of_a_bag(start, tmp_path):
 
 
 def test_a_bag_of_a_namespace(capsys, tmp_path):
-    """As `--namespace` says."""
+    """Without `--namespace`, the error says which namespace the bag has."""
     bags = pytest.importorskip('bags')
     bag = str(bags.make(tmp_path / 'robot', 'mcap', [
         (f'/robot{topic}', *rest) for topic, *rest in bags.walk()]))
@@ -501,7 +507,7 @@ def test_a_bag_of_a_namespace(capsys, tmp_path):
     (('--bag', ''), 2, '--bag needs the path of a bag'),
     (('--bag', 'nowhere'), 1, 'cannot read nowhere: No such file or directory')])
 def test_bags_used_wrongly(failed, monkeypatch, tmp_path, arguments, code, why):
-    """One line, that tells what to do."""
+    """The error is one line with the remedy."""
     monkeypatch.chdir(tmp_path)
     got, error = failed(view_frames.main, *arguments)
     assert got == code
@@ -510,7 +516,7 @@ def test_bags_used_wrongly(failed, monkeypatch, tmp_path, arguments, code, why):
 
 
 def test_a_stdout_that_has_no_lines_to_draw(start, monkeypatch, tmp_path):
-    """As that of a pipe on Windows: something stands for them."""
+    """Where stdout cannot encode box-drawing characters, as on Windows, they are replaced."""
     bags = pytest.importorskip('bags')
     bag = str(bags.make(tmp_path / 'robot', 'mcap', bags.walk()))
     monkeypatch.setenv('PYTHONIOENCODING', 'cp1252')
@@ -521,19 +527,19 @@ def test_a_stdout_that_has_no_lines_to_draw(start, monkeypatch, tmp_path):
 
 
 def large_bag(path, count):
-    """Write a bag of a tree that takes graphviz half a minute, if it has 4000 frames."""
+    """Write a bag of a random tree; with 4000 frames, graphviz takes half a minute to draw it."""
     bags = pytest.importorskip('bags')
-    draw_lots = random.Random(1)
+    generator = random.Random(1)
     return str(bags.make(path / 'large', 'mcap', [('/tf_static', 0, [
-        bags.row(0, f'f{draw_lots.randrange(i + 1)}', f'f{i + 1}') for i in range(count - 1)])]))
+        bags.row(0, f'f{generator.randrange(i + 1)}', f'f{i + 1}') for i in range(count - 1)])]))
 
 
 def stand_in(path, draw):
-    """Put a module in the place of pygraphviz; give the variable by which it is found."""
+    """Write a stand-in for pygraphviz; return the environment variable that makes it found."""
     path.mkdir()
     (path / 'pygraphviz.py').write_text(
         'import os, subprocess, time\n'
-        'time.sleep(0.2)  # to import takes as long\n'
+        'time.sleep(0.2)  # the import of pygraphviz takes as long\n'
         'class AGraph:\n'
         '    def __init__(self, string):\n'
         '        self.string = string\n'
@@ -544,12 +550,12 @@ def stand_in(path, draw):
 
 
 def seconds_of_work(pid):
-    """Give the time for which a process has computed."""
+    """Return the CPU time that a process has used (s)."""
     fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
     return int(fields[11]) / os.sysconf('SC_CLK_TCK')
 
 
-#: The command, without its limit.
+#: The code of the command, without its limit of the number of frames.
 UNLIMITED = ('import sys, dummy_arm.cli.entry_points as e, dummy_arm.tools.view_frames as v\n'
              'v.MAX_FRAMES = 10**6; sys.exit(e.view_frames())')
 
@@ -557,18 +563,18 @@ UNLIMITED = ('import sys, dummy_arm.cli.entry_points as e, dummy_arm.tools.view_
 @pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize('is_real', [True, False])
 def test_a_signal_ends_the_drawing(start, tmp_path, signal_number, is_real):
-    """With all that it has started, as pygraphviz 1.11 starts dot; no file is written."""
+    """All its processes end, such as dot, which pygraphviz 1.11 starts; no file is written."""
     bag = large_bag(tmp_path, 4000)
     environment = {} if is_real else stand_in(
         tmp_path / 'modules', 'subprocess.run(["sleep", "100"])')
     there = tmp_path / 'there'
     there.mkdir()
-    # The real one begins within a second, and takes half a minute.
+    # The real pygraphviz starts to draw within a second, and takes half a minute.
     process = start('-c', UNLIMITED, '--bag', bag, cwd=there, environment=environment)
     deadline = time.monotonic() + 2 * TIMEOUT
     while not ((drawing := process.descendants()) and (
             sum(map(seconds_of_work, drawing)) > 1.0 if is_real else len(drawing) > 1)):
-        assert not process.ended(), process.output
+        assert not process.has_ended(), process.output
         assert time.monotonic() < deadline
         time.sleep(0.01)
     process.end(signal_number, 5.0)
@@ -582,11 +588,11 @@ def test_a_signal_ends_the_drawing(start, tmp_path, signal_number, is_real):
 
 
 def test_a_kill_ends_the_drawing_too(start, kill, tmp_path):
-    """Else it would go on for half a minute, as after a terminal was closed."""
+    """Otherwise the drawing would go on for half a minute, as after its terminal is closed."""
     process = start('-c', UNLIMITED, '--bag', large_bag(tmp_path, 4000), cwd=tmp_path)
     deadline = time.monotonic() + 2 * TIMEOUT
     while not (drawing := process.descendants()) or sum(map(seconds_of_work, drawing)) < 1.0:
-        assert not process.ended(), process.output
+        assert not process.has_ended(), process.output
         assert time.monotonic() < deadline
         time.sleep(0.01)
     kill(process)
@@ -597,7 +603,7 @@ def test_a_kill_ends_the_drawing_too(start, kill, tmp_path):
 
 
 def test_a_graph_that_is_larger_than_a_pipe(monkeypatch, tmp_path):
-    """It is drawn, although it is not read at once."""
+    """It is drawn, although the drawing process does not read it at once."""
     stand_in(tmp_path / 'modules', 'return f"{len(self.string)}".encode()')
     monkeypatch.syspath_prepend(tmp_path / 'modules')
     dot = as_dot(chain(10_000), 0)
@@ -610,7 +616,7 @@ def test_a_graph_that_is_larger_than_a_pipe(monkeypatch, tmp_path):
     ('os.write(2, b"\\nFontconfig warning\\nError: trouble\\n"); os._exit(1)', 'Error: trouble'),
     ('return b""', 'exit code 0'), ('os.abort()', 'exit code -6')])
 def test_graphviz_that_fails(failed, monkeypatch, tmp_path, drawing, why):
-    """Is one line, by its last; the graph is there, to be drawn elsewhere."""
+    """The error has the last line of graphviz; the .gv file can be drawn elsewhere."""
     bags = pytest.importorskip('bags')
     bag = str(bags.make(tmp_path / 'bag', 'mcap', bags.walk()))
     stand_in(tmp_path / 'modules', drawing)
@@ -622,8 +628,8 @@ def test_graphviz_that_fails(failed, monkeypatch, tmp_path, drawing, why):
     assert [path.name for path in Path().iterdir()] == ['frames.gv']
 
 
-def test_what_graphviz_says_of_a_drawing_is_not_shown(capfd, monkeypatch, tmp_path):
-    """As warnings of fontconfig."""
+def test_warnings_of_graphviz_are_not_shown(capfd, monkeypatch, tmp_path):
+    """For example, fontconfig may print warnings."""
     stand_in(tmp_path / 'modules', 'os.write(2, b"warning"); return format.encode()')
     monkeypatch.syspath_prepend(tmp_path / 'modules')
     assert draw(as_dot(chain(1), 0), 'svg') == b'svg'
@@ -631,7 +637,7 @@ def test_what_graphviz_says_of_a_drawing_is_not_shown(capfd, monkeypatch, tmp_pa
 
 
 def test_modules_of_the_working_directory_do_not_draw(start, tmp_path):
-    """As a file dummy_arm.py or pygraphviz.py, which is found neither by the command."""
+    """Neither the command nor the process that draws imports them."""
     bag = large_bag(tmp_path, 3)
     there = tmp_path / 'there'
     there.mkdir()
@@ -645,7 +651,7 @@ def test_modules_of_the_working_directory_do_not_draw(start, tmp_path):
 
 
 def test_more_frames_than_can_be_drawn(failed, monkeypatch, tmp_path):
-    """Are told of at once, with what can be done; the graph is there, to be drawn elsewhere."""
+    """The error is immediate and has the remedy; the .gv file can be drawn elsewhere."""
     bag = large_bag(tmp_path, 2001)
     there = tmp_path / 'there'
     there.mkdir()
@@ -662,7 +668,7 @@ def test_more_frames_than_can_be_drawn(failed, monkeypatch, tmp_path):
 
 @pytest.fixture
 def house(tmp_path):
-    """Make a bag with a tree, a loop, and branches that end at different times."""
+    """A bag with a tree, a loop, and branches that end at different times."""
     bags = pytest.importorskip('bags')
     return str(bags.make(tmp_path / 'house', 'mcap', [
         *bags.walk(seconds=10), *(('/tf', time, [bags.row(time, *edge)]) for time, edge in (
@@ -679,7 +685,7 @@ def house(tmp_path):
      'from 100.000000 s to 110.000000 s, 10.000 s; ages are relative to the end'),
     ('tool', ['tool'], 'all transforms are static')])
 def test_the_tree_below_a_root(capsys, house, root, tree, span):
-    """And nothing else: no warning of a loop that is elsewhere; ages as they are in the whole."""
+    """There is no warning of a loop elsewhere; ages are relative to the end of the whole bag."""
     assert view_frames.main(['--text', '--bag', house, '--root', root]) == 0
     out, err = capsys.readouterr()
     *lines, last = out.splitlines()
@@ -690,12 +696,12 @@ def test_the_tree_below_a_root(capsys, house, root, tree, span):
 
 
 def test_the_drawing_below_a_root(capsys, house, monkeypatch, tmp_path):
-    """Also of a frame that has none below it."""
+    """The root may have no descendants."""
     monkeypatch.chdir(tmp_path)
-    for root, said, edges in (('base_link', 'frames: 3, transforms: 2, root: base_link\n', 2),
-                              ('tool', 'frames: 1, transforms: 0, root: tool\n', 0)):
+    for root, message, edges in (('base_link', 'frames: 3, transforms: 2, root: base_link\n', 2),
+                                 ('tool', 'frames: 1, transforms: 0, root: tool\n', 0)):
         assert view_frames.main(['-o', root, '--bag', house, '--root', root]) == 0
-        assert f'{root}.gv: {said}' in capsys.readouterr().out
+        assert f'{root}.gv: {message}' in capsys.readouterr().out
         graph = Path(f'{root}.gv').read_text()
         assert graph.count('->') == edges
         assert f'"{root}" [label' in graph
@@ -705,7 +711,7 @@ def test_the_drawing_below_a_root(capsys, house, monkeypatch, tmp_path):
 
 @pytest.mark.parametrize('root', ['x', 'y', 'z'])
 def test_a_root_in_a_loop(capsys, house, root):
-    """It begins and ends with the root, and is warned of; what is below it is shown."""
+    """The loop begins and ends with the root, and causes a warning; its branches are shown."""
     assert view_frames.main(['--text', '--bag', house, '--root', root]) == 0
     out, err = capsys.readouterr()
     names = re.findall(r'(\w+)(?: +\? Hz.*)?\n', out)[:-1]
@@ -714,22 +720,22 @@ def test_a_root_in_a_loop(capsys, house, root):
     assert re.fullmatch('view_frames: warning: these frames form a loop: .*\n', err)
 
 
-@pytest.mark.parametrize(('root', 'code', 'said'), [
+@pytest.mark.parametrize(('root', 'code', 'message'), [
     ('base_lnk', 1, "frame 'base_lnk' does not exist. Nearest known: 'base_link'."),
     ('', 2, '--root needs the name of a frame'), ('/', 2, '--root needs the name of a frame')])
-def test_a_root_that_does_not_exist(failed, house, root, code, said):
-    """One line, with the nearest names."""
+def test_a_root_that_does_not_exist(failed, house, root, code, message):
+    """The error is one line with the nearest names."""
     assert failed(view_frames.main, '--text', '--bag', house, '--root', root) == (
-        code, f'view_frames: {said}\n')
+        code, f'view_frames: {message}\n')
 
 
-def test_a_live_tree_waits_for_its_root(ours, start):
-    """With a line that says so."""
-    ours(('map', 'base'))
+def test_a_live_tree_waits_for_its_root(publish_static, start):
+    """Until the root exists, a line says that it is missing."""
+    publish_static(('map', 'base'))
     process = start(*tool('view_frames', '--watch', '--root', 'tool'))
     process.line_with("waiting for the root: frame 'tool' does not exist. Known frames: "
                       "'map', 'base'.")
-    ours(('base', 'tool'), ('tool', 'tip'))
+    publish_static(('base', 'tool'), ('tool', 'tip'))
     while process.line_with('t') != 'tool\n':
         pass
     assert process.line().startswith('└── tip ')
@@ -737,7 +743,7 @@ def test_a_live_tree_waits_for_its_root(ours, start):
 
 
 def test_a_long_chain_below_a_root():
-    """Longer than Python's recursion is deep."""
+    """The chain is longer than Python's recursion limit."""
     tree = chain(3000).subtree('1000')
     assert [*tree.names] == [f'{i}' for i in range(1000, 3001)]
     assert tree.roots == ['1000']

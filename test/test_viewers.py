@@ -1,4 +1,4 @@
-"""What viewers may send to web_view: what its page does, and nothing else."""
+"""The messages that web_view accepts from viewers: those of its page, and no others."""
 
 from dataclasses import fields
 import random
@@ -31,7 +31,7 @@ NUMBERS = 0, -1, 2**31, 2**63, -2**63, 0.5, 1e308, -1e308, float('nan'), float('
 
 
 class Viewer:
-    """Somebody who is connected, and sends what a test says."""
+    """A client of the page, which sends the messages of a test."""
 
     def __init__(self, port):
         """Connect as the page does."""
@@ -45,7 +45,7 @@ class Viewer:
             message if isinstance(message, (bytes, str)) else msgspec.msgpack.encode(message))
 
     def wait(self, condition):
-        """Receive messages until one fulfils a condition; give it."""
+        """Receive messages until one fulfils a condition, and return that one."""
         deadline = time.monotonic() + TIMEOUT
         while True:
             window = self._connection.recv(deadline - time.monotonic())
@@ -56,7 +56,7 @@ class Viewer:
                     return message
 
     def controls(self):
-        """Find out the uuid of each control, by its label."""
+        """Return the uuid of each control by its label."""
         uuids = {}
 
         def is_last(message):
@@ -68,13 +68,13 @@ class Viewer:
         return uuids
 
     def close(self):
-        """Leave."""
+        """Disconnect."""
         self._connection.close()
 
 
 @pytest.fixture
 def page():
-    """Serve the page of a short bag with two frames: `page.server`, `page.update()`."""
+    """The page of a short bag with two frames: `page.server`, `page.update()`."""
     from dummy_arm.view.server import serve
     from dummy_arm.view.view import View
     buffer = BufferCore(10**18)
@@ -98,14 +98,14 @@ def uuids(page):
 
 
 def accepted(page, message):
-    """Tell whether a message is handed to viser."""
+    """Return True if a message is passed to viser."""
     return page.server.accepts(msgspec.msgpack.encode(message))
 
 
 @pytest.mark.parametrize('changes', [
     {}, {'position': [1e6, 0, 2**40]}, {'up_direction': [0, 0, 0]}])
 def test_a_camera_is_accepted(page, changes):
-    """As the page sends it; whole numbers come as such."""
+    """The page sends whole numbers as integers."""
     assert accepted(page, {**CAMERA, **changes})
 
 
@@ -116,12 +116,12 @@ def test_a_camera_is_accepted(page, changes):
     {'far': float('-inf')}, {'image_height': 1.5}, {'image_width': 'wide'}, {'client': 1},
     {'type': 'CameraMessage'}, {'type': []}, {'type': {}}, {'type': None}])
 def test_a_camera_that_is_none_is_refused(page, changes):
-    """Of other shapes, not finite, or with more than that."""
+    """Other shapes, numbers that are not finite and additional fields are refused."""
     assert not accepted(page, {**CAMERA, **changes})
 
 
 def test_a_click_is_accepted(page):
-    """On whatever is there by then; on the scene, there is no index."""
+    """The frame may be gone by then, and a click on the scene has no index."""
     for index in 0, -1, 2**40, None:
         assert accepted(page, {**CLICK, 'instance_index': index})
 
@@ -130,7 +130,7 @@ def test_a_click_is_accepted(page):
     {'instance_index': 'a'}, {'instance_index': 1.5}, {'instance_index': [1]}, {'name': 1},
     {'ray_origin': None}, {'screen_pos': [1.0]}, {'modifier': 'hyper'}, {'modifier': 5}])
 def test_a_click_that_is_none_is_refused(page, changes):
-    """Of other types."""
+    """Fields of other types are refused."""
     assert not accepted(page, {**CLICK, **changes})
 
 
@@ -139,7 +139,7 @@ def test_a_click_that_is_none_is_refused(page, changes):
     ('Show names', False), ('Frame', 'base'), ('Fixed frame', '(none)'),
     ('Focus on all frames', True)])
 def test_a_value_of_a_control_is_accepted(page, uuids, label, value):
-    """Whole numbers come as such."""
+    """Whole numbers may be integers."""
     assert accepted(page, update(uuids[label], value=value))
 
 
@@ -149,14 +149,14 @@ def test_a_value_of_a_control_is_accepted(page, uuids, label, value):
     ('Pause', 1), ('Pause', 'yes'), ('Show names', None), ('Frame', 'nowhere'), ('Frame', 5),
     ('Frame', ['base']), ('Frame', {}), ('Frame', 'x' * 10000), ('Focus on all frames', [])])
 def test_a_value_that_is_none_is_refused(page, uuids, label, value):
-    """Of another type, or not among the options."""
+    """A value of another type, or that is not among the options, is refused."""
     assert not accepted(page, update(uuids[label], value=value))
 
 
 @pytest.mark.parametrize('name', [
     'props', '__dict__', '__class__', 'uuid', 'removed', 'update_cb', 'sync_cb', 'gui_api', ''])
 def test_other_attributes_are_refused(page, uuids, name):
-    """Although viser would set them."""
+    """Viser itself would set them."""
     for uuid in uuids.values():
         assert not accepted(page, update(uuid, **{name: {}}))
         assert not accepted(page, update(uuid, **{name: {}, 'value': True}))
@@ -164,12 +164,12 @@ def test_other_attributes_are_refused(page, uuids, name):
 
 
 def update(uuid, /, **updates):
-    """Make the message by which a control changes."""
+    """Return the message by which a control changes."""
     return {'type': 'GuiUpdateMessage', 'uuid': uuid, 'updates': updates}
 
 
 def test_no_other_message_is_accepted(page, uuids):
-    """No upload, no answer to what was not asked, nothing that only the server sends."""
+    """Uploads, unrequested answers and the messages of the server are refused."""
     used = {'GuiUpdateMessage', 'ViewerCameraMessage', 'SceneNodeClickMessage'}
     names = {each.__name__ for each in MESSAGES}
     assert names > {'FileTransferStartUpload', 'FileTransferPart', 'ShareUrlRequest', *used}
@@ -182,12 +182,12 @@ def test_no_other_message_is_accepted(page, uuids):
     b'', b'\xc1', b'\x90', b'\x81\xa1a', b'\x81\xa1\xff\x01', b'\x81\x01\x01', 'text', '',
     b'\xdf' + b'\xff' * 9, b'\x81\xa1a' + b'\x91' * 60000, b'\xd6\xff\x00\x00\x00\x01'])
 def test_what_is_no_message_is_refused(page, data):
-    """Whatever it is."""
+    """Malformed data raise no exception."""
     assert not page.server.accepts(data)
 
 
 def test_a_long_message_ends_the_connection(page):
-    """It would be held in memory as a whole."""
+    """Otherwise it would be held in memory as a whole."""
     viewer = Viewer(page.server.get_port())
     viewer.send(bytes(2**16 + 1))
     with pytest.raises(ConnectionClosed, match='1009'):
@@ -198,8 +198,8 @@ def test_a_long_message_ends_the_connection(page):
 @pytest.mark.parametrize('camera', [
     {}, {'up_direction': [0, 0, 0], 'wxyz': [0, 0, 0, 0]}, {'look_at': CAMERA['position']},
     {'position': [1e308] * 3, 'look_at': [-1e308] * 3, 'far': -1e308}])
-def test_whoever_has_whatever_camera_can_be_turned(page, camera):
-    """Also when he has left meanwhile."""
+def test_any_camera_can_be_turned(page, camera):
+    """Odd cameras raise no error, nor does a viewer that has left."""
     ready, left = threading.Event(), threading.Event()
     page.server.on_client_connect(lambda _: ready.set())
     page.server.on_client_disconnect(lambda _: left.set())
@@ -217,7 +217,7 @@ def test_whoever_has_whatever_camera_can_be_turned(page, camera):
 
 
 def test_no_message_of_a_viewer_ends_the_process(start, tmp_path):
-    """After thousands of all kinds, the page answers another viewer, and nothing was printed."""
+    """After thousands of odd messages the page answers others, and nothing is printed."""
     bags = pytest.importorskip('bags')
     path = bags.make(tmp_path / 'bag', 'mcap', bags.walk())
     process = start(*tool_without_ros('web_view', '--bag', str(path)))
@@ -235,14 +235,14 @@ def test_no_message_of_a_viewer_ends_the_process(start, tmp_path):
                 bad.send(update(uuid, **{name: value}))
     for _ in range(4000):
         bad.send(any_message(source, [*uuids.values()])[:2**16])
-    bad.send(update(uuids['Axis length (m)'], value=0.77))  # the last one, now all have arrived
+    bad.send(update(uuids['Axis length (m)'], value=0.77))  # once this one arrives, all have
     good.wait(lambda each: each.get('updates') == {'value': 0.77})
     bad.close()
     for _ in range(20):
         with socket.create_connection(('127.0.0.1', port)) as raw:
             raw.sendall(b'GET / HTTP/1.1\r\n'[:source.randrange(17)] + source.randbytes(200))
     good.send(update(uuids['Pause'], value=False))
-    for _ in range(3):  # now the last click has been seen, too
+    for _ in range(3):  # by then the last click has been handled, too
         good.wait(lambda each: each.get('uuid') == uuids['Time (s)'])
     for frame, parent in ('base_link', 'odom'), ('odom', 'map'):
         good.send(update(uuids['Frame'], value=frame))
@@ -254,7 +254,7 @@ def test_no_message_of_a_viewer_ends_the_process(start, tmp_path):
 
 
 def any_message(source, uuids):
-    """Make bytes, a text or a message of any type, more or less as it should be."""
+    """Return bytes, a text or a message of any type, more or less valid."""
     kind = source.randrange(7)
     if kind == 0:
         return source.randbytes(source.choice((0, 1, 10, 1000)))
@@ -280,7 +280,7 @@ def any_message(source, uuids):
 
 
 def anything(source, depth):
-    """Make a value of any type, nested up to a depth."""
+    """Return a value of any type, nested up to a depth."""
     kind = source.randrange(8 if depth else 6)
     if kind < 2:
         return source.choice(NUMBERS)

@@ -1,4 +1,4 @@
-"""What view/viser_private.py relies on, of viser 1.1 and websockets; see test_viewers.py, too."""
+"""The internals of viser 1.1 and websockets on which view/viser_private.py relies."""
 
 import asyncio
 from importlib import import_module
@@ -14,14 +14,14 @@ viser_private = import_module('dummy_arm.view.viser_private')
 
 @pytest.fixture(scope='module')
 def server():
-    """Serve an empty page."""
+    """A server of an empty page."""
     from dummy_arm.view.server import serve
     with serve('127.0.0.1') as server:
         yield server
 
 
 def test_messages_are_classes_with_the_fields_that_are_checked():
-    """A camera has those that must be finite."""
+    """The messages have exactly the fields that the server checks."""
     for message_type, fields in (
             (viser_private.GuiUpdateMessage, {'uuid', 'updates'}),
             (viser_private.SceneNodeClickMessage, {
@@ -34,7 +34,7 @@ def test_messages_are_classes_with_the_fields_that_are_checked():
 
 
 def test_a_message_is_a_msgpack_map_with_its_type(server):
-    """As viser itself makes one of a message, which the page answers with."""
+    """The server accepts what viser itself makes of a message."""
     control = server.gui.add_slider('size', 0.0, 1.0, 0.1, 0.5)
     message = viser_private.GuiUpdateMessage(control._impl.uuid, {'value': 0.7})
     mapping = message.as_serializable_dict()
@@ -49,12 +49,12 @@ def test_a_message_is_a_msgpack_map_with_its_type(server):
     'SetCameraPositionMessage', 'SetCameraLookAtMessage', 'SetCameraFovMessage',
     'SetCameraFarMessage'])
 def test_messages_that_turn_a_camera_take_one_value(name):
-    """What else they have is not needed."""
+    """Their other arguments are optional."""
     inspect.signature(getattr(viser_private, name)).bind(1.0)
 
 
 def test_a_control_is_found_by_its_uuid(server):
-    """With its value and, of a choice, its options."""
+    """The control has its value and, if it is a dropdown, its options."""
     control = server.gui.add_dropdown('choice', ('a', 'b'))
     assert server.control(control._impl.uuid) is control
     assert server.control('another') is None
@@ -63,13 +63,13 @@ def test_a_control_is_found_by_its_uuid(server):
 
 
 def test_the_gui_is_made_after_the_server_has_started():
-    """So a message may come before there is a panel: then `gui` is no attribute yet."""
+    """So a message may arrive while the server has no attribute `gui` yet."""
     source = inspect.getsource(viser.ViserServer.__init__)
     assert source.index('server.start()') < source.index('self.gui')
 
 
 def test_a_client_is_sent_messages_by_its_connection():
-    """`queue_message` takes one message."""
+    """The method `queue_message` of a connection takes one message."""
     queue = inspect.signature(viser.infra.WebsockClientConnection.queue_message)
     assert [*queue.parameters] == ['self', 'message']
     source = inspect.getsource(viser.ClientHandle.__init__)
@@ -77,7 +77,7 @@ def test_a_client_is_sent_messages_by_its_connection():
 
 
 def test_serve_takes_what_guards_it():
-    """A check of requests, a class of connections, a limit of size; and a socket, for asyncio."""
+    """It takes a check of requests, a class of connections, a limit of size and a socket."""
     assert {'process_request', 'create_connection', 'max_size', 'kwargs'} <= {
         *inspect.signature(websockets_server.serve.__init__).parameters}
     assert 'sock' in inspect.signature(asyncio.BaseEventLoop.create_server).parameters
@@ -86,14 +86,14 @@ def test_serve_takes_what_guards_it():
 
 
 def test_a_share_url_is_requested_by_one_method(server):
-    """Which is overridden, and does nothing."""
+    """The server overrides this method, which then does nothing."""
     assert [*inspect.signature(viser.ViserServer.request_share_url).parameters] == [
         'self', 'verbose']
     assert server.request_share_url() is None
 
 
 def test_headers_are_read_by_all_their_values():
-    """`get_all`, by which a request is checked."""
+    """Requests are checked by `get_all`, which returns each value of a header."""
     headers = websockets.Headers([('Host', 'a'), ('Host', 'b')])
     assert headers.get_all('Host') == ['a', 'b']
     assert headers.get_all('Origin') == []

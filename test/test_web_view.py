@@ -1,4 +1,4 @@
-"""The page of web_view, looked at in a real browser."""
+"""The page of web_view in a real browser."""
 
 from functools import partial
 from math import degrees
@@ -6,7 +6,7 @@ from pathlib import Path
 import signal
 import socket
 
-from browser import chromium, Look
+from browser import BrowserPage, chromium
 from conftest import ARM, tool, tool_without_ros
 import imageio.v3 as iio
 import numpy as np
@@ -21,44 +21,44 @@ FRAMES = 'map, base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector'
 
 @pytest.fixture(scope='module')
 def browser():
-    """A browser for all tests."""
+    """A browser that all tests share."""
     with chromium() as started:
         yield started
 
 
 @pytest.fixture
-def look(browser):
-    """Open the page of a process, or an address: `look(process)`; all must be well with it."""
-    looks = []
+def open_page(browser):
+    """A function that opens the page of a process or an address; it must have no faults."""
+    pages = []
 
-    def open_page(process):
+    def open_url_of(process):
         url = process if isinstance(process, str) else url_of(process)
-        looks.append(Look(browser.new_page(viewport={'width': 1000, 'height': 700}), url))
-        return looks[-1]
+        pages.append(BrowserPage(browser.new_page(viewport={'width': 1000, 'height': 700}), url))
+        return pages[-1]
 
-    yield open_page
-    for each in looks:
+    yield open_url_of
+    for each in pages:
         each.page.close()
-        assert each.asked <= {'127.0.0.1', None}  # None: what the page has in itself
+        assert each.hosts <= {'127.0.0.1', None}  # None: of data: and blob: URLs
         assert not each.faults
 
 
 def url_of(process):
-    """Read where a page is served."""
+    """Return the address at which a process serves its page."""
     return process.line_with('look at http').split()[-1]
 
 
-def test_the_waving_arm(start, ros, look, request, tmp_path):
-    """Its frames are there, move, fade and return; the numbers are those of a lookup."""
+def test_the_waving_arm(start, ros, open_page, request, tmp_path):
+    """Its frames appear, move, fade and return, and the numbers are those of a lookup."""
     from rclpy.duration import Duration
 
     from dummy_arm.tf import Buffer, TransformListener
     arm = start(*ARM)
     buffer = Buffer(Duration(seconds=60), ros.node)
     listener = TransformListener(buffer, ros.node)
-    page = look(start(*VIEW))
+    page = open_page(start(*VIEW))
 
-    # Each part of the page changes by a message of its own, and so a little sooner or later.
+    # The parts of the page change by separate messages, so not all at the same time.
     scene = page.until(lambda: (
         scene := page.scene_with(*FRAMES)).begins.shape == (4, 6, 3) and scene)
     map_, *_, joint_3, hand = map(scene.index, FRAMES)
@@ -66,7 +66,7 @@ def test_the_waving_arm(start, ros, look, request, tmp_path):
     assert np.allclose(np.linalg.norm(scene.ends[:3] - scene.begins[:3], axis=2), 0.16)
     assert np.allclose(scene.ends[3, hand], scene.begins[0, joint_3], atol=1e-5)
     assert np.linalg.norm(scene.ends[3, hand] - scene.begins[3, hand]) == pytest.approx(0.2)
-    assert np.allclose(scene.radii, [*[0.008] * 5, 0.0136])  # that which is selected stands out
+    assert np.allclose(scene.radii, [*[0.008] * 5, 0.0136])  # the selected frame stands out
     page.until(lambda: np.linalg.norm(
         page.scene().names['end_effector'] - scene.names['end_effector']) > 0.05)
     page.until(lambda: '6 frames' in page.overview())
@@ -97,8 +97,8 @@ def test_the_waving_arm(start, ros, look, request, tmp_path):
     assert np.allclose(gone.radii, [0.008, 0.008, 0.0, 0.0, 0.0, 0.0])
     page.until(lambda: (scene := page.scene()).names.keys() == {'map, base_link'}
                and not len(scene.trail))
-    page.until(lambda: '2 frames\nnot shown, since they or a frame on the path to them had no new '
-               'transform for 15 s: joint_1, joint_2, joint_3, end_effector' in page.overview())
+    page.until(lambda: '2 frames\nnot shown, because no new transform has arrived for 15 s on the '
+               'path to: joint_1, joint_2, joint_3, end_effector' in page.overview())
     start(*ARM)
     back = page.until(lambda: np.allclose(  # with joint_2 selected
         (scene := page.scene_with(*FRAMES)).radii, [0.008, 0.008, 0.008, 0.0136, 0.008, 0.008]
@@ -107,13 +107,13 @@ def test_the_waving_arm(start, ros, look, request, tmp_path):
 
 
 def middle_of_z_axis(scene, name):
-    """Tell where it is (m)."""
+    """Return the middle of the z axis of a frame (m)."""
     i = scene.index(name)
     return (scene.begins[2, i] + scene.ends[2, i]) / 2
 
 
 def assert_numbers_are_those_of_a_lookup(page, where, buffer):
-    """Compare the panel, which stands still, with what a lookup of its time gives."""
+    """Compare the numbers of the paused panel with a lookup at the time that it shows."""
     from rclpy.time import Time
     seconds, nanoseconds = page.value(f'{where}-time').removesuffix(' s').split('.')
     transform = buffer.lookup_transform(
@@ -129,13 +129,13 @@ def assert_numbers_are_those_of_a_lookup(page, where, buffer):
 
 
 def artefact(request, tmp_path, name):
-    """Give the path of a file that is kept beside the results of the tests, where these are."""
+    """Return the path of a file that is kept beside the results of the tests, if these are."""
     results = request.config.option.xmlpath
     return (Path(results).parent if results else tmp_path) / name
 
 
 def assert_arm_is_seen(picture):
-    """Find the colours of the axes, in a picture that is not blank."""
+    """Assert that a picture is not blank, and has the colours of the axes."""
     red, green, blue = np.moveaxis(picture[..., :3].astype(int), -1, 0)
     left = np.arange(picture.shape[1]) < 0.6 * picture.shape[1]
     for one, *others in (red, green, blue), (green, red, blue), (blue, red, green):
@@ -143,8 +143,8 @@ def assert_arm_is_seen(picture):
     assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 500
 
 
-def test_trees_that_change(start, ros, look):
-    """All roots are shown; new frames come, others move when they get another parent."""
+def test_trees_that_change(start, ros, open_page):
+    """All roots are shown; frames appear, and move when they get another parent."""
     from dummy_arm.tf import TransformBroadcaster
     broadcaster = TransformBroadcaster(ros.node)
 
@@ -155,7 +155,7 @@ def test_trees_that_change(start, ros, look):
 
     edges = [('map', 'odom', 1.0), ('map', 'left', 3.0), ('odom', 'base', 0.5)]
     ros.node.create_timer(0.02, lambda: send(*edges))
-    page = look(start(*VIEW))
+    page = open_page(start(*VIEW))
     page.scene_with()
     until = partial(page.until, pause=partial(ros.executor.spin_once, timeout_sec=0.05))
 
@@ -177,7 +177,7 @@ def test_trees_that_change(start, ros, look):
     page.choose('Frame', '<b>tree</b>')
     until(lambda: page.value('parent') == 'world')
     assert page.numbers('parent-translation') == [1.0, 0.0, 0.0]
-    assert not page.page.query_selector('[data-value=fixed]')  # it would be the same again
+    assert not page.page.query_selector('[data-value=fixed]')  # its numbers would be equal
     edges[2] = 'left', 'base', 0.5
     scene = scene_with('base', at=(3.5, 0.0, 0.0))
     base, left = map(scene.index, ('base', 'left'))
@@ -188,13 +188,13 @@ def test_trees_that_change(start, ros, look):
     until(lambda: not page.scene().names)
 
 
-def test_a_bag_without_ros(start, look, tmp_path):
-    """It is played, and stands at the time that is chosen; many names are not shown at first."""
+def test_a_bag_without_ros(start, open_page, tmp_path):
+    """The bag is played and stops at a chosen time; many names are hidden at first."""
     bags = pytest.importorskip('bags')
     posts = [bags.row(100 * S, 'map', f'post_{i}', (0, i, 0, 0, 0, 0, 1)) for i in range(1, 61)]
     path = bags.make(tmp_path / 'bag', 'mcap', [*bags.walk(), ('/tf_static', 100 * S, posts)])
     process = start(*tool_without_ros('web_view', '--bag', str(path)))
-    page = look(process)
+    page = open_page(process)
     page.until(lambda: '63 frames' in page.overview())
     assert not page.scene().names
     page.tick('Show names', True)
@@ -210,16 +210,16 @@ def test_a_bag_without_ros(start, look, tmp_path):
     assert page.value('rate') == '10.0 Hz'
     process.end(signal.SIGINT)
     assert process.exit_code() == 0
-    page.faults.clear()  # it cannot connect any more
+    page.faults.clear()  # the page cannot connect any more
 
 
-def test_a_frame_that_is_far(start, look, tmp_path):
-    """It is drawn nearer and named, and its numbers are its own."""
+def test_a_frame_that_is_far(start, open_page, tmp_path):
+    """It is drawn nearer and listed, and the panel shows its real numbers."""
     bags = pytest.importorskip('bags')
     far = [bags.row(100 * S, 'map', 'far', (3e9, -4e9, 0, 0, 0, 0, 1)),
            bags.row(100 * S, 'map', 'farther', (0, 1e30, 0, 0, 0, 0, 1))]
     path = bags.make(tmp_path / 'bag', 'mcap', [*bags.walk(), ('/tf_static', 100 * S, far)])
-    page = look(start(*tool_without_ros('web_view', '--bag', str(path))))
+    page = open_page(start(*tool_without_ros('web_view', '--bag', str(path))))
     scene = page.scene_with('map', 'far', 'farther', 'base_link')
     assert np.allclose(scene.names['far'], (6e5, -8e5, 0.0))
     assert np.allclose(scene.names['farther'], (0.0, 1e6, 0.0))
@@ -228,11 +228,11 @@ def test_a_frame_that_is_far(start, look, tmp_path):
     page.until(lambda: page.numbers('parent-translation') == [3e9, -4e9, 0.0])
 
 
-def test_a_wait_in_vain_tells_what_the_page_shows(start, look, tmp_path):
-    """What is wrong need not be guessed."""
+def test_a_failed_wait_describes_the_page(start, open_page, tmp_path):
+    """The message shows what the page had, so that the failure can be understood."""
     bags = pytest.importorskip('bags')
     path = bags.make(tmp_path / 'bag', 'mcap', bags.walk())
-    page = look(start(*tool_without_ros('web_view', '--bag', str(path))))
+    page = open_page(start(*tool_without_ros('web_view', '--bag', str(path))))
     page.scene_with('map', 'odom', 'base_link')
     page.faults.append('a fault')
     with pytest.raises(AssertionError, match=(
@@ -242,8 +242,8 @@ def test_a_wait_in_vain_tells_what_the_page_shows(start, look, tmp_path):
     page.faults.clear()
 
 
-def test_many_who_look_on_the_next_free_port(start, look):
-    """Two views, and two pages of one; who closes one, or comes back, harms nobody."""
+def test_several_viewers_on_the_next_free_port(start, open_page):
+    """Closing or reloading one of two pages, or ending one of two servers, harms no other."""
     start(*ARM)
     with socket.socket() as taken:
         taken.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -251,12 +251,12 @@ def test_many_who_look_on_the_next_free_port(start, look):
             taken.bind(('127.0.0.1', 8080))
             taken.listen()
             used = {'http://127.0.0.1:8080'}
-        except OSError:  # by somebody else: as good, as long as they are there
+        except OSError:  # another process uses the port, which will do as well
             used = set()
         views = [start(*VIEW), start(*VIEW)]
         urls = [url_of(view) for view in views]
     assert len({*urls, *used}) == 2 + len(used)
-    first, second = look(urls[0]), look(urls[0])
+    first, second = open_page(urls[0]), open_page(urls[0])
     first.scene_with(*FRAMES)
     first.page.close()
     second.scene_with(*FRAMES)
@@ -266,4 +266,4 @@ def test_many_who_look_on_the_next_free_port(start, look):
         view.end(signal_number)
         assert view.exit_code() == 0
         assert view.output.splitlines() == [f'look at {urls[views.index(view)]}']
-    second.faults.clear()  # it cannot connect any more
+    second.faults.clear()  # the page cannot connect any more

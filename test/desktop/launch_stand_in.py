@@ -1,7 +1,7 @@
 """
-A pytest plugin that changes logging as launch's plugins do; `-p launch_stand_in`.
+A pytest plugin that changes logging as launch's plugins do: `-p launch_stand_in`.
 
-launch.logging, which they import, replaces the class of loggers by one whose loggers have handlers
+They import launch.logging, which replaces the class of loggers by one whose loggers have handlers
 of their own and do not propagate.
 """
 
@@ -9,7 +9,7 @@ import logging
 
 
 class LaunchLogger(logging.getLoggerClass()):  # type: ignore[misc]
-    """A logger that keeps to itself what is logged."""
+    """A logger with a handler of its own, which does not propagate its records."""
 
     def __init__(self, *args, **kwargs):
         """Create a logger."""

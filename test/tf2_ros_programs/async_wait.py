@@ -10,17 +10,17 @@ from tf2_ros.transform_listener import TransformListener
 
 
 class AsyncWait(Node):
-    """Looks up once a tenth of a second."""
+    """A node that looks up a transform ten times a second."""
 
     def __init__(self):
-        """Start the timer."""
+        """Create the buffer, the listener and the timer."""
         super().__init__('async_wait')
         self.tf_buffer = Buffer()
         self.tf_listener = TransformListener(self.tf_buffer, self)
         self.create_timer(0.1, self.on_timer)
 
     async def on_timer(self):
-        """Look up, and await it."""
+        """Look up a transform and await the result."""
         print('waiting', flush=True)
         try:
             transform = await self.tf_buffer.lookup_transform_async(

@@ -11,17 +11,17 @@ from tf2_ros.transform_listener import TransformListener
 
 
 class BlockingWait(Node):
-    """Looks up once a tenth of a second."""
+    """A node that looks up a transform ten times a second."""
 
     def __init__(self):
-        """Start the timer."""
+        """Create the buffer, the listener and the timer."""
         super().__init__('blocking_wait')
         self.tf_buffer = Buffer()
         self.tf_listener = TransformListener(self.tf_buffer, self)
         self.create_timer(0.1, self.on_timer)
 
     def on_timer(self):
-        """Look up, and wait for it."""
+        """Look up a transform and block until it is available."""
         print('waiting', flush=True)
         try:
             when = rclpy.time.Time()

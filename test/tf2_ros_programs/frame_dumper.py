@@ -8,17 +8,17 @@ from tf2_ros.transform_listener import TransformListener
 
 
 class FrameDumper(Node):
-    """Prints ten times a second."""
+    """A node that prints the frames ten times a second."""
 
     def __init__(self):
-        """Start the timer."""
+        """Create the buffer, the listener and the timer."""
         super().__init__('frame_dumper')
         self.tf_buffer = Buffer()
         self.tf_listener = TransformListener(self.tf_buffer, self)
         self.create_timer(0.1, self.on_timer)
 
     def on_timer(self):
-        """Print."""
+        """Print all frames as YAML."""
         print(self.tf_buffer.all_frames_as_yaml(), flush=True)
 
 

@@ -1,4 +1,4 @@
-"""Be called when a transform is there; written for tf2_ros."""
+"""Look up a transform in the callback of a future; written for tf2_ros."""
 
 import rclpy
 from rclpy.executors import ExternalShutdownException
@@ -10,10 +10,10 @@ from tf2_ros.transform_listener import TransformListener
 
 
 class WaitInCallback(Node):
-    """Waits for a transform; and when it has come, anew."""
+    """A node that waits for a transform again and again."""
 
     def __init__(self):
-        """Start the timer."""
+        """Create the buffer, the listener and the timer."""
         super().__init__('wait_in_callback')
         self.tf_buffer = Buffer()
         self.tf_listener = TransformListener(self.tf_buffer, self)
@@ -21,7 +21,7 @@ class WaitInCallback(Node):
         self.create_timer(0.1, self.on_timer)
 
     def on_ready(self, future):
-        """Look it up."""
+        """Look up the transform that has arrived."""
         self.future = None
         if future.result():
             try:
@@ -32,7 +32,7 @@ class WaitInCallback(Node):
                 print('got transform', flush=True)
 
     def on_timer(self):
-        """Wait for it, once at a time."""
+        """Start to wait for the transform, unless the node is waiting already."""
         if self.future:
             return
         print('waiting', flush=True)

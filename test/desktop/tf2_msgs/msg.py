@@ -1,4 +1,4 @@
-"""A TFMessage as rosidl generates it; converted by the compiled code of its transforms."""
+"""A TFMessage as rosidl generates it; compiled code converts its transforms."""
 
 from collections.abc import Collection
 from os import getenv
@@ -18,7 +18,7 @@ class Metaclass_TFMessage(type):  # noqa: N801
 
     @classmethod
     def __import_type_support__(cls):
-        """Load the type support, when rclpy asks for it."""
+        """Load the type support; rclpy calls this on demand."""
         from dummy_arm.tf._ros.rclpy_private import _exchange_bytes
         from dummy_arm.tf._tf2_msgs import type_support
         if cls._TYPE_SUPPORT is None:
@@ -71,7 +71,7 @@ class TFMessage(metaclass=Metaclass_TFMessage):
 
 
 def _serialize(transforms):
-    """Convert each transform by the code that a compiler made for it, unchecked."""
+    """Serialize transforms, whose fields compiled code converts without a check."""
     from rclpy.serialization import deserialize_message, serialize_message
 
     from dummy_arm.tf._ros.transform_stamped import fields_of

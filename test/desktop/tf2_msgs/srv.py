@@ -1,4 +1,4 @@
-"""The service FrameGraph, on the wire a std_srvs/srv/Trigger: its `message` is the YAML."""
+"""The service FrameGraph, on the wire a std_srvs/srv/Trigger whose `message` is the YAML."""
 
 from std_srvs.srv import Trigger
 
@@ -10,13 +10,13 @@ class Metaclass_FrameGraph(type):  # noqa: N801
 
     @classmethod
     def __import_type_support__(cls):
-        """Load the type support, when rclpy asks for it."""
+        """Load the type support; rclpy calls this on demand."""
         Trigger.__class__.__import_type_support__()
         cls._TYPE_SUPPORT = Trigger.__class__._TYPE_SUPPORT
 
 
 class FrameGraph_Response(Trigger.Response):  # noqa: N801
-    """The response; what is asked for by the name of its field is the message of a Trigger's."""
+    """A Trigger's response, whose `message` can also be accessed as `frame_yaml`."""
 
     __slots__ = []
 
