@@ -209,7 +209,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     """
     Run the node; see `--help`.
 
-    :param args: the command line without the name of the command; None: that of the process.
+    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
     :returns: the exit code.
     """
     return run(make_parser(), lambda ros_args: run_node(DummyArm, ros_args), args)

@@ -36,7 +36,7 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
     :returns: a buffer with the transforms of the bag; None if no bag was given.
     :raises UsageError: if the path is empty, or if `namespace` or `partial` is set without a bag.
     :raises CommandError: if the bag cannot be read.
-    :raises KeyboardInterrupt: if a signal has been recorded.
+    :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received; see `dummy_arm.cli.signals`.
     """
     if bag is None:
         if namespace or partial:
@@ -49,16 +49,16 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
 
     def on_progress(done: float) -> None:
         """
-        Move the bar, and raise KeyboardInterrupt if a signal has been recorded.
+        Move the bar, and raise KeyboardInterrupt if Ctrl-C or SIGTERM was received.
 
         :param done: the part of the bag that has been read, from 0 to 1.
         """
         check_signals()
-        show(done)
+        show_progress(done)
 
     try:
         with progress(1.0, desc=f'reading {Path(bag).name}',
-                      bar_format='{desc} {bar} {percentage:.0f} %') as show:
+                      bar_format='{desc} {bar} {percentage:.0f} %') as show_progress:
             return read(bag, namespace=namespace, partial=partial, on_progress=on_progress)
     except BagError as error:
         raise CommandError(str(error)) from None

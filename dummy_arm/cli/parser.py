@@ -82,7 +82,7 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
     :param command: called with the parsed arguments and with `ros_args`, the command line with the
         name of the command, all by keyword. It returns the exit code, and may raise a UsageError
         or a CommandError.
-    :param args: the command line without the name of the command; None: that of the process.
+    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
     :returns: the exit code: that of the command, or 0 after a signal. After an error, which is
         printed on stderr in one line: 2 if the command was used incorrectly, otherwise 1.
     :raises SystemExit: if the arguments cannot be parsed (code 2), or after `--help` (code 0).

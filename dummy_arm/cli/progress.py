@@ -20,8 +20,9 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
     Nothing is shown if stderr is not a terminal or tqdm is not installed.
 
     :param total: value at which the bar is full.
-    :param kwargs: further arguments of `tqdm`, such as `desc` and `bar_format`.
-    :returns: a context manager; `as` gives a function that moves the bar to a value.
+    :param kwargs: further arguments of tqdm, the library for progress bars, such as `desc` and
+        `bar_format`.
+    :returns: a context manager. In `with progress(10) as show:`, `show(3)` sets the bar to 3.
     """
     try:
         from tqdm import tqdm
@@ -39,7 +40,7 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
             :param done: the value, at most `total`.
             """
             nonlocal shown
-            if done != shown:  # needless updates would take most of the time
+            if done != shown:  # to draw the same bar again and again would be slow
                 shown = done
                 bar.update(done - bar.n)
 
@@ -54,7 +55,7 @@ def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False)
     :param what: the text beside the bar.
     :param until: returns whether the condition holds; called every 0.05 s.
     :returns: True if the condition holds, False if the time is over.
-    :raises KeyboardInterrupt: if a signal has been recorded.
+    :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received; see `dummy_arm.cli.signals`.
     """
     start = time.monotonic()
     with progress(seconds, desc=what, bar_format=_BAR) as show:

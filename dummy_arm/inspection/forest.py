@@ -1,12 +1,13 @@
-"""The trees that the frames of a buffer form, and the loops."""
+"""Arrange the frames of a buffer into trees and loops."""
 
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple, Optional
 
 from dummy_arm.tf import Frame
 
-#: The number of levels whose branches are drawn. Without a limit, the size of a drawn chain would
-#: grow with the square of its length. Deeper lines begin with their level instead.
+#: A line shows the branches of at most this many levels. A deeper line begins with the number of
+#: its level, and shows the innermost branches. Otherwise the text of a long chain of frames would
+#: grow with the square of its length.
 _DEEPEST = 100
 
 
@@ -15,7 +16,7 @@ class TreeLine(NamedTuple):
 
     branches: str  #: the box-drawing characters before the name; '' for a root
     name: str  #: the name of the frame
-    frame: Optional[Frame]  #: its edge to the parent; None for a root
+    frame: Optional[Frame]  #: the frame with its parent; None for a root
 
 
 class Forest:
@@ -26,17 +27,18 @@ class Forest:
         Build the trees, and find the loops.
 
         :param frames: the frames that have a parent.
-        :param root: the frame of which all others are descendants, which exists even if `frames`
-            is empty; None: there may be any number of trees.
+        :param root: the common root of all frames, which is shown even if `frames` is empty;
+            None: there may be any number of trees.
         """
         self.frames = {frame.name: frame for frame in frames}
         self._root = root
         self._children: dict[str, list[str]] = {} if root is None else {root: []}
         for frame in self.frames.values():
             self._children.setdefault(frame.parent, []).append(frame.name)
-        #: The names of the frames without a parent.
+        #: The names of the frames without a parent in this forest.
         self.roots = [name for name in self._children if name not in self.frames]
-        #: In each loop, a frame is the parent of the next one, and the last of the first.
+        #: The names of the frames of each loop: each is the parent of the next one, and the last
+        #: frame is the parent of the first.
         self.loops = list(self._find_loops())
 
     @property
@@ -67,7 +69,7 @@ class Forest:
         return Forest(found.values(), root)
 
     def _find_loops(self) -> Iterator[list[str]]:
-        """Yield each loop once, by walking from every frame towards its root."""
+        """Yield each loop once, by walking from every frame to its parent, and so on."""
         seen = set(self.roots)
         for start in self.frames:
             path: dict[str, None] = {}
@@ -110,7 +112,7 @@ class Forest:
         lines = []
         children = self._children.get(parent, [])
         if level > _DEEPEST:
-            indent = indent[-4 * (_DEEPEST - 1):]
+            indent = indent[-4 * (_DEEPEST - 1):]  # 4 characters for each level
         prefix = f'{level} ... {indent}' if level > _DEEPEST else indent
         for child in children:
             branch, rest = ('└── ', '    ') if child is children[-1] else ('├── ', '│   ')

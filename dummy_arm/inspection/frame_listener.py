@@ -1,4 +1,4 @@
-"""The listener of the commands: frames, their publishers, and reasons for missing ones."""
+"""The listener of the commands: frames, their publishers, and why a frame is missing."""
 
 from difflib import SequenceMatcher
 import os
@@ -14,12 +14,13 @@ from dummy_arm.tf.publisher_listener import PublisherListener
 
 #: The number of known frames that a message lists.
 _SHOWN = 20
-#: Time for discovery (s), during which no reason is given why there are no frames.
+#: During this time (s) after the start, no reason is given why there are no frames: discovery
+#: usually takes less.
 _DISCOVERY = 1.0
 
 
 class FrameListener:
-    """A buffer that a node fills from /tf and /tf_static; it knows the publisher of each frame."""
+    """A buffer with a listener that knows the publisher of each frame."""
 
     def __init__(self, node: Node, seconds: float = 10.0) -> None:
         """
@@ -84,7 +85,7 @@ class FrameListener:
                 return why
             self._has_explained = True
             return f'{why} {self.why_no_frames()}'
-        for name in (target, source):  # a longer list of frames follows
+        for name in (target, source):  # the longer list below replaces these suggestions
             why = why.replace(f' {suggest_names(name, tuple(known))}', '')
         missing = [name for name in (target, source) if name not in known]
         if len(missing) == 2:

@@ -18,8 +18,9 @@ class StaticTransformBroadcaster:
     """
     A publisher of transforms on /tf_static, with the API of tf2_ros.StaticTransformBroadcaster.
 
-    Each message is latched and contains the newest transform of every child frame that this
-    broadcaster has sent, so that a later subscriber receives them all. Transforms are copied.
+    Each message contains the newest transform of every child frame that this broadcaster has sent,
+    and DDS keeps the last message for later subscribers (it is latched), unless `qos` says
+    otherwise. To change a transform after it was sent has no effect.
     """
 
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None) -> None:
@@ -39,9 +40,9 @@ class StaticTransformBroadcaster:
     def sendTransform(  # noqa: N802
             self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:
         """
-        Send one or several transforms, together with those of the other child frames sent before.
+        Send one or several transforms, and the newest transform of each other child frame.
 
-        If an argument is refused, nothing is sent, and what was sent before stays as it was.
+        If a transform is refused, nothing is sent, and the earlier transforms stay in effect.
 
         :param transform: one transform, or an iterable of transforms.
         :raises TypeError: if an element is not a TransformStamped.

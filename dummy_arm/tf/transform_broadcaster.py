@@ -84,8 +84,9 @@ class PreparedTransforms:
         if not self.edges:
             raise ValueError('edges must contain at least one pair (frame_id, child_frame_id)')
         for edge in self.edges:
-            if isinstance(edge, str) or [*map(type, edge)] != [str, str]:
-                raise TypeError(f'an edge must be two names, frame_id and child_frame_id; '
+            if (isinstance(edge, str) or not isinstance(edge, Sequence)
+                    or [*map(type, edge)] != [str, str]):
+                raise TypeError('an edge must be two names, frame_id and child_frame_id; '
                                 f'got {edge!r}')
             check_edge(*edge)
         self._packet = cdr.MessageTemplate(self.edges)

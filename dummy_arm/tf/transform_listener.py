@@ -65,10 +65,11 @@ class TransformListener:
 
     The listener has its own thread, which receives messages even while a callback of the node
     runs or waits, and whether or not the node is spun. The messages are taken as bytes and
-    inserted without conversion to message objects. A lookup sees every message that has arrived.
-    New data wake the executor that spins the node, at most 10 times a second.
+    inserted without conversion to message objects. A lookup uses every message that has arrived.
+    New data wake the executor that spins the node, but at most 10 times a second, because that
+    costs 0.1 to 0.3 ms each time.
 
-    It listens until `unregister()`, `node.destroy_node()` or `rclpy.shutdown()`.
+    It listens until `unregister()`, `node.destroy_node()`, `rclpy.shutdown()` or Ctrl-C.
 
     A subclass may override `callback` and `static_callback`. The thread calls them after the
     constructor of the subclass has returned, or as soon as that constructor looks up or waits for
@@ -115,7 +116,9 @@ class TransformListener:
                  static_qos: Optional[Union[QoSProfile, int]] = None,
                  source: Callable[..., SubscriptionSource] = SubscriptionSource) -> None:
         """
-        Subscribe and start the thread; in a subclass, its constructor starts the thread.
+        Subscribe, and start the thread.
+
+        If a subclass overrides a callback, the thread starts when its constructor has returned.
 
         :param buffer: the buffer that is filled: a Buffer, MessageBufferCore or BufferCore, or any
             object with `set_transform` and `set_transform_static`. The thread calls these two
@@ -126,8 +129,8 @@ class TransformListener:
             volatile.
         :param static_qos: profile or depth for /tf_static; None: a depth of 100. A depth means
             reliable and transient local.
-        :param source: the class of the source that takes the messages from the subscriptions, or
-            a function with the same arguments.
+        :param source: for this package only: what creates the object that takes messages from the
+            subscriptions.
         """
         self.node = node
         self.group = ReentrantCallbackGroup()

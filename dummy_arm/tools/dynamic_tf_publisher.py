@@ -6,8 +6,10 @@ Ten times a second, the node publishes the pose of moving_frame in map on /tf. T
 
 - identity: the axes of moving_frame are parallel to those of map.
 - quaternion: moving_frame is rotated about z by its angle on the circle.
-- euler: the same rotation, computed from Euler angles. The parameters `roll`, `pitch` and `yaw`
-  are added to these angles.
+- euler: the same rotation, computed from Euler angles, of which yaw is the angle on the circle.
+  The parameters `roll`, `pitch` and `yaw` are added to the three angles.
+
+The functions `run_node` and `run` create and spin the node, and end it at Ctrl-C.
 """
 
 from collections.abc import Sequence
@@ -44,7 +46,7 @@ class DynamicTfPublisher(Node):
         :raises UsageError: if the value of a parameter is invalid.
         """
         super().__init__('dynamic_tf_publisher')
-        # With the type fixed to float, ROS would reject roll:=1.
+        # Without dynamic typing, ROS would reject the integer in roll:=1.
         any_type = ParameterDescriptor(dynamic_typing=True)
         self.declare_parameter('rotation', 'identity', any_type)
         for name in OFFSETS:
@@ -131,7 +133,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     """
     Run the command; see `--help`.
 
-    :param args: the command line without the name of the command; None: that of the process.
+    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
     :returns: the exit code.
     """
     return run(Parser(

@@ -146,8 +146,8 @@ def seconds(text: str) -> int:
         if not 0 <= time < 2**63 or time != int(time):
             raise ValueError
     except (ArithmeticError, ValueError):
-        raise ArgumentTypeError(f'{text!r} must be a time in s, at least 0, with at most 9 '
-                                'digits after the point') from None
+        raise ArgumentTypeError(f'{text!r} must be a time in s, from 0 to 2**63 ns, with at most '
+                                '9 digits after the point') from None
     return int(time)
 
 
@@ -169,7 +169,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     """
     Run the command; see `--help`.
 
-    :param args: the command line without the name of the command; None: that of the process.
+    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
     :returns: the exit code.
     """
     parser = Parser(

@@ -75,7 +75,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     """
     Run the command; see `--help`.
 
-    :param args: the command line without the name of the command; None: that of the process.
+    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
     :returns: the exit code.
     """
     parser = Parser(

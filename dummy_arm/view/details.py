@@ -1,4 +1,4 @@
-"""The texts of the panel, as HTML: an overview of all frames and the details of one."""
+"""The texts in the side panel of the web page: an overview of all frames, details of one."""
 
 from collections.abc import Iterable
 from html import escape
@@ -15,7 +15,7 @@ from dummy_arm.view.rods import TIMEOUT
 from dummy_arm.view.snapshot import REACH, Snapshot
 from dummy_arm.view.source import Source
 
-#: The rate of a frame without a new stamp for longer than this is not shown (s).
+#: If a frame has no new stamp for longer than this (s), its rate is not shown.
 _SILENT = 1.0
 #: The largest number of names in a list.
 _MAX_NAMES = 5
@@ -39,8 +39,8 @@ def overview(snapshot: Snapshot, source: Source, fixed: str = '') -> str:
     lines = [f'{name}: {alive} frame{"" if alive == 1 else "s"}' if snapshot.names else
              f'{name}: no frames yet. {_text(source.why_no_frames())}']
     if timed_out:
-        lines.append(f'not shown, since they or a frame on the path to them had no new transform '
-                     f'for {TIMEOUT:g} s: {comma_list(timed_out, _MAX_NAMES, _text)}')
+        lines.append(f'not shown, because no new transform has arrived for {TIMEOUT:g} s on the '
+                     f'path to: {comma_list(timed_out, _MAX_NAMES, _text)}')
     if fixed not in ('', snapshot.fixed):
         lines.append(f'the fixed frame {_text(fixed)} is not available')
     if len(snapshot.trees) > 1:
@@ -62,7 +62,7 @@ def details(snapshot: Snapshot, name: str, source: Source) -> str:
     Return the details of one frame: its poses, its rate and delay, and its publisher.
 
     :param snapshot: the frames that are shown.
-    :param name: the name of the frame; '' for none. The text says so if it is not shown.
+    :param name: the name of the frame; '' for none. If it is not shown, the text says so.
     :param source: the source of the frames.
     :returns: HTML.
     """

@@ -7,7 +7,8 @@ Theory of operation
 Terms. An *edge* connects a child frame with its parent; a *path* is the edges between two frames.
 A *sample* is the pose of a child frame in its parent at one stamp. The *history* of a frame holds
 its samples in the order of their stamps. Stamps and times are integers of nanoseconds. In a
-lookup, time 0 means the latest time for which every edge on the path has data.
+lookup, time 0 means the latest time for which every edge on the path has data. The *layout* of a
+message is the positions of its fields; it is the same for all messages with the same frames.
 
 Pulling. A buffer has *sources*, such as the subscriptions of a TransformListener. To *pull* means
 to take the messages that have arrived out of the sources and to insert their transforms;
@@ -33,15 +34,16 @@ calls, from `Engine.update` on.
     SubscriptionSource.take     _ros/subscription.py    takes what has arrived on both topics
     Topic.take                  _ros/subscription.py    takes the messages of a queue, as bytes
     MessageReader.read          _wire/streams.py        reads messages into a `Batch`, or `Rows`
-    key                         _wire/cdr.py            returns the key to the message's layout
+    key                         _wire/cdr.py            returns what the layout is kept under
     _Layout.read                _wire/streams.py        reads the stamp and the poses
     Insertion.insert_batches    _core/insertion.py      inserts the batch, frame by frame
     normalize_poses             _core/insertion.py      normalises all rotations at once
     History.append              _core/history.py        appends stamps and poses of one frame
 
-There is one exception: if the user has overridden a callback of the listener or a setter of the
-buffer, the listener's thread takes and decodes the messages without the lock. It then calls the
-listener's callback, which calls the setter.
+There is one exception. If the user has overridden a callback of the listener, or `insert`,
+`set_transform` or `set_transform_static` of the buffer, or if the buffer is of another class, the
+listener's thread takes and decodes the messages without the lock, and calls the callback for each
+of them. Such a buffer cannot pull: its lookups use what the callbacks have inserted.
 
 Threads. Each listener has one thread. It waits in a wait set of the middleware. When it wakes up,
 it calls `update`; if there are new data, it also calls `after_insertion`. The users' threads look
@@ -51,16 +53,17 @@ itself, or if it holds the lock.
 
 The lock. A buffer has one lock, which is reentrant. It is always taken by `with`, except for a
 fork. While it is held, no callback of a user runs, nothing is logged, no thread is joined, and no
-other lock of this package is taken. In a block of `with buffer.fetched()`, which holds the lock
-for the user, the user is responsible for that. A call is *nested* if its thread holds the lock
-already: a call in such a block, or in a signal handler or weakref callback that has interrupted
-another call of this buffer. A nested call uses the data as they are: it does not pull, and it does
-not wait. A signal handler may look up, but must not insert, since it may have interrupted an
-insertion.
+other lock of this package is waited for. A block of `with buffer.fetched()` holds the lock for the
+user, who must then keep these rules: what is inserted in it may be logged in it. A call is
+*nested* if its thread holds the lock already: a call in such a block, or in a signal handler or
+weakref callback that has interrupted another call of this buffer. A nested call uses the data as
+they are: it does not pull, and it does not wait. A signal handler may look up, but must not
+insert, since it may have interrupted an insertion.
 
 Ctrl-C. CPython raises KeyboardInterrupt in the main thread only, and there only after a call, at
-the start of a function, and when a loop jumps back. So `with` is safe on a lock that is written in
-C: nothing is raised between taking the lock and entering the block. In `History`, the statements
+the start of a function, and when a loop jumps back. Up to Python 3.13, the call of `__enter__` by
+`with` is an exception to this. So `with` is safe on a lock that is written in C: nothing is raised
+between taking the lock and entering the block. In `History`, the statements
 that change several lists follow each other directly, and at most the last one contains a call.
 `Source.take` returns a list that the source keeps, and `update` clears the list after the
 insertion. If the insertion is interrupted, the next update therefore inserts the same batches
@@ -71,31 +74,34 @@ kinds of waiters are woken after an insertion:
 
 - A *blocked lookup* is one that waits, in its thread, for its transform. It has a queue, into
   which each insertion puts the new generation. The lookup reads generations from the queue, and
-  tries again when one is newer than its last attempt. The queue is a `SimpleQueue`, because a
-  KeyboardInterrupt inside a `Condition` can leave a lock held. The lookup first registers its
-  queue, then wakes the sources, which ends a pause of the listener's thread, and then tries. With
-  this order it misses no data: either the thread sees that a lookup waits, and does not pause, or
-  the attempt finds the data. The lookup also tries every 0.2 s, because nothing wakes it when ROS
-  is shut down.
+  tries again when one is newer than the generation of its last attempt. The queue is a
+  `SimpleQueue`, because a KeyboardInterrupt inside a `Condition` can leave a lock held. The lookup
+  first registers its queue, then wakes the sources, which ends a pause of the listener's thread,
+  and then tries. In this order it misses no data: it pulls what has arrived before the attempt,
+  and for later data the thread sees the queue and does not pause. The lookup also tries every
+  0.2 s, because nothing wakes it when ROS is shut down.
 - A *future*, which `wait_for_transform_async` returns, is completed by `after_insertion`. This is
   called without the lock, because the callbacks of a future are users' code. It is called by the
   thread that has inserted with `set_transform`, and by the listener's thread whenever the
   generation has changed. If a lookup pulls messages while there are futures, it wakes the sources,
   so that the listener's thread completes the futures.
-- The *executor* that spins the node of a listener is woken by the listener's thread: at once when
-  the thread has completed a future, and at most ten times a second for other new data, because
-  waking it costs 0.1 to 0.3 ms. The executor of the buffer's node is woken for each future.
+- The *executor* that spins the node of a listener is woken by the listener's thread, so that it
+  runs the coroutines that await a future, and so that `rclpy.spin_once` returns: at once when the
+  thread has completed a future, and at most ten times a second for other new data, because waking
+  it costs 0.1 to 0.3 ms. The executor of the buffer's node is woken for each completed future.
 
-Shutdown. `remove_source` pulls for the last time, and removes the source. A blocked lookup raises
-its last error when the last source has been removed, if there was one at its start, or when the
-context of its buffer is shut down. Futures end only by their timeout, as in tf2_ros. The
-listener's thread ends when the listener is unregistered, when its node is destroyed, when its
-context is shut down, or when Python exits. At its end, it removes its source from the buffer and
-destroys the subscriptions.
+Shutdown. `remove_source` pulls for the last time, and removes the source. A blocked lookup gives
+up and raises the error of its last attempt in two cases: when the context of its buffer is shut
+down, and when the last source is removed, if the buffer had a source when the lookup began. A
+shutdown does not end futures: one without a timeout stays pending, as in tf2_ros. The listener's
+thread ends when the listener is unregistered, when its node is destroyed, when its context is shut
+down, or when Python exits. At its end, it removes its source from the buffer and destroys the
+subscriptions.
 
 Fork. The locks of all buffers are held while the process forks, as the module `logging` does with
 its locks. Otherwise a lock of the child could be held by a thread that exists in the parent only.
-The child has the data, but no sources, threads or futures; see `forking`.
+The child has the data, but no sources, threads or futures. If a lock could not be had in time, the
+child drops the dynamic transforms of its buffer; see `forking`.
 """
 
 from array import array
@@ -155,6 +161,7 @@ class Engine:
         :param cache_time: how long samples are kept (ns, or a duration); see `BufferCore`.
         :param max_frames: the largest number of frames; see `BufferCore`.
         :param max_samples: the largest number of samples, or None; see `BufferCore`.
+        :raises TypeError: if `cache_time` is not a duration.
         :raises ValueError: if `cache_time` is negative, or `max_samples` is less than 1.
         """
         cache_time = nanoseconds_or_int(cache_time, 'cache_time')
@@ -356,14 +363,14 @@ class Engine:
             self._queues.add(queue)
             self._wake_sources()
             while True:
-                now = self._liveness()  # first, so that the lookup uses the last data of a source
+                flags = self._liveness()  # first, so that the lookup uses a source's last data
                 self.update()
                 with self._lock:
                     try:
                         return lookup(*arguments)
                     except TransformException:
                         if monotonic() >= deadline or any(
-                                was and not is_now for was, is_now in zip(before, now)):
+                                was and not is_now for was, is_now in zip(before, flags)):
                             raise
                         seen = self._generation
                 next_attempt = min(deadline, monotonic() + _RETRY_INTERVAL)
@@ -394,6 +401,8 @@ class Engine:
         """
         Return the poses of the source frame in the target frame at many times.
 
+        More than 2048 times are looked up in several parts. Between these, new data may arrive.
+
         :param target_frame: the frame in which the results are expressed.
         :param source_frame: the frame whose poses are looked up.
         :param times: (n,) integers: the times (ns); 0: the latest time for which every edge on the
@@ -417,7 +426,7 @@ class Engine:
     def lookup_all(self, target_frames: Iterable[str], until: int = 0
                    ) -> list[dict[str, Transform]]:
         """
-        Return the pose of every frame that is connected to a target frame.
+        Return, for each target frame, the poses of all frames that are connected to it.
 
         Each pose is that of the latest time for which every edge on its path has data. The result
         is that of a `lookup_transform` for each frame, up to rounding, but takes a fraction of the
@@ -427,8 +436,8 @@ class Engine:
         :param until: use only samples up to this time (ns), and the parents that the frames had
             then; 0: use all samples.
         :returns: for each target frame, a dict from the name of a source frame to its transform,
-            in the order of the distance from the target frame. Frames without data at that time
-            are left out.
+            in the order of the number of edges between them. Frames without a transform are left
+            out.
         :raises TransformException: if a target frame does not exist.
         :raises TypeError: if `target_frames` is a str.
         """
@@ -474,7 +483,7 @@ class Engine:
 
     def all_frames_as_yaml(self) -> str:
         """
-        Return the frames that have a parent as YAML, as tf2 writes it.
+        Return, as YAML in tf2's format, all frames that have a parent.
 
         :returns: the YAML; '[]' if there has never been a frame.
         """
@@ -483,7 +492,7 @@ class Engine:
 
     def all_frames_as_string(self) -> str:
         """
-        Return the frames and their parents as text, as tf2 writes it.
+        Return, as text in tf2's format, the frames and their parents.
 
         :returns: one line for each frame that has had a parent.
         """

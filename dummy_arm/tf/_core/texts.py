@@ -117,9 +117,12 @@ def suggest_names(name: str, known: tuple[str, ...], what: str = 'frames') -> st
     "Known frames: 'map', 'odom'."
     >>> suggest_names('tool', ())
     'No transform has been received yet.'
+    >>> suggest_names('rate', (), 'parameters')
+    'There are no parameters.'
     """
     if not known:
-        return 'No transform has been received yet.'
+        return ('No transform has been received yet.' if what == 'frames' else
+                f'There are no {what}.')
     matches = []
     if len(name) <= LONGEST:
         matches = get_close_matches(name, match_candidates(known), _MAX_SHOWN)

@@ -16,7 +16,7 @@ from dummy_arm.tf.exceptions import (
     TransformException,
 )
 
-#: The number of edges from a frame upwards above which tf2 reports a loop.
+#: tf2 reports a loop if a frame has more edges above it than this.
 MAX_GRAPH_DEPTH = 1000
 _UNKNOWN = 'frame does not exist'
 
@@ -26,8 +26,8 @@ class FrameTree:
     The frames of a buffer and their histories.
 
     `histories` has every frame, in the order in which the frames were first named; the value is
-    None for a frame that was named as a parent only. Paths, errors and tf2's part of their texts
-    are the same as in tf2.
+    None for a frame that was named as a parent only. Paths and errors are those of tf2; the text
+    of an error begins with tf2's words.
     """
 
     def __init__(self, cache_time: int) -> None:
@@ -57,6 +57,9 @@ class FrameTree:
         """
         Insert the pose of a child frame in its parent.
 
+        A static pose replaces all samples of a dynamic frame, and a dynamic pose replaces a static
+        one.
+
         :param stamp: time of the pose (ns); ignored if it is static.
         :param parent: the parent.
         :param child: the child.
@@ -80,7 +83,7 @@ class FrameTree:
 
     def has_edge(self, parent: str, child: str, is_static: bool) -> bool:
         """
-        Return True if a history has samples with a parent, so that one more changes no path.
+        Return True if a frame has had a parent, so that a new sample makes no path invalid.
 
         :param parent: the parent.
         :param child: the frame with the history.
@@ -145,7 +148,7 @@ class FrameTree:
                 raise TransformException.with_hint(f'{words}. ', self._nearest(name))
 
     def _nearest(self, name: str) -> Callable[[], str]:
-        """Return a function that suggests names for one that does not exist now."""
+        """Return a function that suggests similar names, of those that exist now."""
         names = self.names
         return lambda: texts.suggest_names(name, names)
 
@@ -166,7 +169,7 @@ class FrameTree:
         :param target: the target frame, which must exist.
         :param source: the source frame, which must exist.
         :param time: time (ns), at which the parents of the frames are taken; 0: the newest
-            parents.
+            parents. (`Lookups` replaces 0 by the latest common time before.)
         :returns: the path.
         :raises ConnectivityException: if the frames are in different trees.
         :raises ExtrapolationException: if an edge has no pose at the time.
@@ -188,6 +191,7 @@ class FrameTree:
         :raises LookupException: as `path`.
         """
         from_source, from_target = self._walk(target, source, time)
+        # The frame where both sides meet is the parent of the last frame of each of them.
         if from_target:
             return [*from_source, *self._parents(from_target[-1:], time), *reversed(from_target)]
         return [source, *self._parents(from_source, time)]
@@ -245,7 +249,8 @@ class FrameTree:
 
         :param target: the target frame, which must exist.
         :param source: the source frame, which must exist.
-        :returns: time (ns); 0 if there is no dynamic edge.
+        :returns: time (ns); 0 if there is no dynamic edge. If both frames are the same: the stamp
+            of its newest sample.
         :raises ConnectivityException: if the frames are in different trees.
         :raises LookupException: if there is a loop, or a chain of more than 1000 edges.
         """
@@ -293,11 +298,13 @@ class FrameTree:
 
     def has_no_loop_above(self, frame: str) -> bool:
         """
-        Return True if a frame has no loop above it at any time.
+        Return True if no loop can be above a frame at any time.
+
+        It follows every parent that a frame has ever had. If all of these chains end within 1000
+        edges, none of them is a loop.
 
         :param frame: the frame, which must exist.
-        :returns: False, too, if a chain of ancestors, each by any of its parents, may have more
-            than 1000 edges.
+        :returns: True if all chains end.
         """
         ancestors = {frame}
         for _ in range(MAX_GRAPH_DEPTH + 1):
@@ -322,7 +329,7 @@ class FrameTree:
         """
         Return the states of the frames that have a parent, in the order of `names`.
 
-        :param until: time (ns) of the state, so that newer samples are ignored; 0: now.
+        :param until: use only samples up to this time (ns); 0: use all samples.
         :returns: (frame, state) for each frame with samples; see `history.State`.
         """
         return [(name, state) for name, history in self.histories.items()
@@ -332,7 +339,7 @@ class FrameTree:
         """
         Yield every frame that has a parent, its newest parent, and its history.
 
-        :param until: time (ns) of the parent, so that newer samples are ignored; 0: now.
+        :param until: use only samples up to this time (ns); 0: use all samples.
         :returns: an iterator over (frame, parent, history).
         """
         for name, history in self.histories.items():
@@ -433,5 +440,5 @@ class FrameTree:
     def _unconnected(self, target: str, source: str) -> ConnectivityException:
         return ConnectivityException(
             f"Could not find a connection between '{target}' and '{source}' because they are not "
-            'part of the same tree.Tf has two or more unconnected trees.'
+            'part of the same tree.Tf has two or more unconnected trees.'  # tf2's words, as is
             + texts.roots_hint(target, self.root(target), source, self.root(source)))

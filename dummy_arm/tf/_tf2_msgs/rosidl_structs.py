@@ -3,7 +3,8 @@ The C structs of rosidl that describe a message type, with their layout in ROS 2
 
 They are declared in rosidl_runtime_c/message_type_support_struct.h,
 rosidl_runtime_c/type_description/*.h, rosidl_typesupport_fastrtps_cpp/message_type_support.h and
-rosidl_typesupport_introspection_c/message_introspection.h.
+rosidl_typesupport_introspection_c/message_introspection.h. Only `type_support` uses them. Compare
+them with these headers before you support another distribution of ROS.
 """
 
 import ctypes
@@ -21,7 +22,7 @@ class String(ctypes.Structure):
         Create the struct of a text.
 
         :param text: the text.
-        :returns: the struct, which owns the bytes of the text.
+        :returns: the struct; its bytes are freed by Python.
         """
         data = text.encode()
         return cls(data, len(data), len(data) + 1)
@@ -32,7 +33,7 @@ class String(ctypes.Structure):
 
 def sequence_of(element: type) -> type:
     """
-    Create the class of the struct of a sequence.
+    Create the ctypes class of a sequence of rosidl.
 
     :param element: the class of the elements.
     :returns: the class; its objects iterate over the elements.
@@ -118,7 +119,7 @@ class Member(ctypes.Structure):
 
 
 class Members(ctypes.Structure):
-    """A message in memory: rosidl_typesupport_introspection_c__MessageMembers."""
+    """A message type in memory: rosidl_typesupport_introspection_c__MessageMembers."""
 
     _fields_ = [('message_namespace', c_char_p), ('message_name', c_char_p),
                 ('member_count', c_uint32), ('size_of', c_size_t),

@@ -42,7 +42,9 @@ class Encoding(Protocol):
 
     def key(self, data: bytes) -> bytes:
         """
-        Return a key that is the same for messages with the same frames, and rarely for others.
+        Return a key, which is the same for all messages with the same frames.
+
+        Messages with other frames rarely have the same key.
 
         :param data: a message.
         :returns: the key.
@@ -53,7 +55,8 @@ class Encoding(Protocol):
         Return the positions of the fields in messages with certain frames.
 
         :param edges: (frame_id, child_frame_id) of each transform.
-        :returns: as `cdr.layout`.
+        :returns: the format of the fields for `struct`, and the bytes of the 2 n names; see
+            `cdr.layout`.
         """
 
     def unpack_stamp(self, data: bytes) -> tuple[int, ...]:
@@ -78,11 +81,13 @@ class _Layout:
         self.parents = [parent.removeprefix('/') for parent, _ in edges]
         self.children = [child.removeprefix('/') for _, child in edges]
         self.names = frozenset(self.children)
-        fields, names = encoding.layout(edges)
+        # The fields are the head, the number of transforms, and of each transform four: the stamp,
+        # frame_id, child_frame_id and the pose.
+        fields, frame_ids = encoding.layout(edges)
         self._struct = struct.Struct(fields)
         self._head = encoding.HEAD, len(edges)
         self._unpack_stamp = encoding.unpack_stamp
-        self._frame_ids, self._child_frame_ids = tuple(names[::2]), tuple(names[1::2])
+        self._frame_ids, self._child_frame_ids = tuple(frame_ids[::2]), tuple(frame_ids[1::2])
 
     def read(self, data: bytes) -> Optional[tuple[int, tuple[bytes, ...]]]:
         """
@@ -129,9 +134,9 @@ class MessageReader:
         """
         Read messages.
 
-        Messages with a known layout and a single stamp are joined to batches. The others become
-        rows, and so do static messages, since static transforms must be inserted in the order in
-        which they were sent.
+        Messages with a known layout and a single stamp are joined into batches. The others become
+        rows, and so do static messages: batches keep the order of the transforms of each frame,
+        but the order of static transforms matters across all frames.
 
         :param messages: the messages, in the order of their arrival.
         :param authority: the name of their publisher.
@@ -157,8 +162,8 @@ class MessageReader:
                 stamp, poses = fields
                 batch = open_batches.get(layout)
                 if batch is None or stamp <= batch.stamps[-1] or len(batch.poses) >= _FULL_BATCH:
-                    # Batches with frames in common are inserted before the new one, so that the
-                    # transforms of each frame stay in order.
+                    # Batches that share a frame with the new one are closed first, so that they
+                    # are inserted before it, and the transforms of each frame stay in order.
                     for other in tuple(open_batches):
                         if not layout.names.isdisjoint(other.names):
                             result.append(open_batches.pop(other))
@@ -171,12 +176,13 @@ class MessageReader:
         return [*result, *open_batches.values()]
 
     def _learn(self, key: tuple[int, bytes], data: bytes, rows: list[Row]) -> None:
-        """Keep the layout of a message, if it has one stamp."""
+        """Keep the layout of a message, unless later messages must become rows, too."""
         edges = [(row.frame_id, row.child_frame_id) for row in rows]
         if len({row.stamp_ns for row in rows}) != 1 or any(map(is_too_long, chain(*edges))):
             return  # The buffer rejects names that are too long.
         layout = _Layout(self._encoding, edges)
-        # If a child is twice in a message, a batch would not keep the order of its transforms.
+        # A layout does not match big-endian messages. If a child is twice in a message, a batch
+        # would not keep the order of its transforms.
         if layout.read(data) is not None and len(layout.names) == len(edges):
             if self._size > _MOST_BYTES:
                 self._layouts.clear()
