@@ -140,13 +140,13 @@ def main() -> None:
         url = view.stdout.readline().split()[-1]
         browser = playwright.chromium.launch(executable_path=chromium, args=[
             '--no-sandbox', '--disable-background-networking', *SOFTWARE])
-        frames(DOCS / 'frames.png')
-        tree(browser, DOCS / 'tree.png')
         begin = buffer.lookup_transform('base_link', 'joint_1', Time(), Duration(seconds=10))
         buffer.lookup_transform(
             'base_link', 'joint_1', Time.from_msg(begin.header.stamp) + Duration(seconds=SECONDS),
             Duration(seconds=2 * SECONDS))
         angles(buffer, DOCS / 'angles.png')
+        frames(DOCS / 'frames.png')
+        tree(browser, DOCS / 'tree.png')
         page_of_the_arm(browser, url, DOCS / 'web_view.png')
         animation(browser, url, DOCS / 'arm.gif')
         browser.close()

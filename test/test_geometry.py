@@ -1,5 +1,6 @@
 """The transformation of messages, and their conversion to other types."""
 
+from copy import deepcopy
 import math
 
 from geometry_msgs.msg import (
@@ -165,8 +166,9 @@ def test_results_share_nothing():
     """A result shares no object with the transform or with another result."""
     by, function = transform(), TransformRegistration().get(PointStamped)
     one, other = function(PointStamped(), by), function(PointStamped(), by)
+    expected = deepcopy(by.header)
     one.header.frame_id, one.header.stamp.sec = 'x', 99
-    assert (other.header, by.header) == (transform().header, transform().header)
+    assert (other.header, by.header) == (expected, expected)
 
 
 class Own:

@@ -296,7 +296,8 @@ def test_it_continues_when_something_is_missing(start, ros):
         'argument source_frame - frame does not exist. Frames here, the nearest names first: '
         "'robo', 'map'.\n" in process.output))
     for parent, expected in (
-            ('map', 'Chain is: map -> robot\nNet delay     none: all transforms are static\n'),
+            ('map', 'Chain is: map -> robot\nNet delay     none: all transforms are static, or '
+                    'the time is not known\n'),
             ('moon', 'not part of the same tree'), ('map', 'Chain is: ')):
         before = len(process.output)
         broadcaster.sendTransform(message_of(Row(0, parent, 'robot', STILL)))
@@ -367,10 +368,12 @@ def test_sim_time_that_is_set_back(start, ros):
 
 
 def test_without_a_clock(start):
-    """It prints a warning."""
+    """It prints a warning, and no delay."""
     start(*ARM)
-    process = start(*tool('tf2_monitor', '--ros-args', '-p', 'use_sim_time:=true'))
+    process = start(
+        *tool('tf2_monitor', 'map', 'joint_1', '--ros-args', '-p', 'use_sim_time:=true'))
     process.line_with('Warning: use_sim_time is set, but no message has arrived on /clock')
+    process.line_with('Net delay     none: all transforms are static, or the time is not known')
     process.line_with('joint_1 ')
     assert re.search(r'  joint_1 +/dummy_arm\n', process.output)
 

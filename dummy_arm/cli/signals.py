@@ -10,7 +10,8 @@ import time
 from typing import Any
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
-#: The longest `time.sleep` (s): a signal whose handler does not raise does not end it (PEP 475).
+#: The longest `time.sleep` (s). The handler does not raise at the first signal, and then Python
+#: continues the sleep (PEP 475).
 _STEP = 0.05
 
 _received: list[int] = []

@@ -13,9 +13,9 @@ from dummy_arm.tf.formatting import in_seconds, SECOND
 if TYPE_CHECKING:
     from dummy_arm.tf.publisher_listener import ReceivedMessage
 
-#: Statistics cover this time before now (s).
+#: Statistics cover this time before now, in whole seconds (s).
 WINDOW = 10
-#: The time (ns) after the first message of a publisher in which its messages have no delay: they
+#: For this long (ns) after the first message of a publisher, its messages are not counted: they
 #: may have waited until the subscription was discovered.
 _SETTLING = SECOND // 5
 #: The largest number of pairs of a frame and a publisher that are distinguished.
@@ -113,9 +113,10 @@ class Stream(NamedTuple):
     frame: str  #: the child frame; '': all frames of the node
     node: str  #: the full name of the node
     is_static: bool  #: none of them was received on /tf
-    is_present: bool  #: the node still publishes on these topics
+    is_present: bool  #: the node still publishes on /tf or /tf_static
     summary: Optional[Summary]  #: of dynamic transforms; None if none was counted in the window
-    silence: Optional[float]  #: time since the last dynamic transform (s); None if there was none
+    #: Time since the last dynamic transform that was counted (s); None if none was counted.
+    silence: Optional[float]
 
 
 class _Arrivals:

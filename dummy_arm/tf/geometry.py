@@ -1,5 +1,8 @@
 """
-Transformations of messages with points, vectors, poses and clouds, as in tf2_geometry_msgs.
+Transform messages with points, vectors, poses and clouds.
+
+The functions have the names and results of tf2_geometry_msgs; `do_transform_cloud` is that of
+tf2_sensor_msgs.
 
 Each function takes a transform whose child frame is the frame of the data. The result is expressed
 in the frame of the transform; a stamped result has the header of the transform.
@@ -38,7 +41,7 @@ from dummy_arm.tf.buffer_interface import to_msg_msg as to_msg_msg
 #: A quaternion with a smaller squared norm counts as no rotation, as in tf2_geometry_msgs.
 _NO_ROTATION = 2.0 ** -52
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
-#: The types of x, y and z in a cloud: for numpy, and their size (bytes).
+#: For each datatype that x, y and z of a cloud may have: numpy's name of it, and its size (bytes).
 _TYPES = {PointField.FLOAT32: ('f4', 4), PointField.FLOAT64: ('f8', 8)}
 
 
@@ -143,7 +146,7 @@ def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDAr
 def _header(transform: TransformStamped) -> Header:
     """Return a copy of the header, so that results do not share it."""
     header = transform.header
-    return Header(stamp=header.stamp, frame_id=header.frame_id)
+    return Header(stamp=copy(header.stamp), frame_id=header.frame_id)
 
 
 def _transform_xyz(point: Union[Point, Point32, Vector3], pose: FramePose

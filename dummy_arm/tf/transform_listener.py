@@ -54,7 +54,7 @@ class _CallbackSource:
         return []
 
     def wake(self) -> None:
-        """Start the listener's thread if this is called by the thread of its constructor."""
+        """Start the listener's thread, in the thread that created the listener only."""
         if get_ident() == self._thread_id:
             self._start()
 
@@ -139,9 +139,11 @@ class TransformListener:
         self._log = ThrottledLog()
         self._log.write = get_logger('tf2_listener').warning
         self._buffer: Any = None
-        #: The buffer that pulls from this listener, and the source; None: there is no such buffer.
+        #: The buffer that takes messages from this listener, and the source from which it takes
+        #: them; None: there is no such buffer.
         self._attached: Optional[tuple[Engine, Source]] = None
-        #: The generation of the attached buffer after its last update.
+        #: The generation of the attached buffer after its last update, a number that grows with
+        #: each insertion.
         self._generation = -1
         #: Whether messages are passed to the callbacks, because a method is overridden or the
         #: buffer cannot pull.
@@ -206,7 +208,8 @@ class TransformListener:
         if attached is not None:
             buffer, source = attached
             buffer.add_source(source)
-            if self._attached is not attached or self._thread.has_ended:  # by another thread
+            # Another thread may have replaced it, or ended the listener, meanwhile.
+            if self._attached is not attached or self._thread.has_ended:
                 _detach(buffer, source)
 
     def _overrides_callbacks(self) -> bool:

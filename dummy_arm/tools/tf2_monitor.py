@@ -31,13 +31,14 @@ class Chain:
         self._ages = Delays()
         #: The time of the last sample (ns).
         self._latest = 0
-        #: The latest common time of the frames at the last sample (ns); 0 if all edges are static.
+        #: The latest time for which every transform on the path has data (ns), at the last sample;
+        #: 0 if all of them are static.
         self._common = 0
-        #: After a jump back in time: the common time before it, until the buffer is cleared.
+        #: From a jump back in time until the buffer is cleared: `_common` before the jump; else 0.
         self._stale = 0
 
     def sample(self) -> None:
-        """Add the age of the newest transform to the statistics, unless all edges are static."""
+        """Add the age of the newest transform to the statistics, unless all of them are static."""
         now, before = self._frame_listener.now(), self._latest
         self._latest = now
         if now < before - SECOND:
@@ -51,7 +52,7 @@ class Chain:
         if self._stale and self._common >= self._stale:  # the buffer is not cleared yet
             return
         self._stale = 0
-        if self._common:
+        if self._common and now:  # the time is 0 until a message has arrived on /clock
             self._ages.add(now, now - self._common)
 
     def frames(self) -> list[str]:
@@ -77,7 +78,8 @@ class Chain:
             return wrapped(visible(f'Waiting for transform {first} ->  {last}: {why}'))
         age = summarize([self._ages], self._frame_listener.now())
         return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',
-                'Net delay     none: all transforms are static' if age is None else
+                'Net delay     none: all transforms are static, or the time is not known'
+                if age is None else
                 f'Net delay     avg = {age.average_delay:.6f} s: max = {age.maximum_delay:.6f} s']
 
 

@@ -14,7 +14,7 @@ from dummy_arm.tf import Frame, Transform
 from dummy_arm.tf.formatting import in_seconds
 from dummy_arm.view.source import AnyBuffer
 
-#: The distance between the roots of trees that are not connected (m, along -y).
+#: The distance between the anchors of trees that are not connected (m, along -y).
 SPACING = 2.0
 #: Frames beyond this distance from the fixed frame are drawn at this distance (m). A browser
 #: computes in float32, in which much larger numbers are infinite.
@@ -37,12 +37,12 @@ class Snapshot(NamedTuple):
     poses: NDArray[np.float64]  #: (n, 7): x, y, z (m), quaternion x, y, z, w, in the anchor
     points: NDArray[np.float64]  #: (n, 3): x, y, z in the scene (m), at most `REACH` away
     stamps: list[int]  #: the times of the poses (ns); 0 if the whole path is static
-    ages: NDArray[np.float64]  #: (n,): seconds since the oldest update among the frame and its
-    #: ancestors up to the tree's anchor; static frames do not count
+    ages: NDArray[np.float64]  #: (n,): the longest silence on the path between the frame and its
+    #: anchor (s); for the anchor itself see `_ages`
     silences: dict[str, float]  #: by frame: seconds since its last new stamp; 0 if it is static
     frames: dict[str, Frame]  #: the frames that have a parent, by name
     trees: dict[str, float]  #: by the anchor of each tree: its y in the scene (m)
-    deepest: str  #: the frame of the fixed frame's tree with most ancestors; '' if there is none
+    deepest: str  #: in the tree of the fixed frame, the frame with the most ancestors; or ''
     loops: list[list[str]]  #: the names of the frames of each loop; these frames are not shown
     far: list[str]  #: the frames that are drawn closer than they are, since they are out of reach
     not_finite: list[str]  #: the frames that are not shown, since their translation is not finite
@@ -157,8 +157,9 @@ def _ages(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, fl
     Compute the ages of frames (s), as in `Snapshot`, from the anchors of the trees.
 
     The poses in the anchor depend on each transform between the frame and the anchor, so the age
-    of a frame is the longest silence on that path. The anchor itself has no such path: its age is
-    its own silence, or, of a root, the shortest silence of its children.
+    of a frame is the longest silence on that path. The anchor itself has no such path: if it has a
+    parent, its age is its own silence; if it is a root, its age is the shortest silence of its
+    children.
     """
     ages: dict[str, float] = {}
     for anchor in trees:

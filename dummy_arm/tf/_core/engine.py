@@ -34,7 +34,7 @@ calls, from `Engine.update` on.
     SubscriptionSource.take     _ros/subscription.py    takes what has arrived on both topics
     Topic.take                  _ros/subscription.py    takes the messages of a queue, as bytes
     MessageReader.read          _wire/streams.py        reads messages into a `Batch`, or `Rows`
-    key                         _wire/cdr.py            returns what the layout is kept under
+    key                         _wire/cdr.py            returns the key of the kept layout
     _Layout.read                _wire/streams.py        reads the stamp and the poses
     Insertion.insert_batches    _core/insertion.py      inserts the batch, frame by frame
     normalize_poses             _core/insertion.py      normalises all rotations at once
@@ -54,20 +54,21 @@ itself, or if it holds the lock.
 The lock. A buffer has one lock, which is reentrant. It is always taken by `with`, except for a
 fork. While it is held, no callback of a user runs, nothing is logged, no thread is joined, and no
 other lock of this package is waited for. A block of `with buffer.fetched()` holds the lock for the
-user, who must then keep these rules: what is inserted in it may be logged in it. A call is
-*nested* if its thread holds the lock already: a call in such a block, or in a signal handler or
+user, who must then keep these rules. An insertion in such a block is an exception: what it refuses
+is logged, and the futures that it completes call their callbacks, while the lock is held. A call
+is *nested* if its thread holds the lock already: a call in such a block, or in a signal handler or
 weakref callback that has interrupted another call of this buffer. A nested call uses the data as
 they are: it does not pull, and it does not wait. A signal handler may look up, but must not
 insert, since it may have interrupted an insertion.
 
 Ctrl-C. CPython raises KeyboardInterrupt in the main thread only, and there only after a call, at
-the start of a function, and when a loop jumps back. Up to Python 3.13, the call of `__enter__` by
-`with` is an exception to this. So `with` is safe on a lock that is written in C: nothing is raised
-between taking the lock and entering the block. In `History`, the statements
-that change several lists follow each other directly, and at most the last one contains a call.
-`Source.take` returns a list that the source keeps, and `update` clears the list after the
-insertion. If the insertion is interrupted, the next update therefore inserts the same batches
-again. A sample that is in the history already is not inserted again.
+the start of a function, and when a loop jumps back. Up to Python 3.13, nothing is raised after the
+call of `__enter__` by `with`, so `with` is safe on a lock that is written in C. (Later versions
+must be checked for this.) In `History`, the statements that change several lists follow each other
+directly, and at most the last one contains a call. `Source.take` returns a list that the source
+keeps, and `update` clears the list after the insertion. If the insertion is interrupted, the next
+update therefore inserts the same batches again. A sample that is in the history already is not
+inserted again.
 
 Who wakes whom. The *generation* of a buffer is a number that each insertion increments. Three
 kinds of waiters are woken after an insertion:
@@ -86,9 +87,10 @@ kinds of waiters are woken after an insertion:
   generation has changed. If a lookup pulls messages while there are futures, it wakes the sources,
   so that the listener's thread completes the futures.
 - The *executor* that spins the node of a listener is woken by the listener's thread, so that it
-  runs the coroutines that await a future, and so that `rclpy.spin_once` returns: at once when the
-  thread has completed a future, and at most ten times a second for other new data, because waking
-  it costs 0.1 to 0.3 ms. The executor of the buffer's node is woken for each completed future.
+  runs the coroutines that await a future, and so that `rclpy.spin_once` returns. The thread wakes
+  it at once when it has completed a future, and at most ten times a second for other new data,
+  because that costs 0.1 to 0.3 ms. The executor of the buffer's node is woken for each completed
+  future.
 
 Shutdown. `remove_source` pulls for the last time, and removes the source. A blocked lookup gives
 up and raises the error of its last attempt in two cases: when the context of its buffer is shut
@@ -279,7 +281,7 @@ class Engine:
 
     def after_insertion(self) -> bool:
         """
-        Log why transforms were refused; the lock must not be held.
+        Log why transforms were refused; call this without the lock, if possible.
 
         A `Buffer` overrides this method, and also completes its futures.
 

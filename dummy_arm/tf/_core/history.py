@@ -27,7 +27,10 @@ class NoPose(LookupError):
 
 class History:
     """
-    The samples of a dynamic frame, none older than the newest one minus the cache time.
+    The samples of a dynamic frame.
+
+    Before a sample is inserted, those expire that are older than the newest one by more than the
+    cache time.
 
     The i-th sample has the stamp `stamps[i]` (ns) and the i-th 56 bytes of `poses`. The samples
     before the index `start` have been dropped; they are removed from memory many at a time.
@@ -37,8 +40,8 @@ class History:
     were dropped.
 
     KeyboardInterrupt can be raised after a call, at the start of a function and when a loop jumps
-    back, but nowhere else. So statements that change several lists together follow each other
-    directly, and at most the last one contains a call.
+    back, but nowhere else. So between the statements that change several lists together there is
+    no such place: they follow each other directly, and only the last one may end with a call.
     """
 
     __slots__ = ('all_parents', 'authority', 'cache_time', 'only_parent', 'parents', 'poses',
@@ -109,7 +112,8 @@ class History:
         # The same samples expire as if each sample was inserted by `insert`, which drops expired
         # samples before it inserts the new one.
         earliest = (own_stamps[-1] if len(stamps) == 1 else stamps[-2]) - self.cache_time
-        # This overwrites poses without a stamp, which are left if `extend` raised MemoryError.
+        # If an earlier `extend` raised MemoryError, there are poses without stamps at the end;
+        # they are overwritten here.
         self.poses[len(own_stamps) * POSE_BYTES:] = poses
         own_stamps.extend(stamps)
         if own_stamps[self.start] < earliest:
@@ -198,7 +202,7 @@ class History:
         Return the index of the last sample that is not newer than a time.
 
         Of samples with the same stamp, it is the one that was inserted last. At the oldest stamp
-        of the history, it is the one that was inserted first.
+        it is the one that was inserted first, unless all samples have that stamp.
 
         :param time: time (ns); 0: the stamp of the newest sample.
         :returns: the index of the sample.

@@ -1,11 +1,14 @@
 """
 The type support of `tf2_msgs/msg/TFMessage`, derived from types of geometry_msgs.
 
-The middleware identifies a type by a `rosidl_message_type_support_t`. Like a TFMessage, a
-`geometry_msgs/msg/Polygon` has one field, an unbounded sequence. So its tables are copied, and the
-name, element type, description and hash are replaced. No Python bytecode runs when C code calls a
-function of these tables: every function pointer is that of compiled code, or of a ctypes callback
-that calls a compiled function.
+The middleware identifies a type by a C struct, `rosidl_message_type_support_t`, which points to
+further structs. Like a TFMessage, a `geometry_msgs/msg/Polygon` has one field, an unbounded
+sequence. So the structs of Polygon are copied, and the name, element type, description and hash in
+them are replaced.
+
+The structs contain pointers to functions, which C code calls while a publisher or a subscription
+is created, but not for each message. They point to compiled code, or to a ctypes callback that
+calls a compiled function, so that no Python bytecode runs in them, which Ctrl-C could interrupt.
 """
 
 from collections.abc import Callable, Iterable
@@ -46,7 +49,12 @@ _INTROSPECTION = b'rosidl_typesupport_introspection_c'
 
 
 class _Handle(c_void_p):
-    """The first argument of a dispatch function; `handle[identifier]` is the result for C."""
+    """
+    The first argument of the function by which C asks for the type support of a library.
+
+    C gets the address that `operator.getitem(handle, identifier)` returns; `__getitem__` is set
+    below.
+    """
 
     __getitem__: Callable[[bytes], Optional[int]]
 
@@ -161,7 +169,8 @@ _sources = _array(TypeSources, (
 _hash = TypeHash(1, (c_uint8 * 32)(*_hash_of(_description)))
 _description_functions = [_constant(value) for value in (_hash, _description, _sources)]
 
-# The callbacks of rmw_fastrtps, which only calls the one that says whether the type is bounded.
+# The functions for rmw_fastrtps. Messages are passed to it as bytes, so it calls only one of them:
+# the one that says whether the type is bounded.
 _callbacks = FastRTPSCallbacks.from_buffer_copy(
     FastRTPSCallbacks.from_address(_polygon_fastrtps.data))
 _expect("Polygon's name", (b'geometry_msgs::msg', b'Polygon'),
@@ -199,7 +208,7 @@ _handle = TypeSupport(b'rosidl_typesupport_c', None, ctypes.cast(_dispatch, c_vo
 TYPE_SUPPORT = _new_capsule(ctypes.addressof(_handle), None, None)
 CREATE_ROS_MESSAGE = Polygon.__class__._CREATE_ROS_MESSAGE
 DESTROY_ROS_MESSAGE = Polygon.__class__._DESTROY_ROS_MESSAGE
-# rclpy raises a TypeError where it would convert a message object, since this message is only sent
-# and taken as bytes.
+# This message is only sent and taken as bytes. If rclpy tries to convert an object all the same,
+# this raises a TypeError.
 CONVERT_FROM_PY = CONVERT_TO_PY = _new_capsule(
     ctypes.cast(ctypes.pythonapi.PyErr_BadArgument, c_void_p).value, None, None)

@@ -190,8 +190,8 @@ class MessageTemplate:
     """
     A template for messages that have the same frames, which makes their serialisation fast.
 
-    Poses are aligned to 8 bytes in a message, so that it is an array of float64 after the
-    encapsulation.
+    After the encapsulation, each transform of a message ends at a multiple of 8 bytes. So the rest
+    of the message can be changed as an array of float64.
     """
 
     def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
@@ -233,7 +233,9 @@ class MessageTemplate:
 
 def key(data: bytes) -> bytes:
     """
-    Return a key that is the same for messages with the same frames, and rarely for others.
+    Return a key, which is the same for all messages with the same frames.
+
+    Messages whose first transform has the same frames have the same key, too.
 
     :param data: a little-endian message.
     :returns: the bytes of the first two names; only some of them if a name is longer than 254
@@ -257,9 +259,9 @@ def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     Return the positions of the fields in little-endian messages with certain frames.
 
     :param edges: (frame_id, child_frame_id) of each of the n transforms.
-    :returns: a format of the module `struct` for these fields: the head, the number of transforms,
-        and for each transform the bytes of its stamp, its two names and its pose; and the bytes of
-        these 2 n names.
+    :returns: a pair. The first is the format of these fields for the module `struct`: the head,
+        the number of transforms, and for each transform its stamp, its two names and its pose, as
+        bytes. The second is the 2 n names as they are in the message: length, UTF-8 and NUL.
     :raises ValueError: if a frame id contains a NUL or is not valid Unicode.
     """
     struct_format = '<2s2xI'

@@ -73,7 +73,9 @@ def _name(data: bytes, position: int) -> tuple[str, int]:
 
 def key(data: bytes) -> bytes:
     """
-    Return a key that is the same for messages with the same frames, and rarely for others.
+    Return a key, which is the same for all messages with the same frames.
+
+    Messages whose first transform has the same frames have the same key, too.
 
     :param data: a message.
     :returns: the bytes of the first two names; only some of them if a name is longer than 255

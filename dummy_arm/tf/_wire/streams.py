@@ -44,7 +44,7 @@ class Encoding(Protocol):
         """
         Return a key, which is the same for all messages with the same frames.
 
-        Messages with other frames rarely have the same key.
+        Messages whose first transform has the same frames have the same key, too.
 
         :param data: a message.
         :returns: the key.
