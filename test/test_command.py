@@ -116,6 +116,25 @@ def test_a_second_signal_ends_a_command_that_ignores_the_first():
     process.stdout.close()
 
 
+def test_a_second_signal_does_not_interrupt_the_cleanup():
+    """The third signal does, in case the cleanup hangs."""
+    program = (
+        'import os, signal\n'
+        'from dummy_arm.cli.signals import begin_cleanup, record_signals\n'
+        'record_signals()\n'
+        'os.kill(os.getpid(), signal.SIGINT)\n'
+        'begin_cleanup()\n'
+        'os.kill(os.getpid(), signal.SIGTERM)\n'
+        'print("cleaned up", flush=True)\n'
+        'try:\n'
+        '    os.kill(os.getpid(), signal.SIGINT)\n'
+        'except KeyboardInterrupt:\n'
+        '    print("interrupted")')
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True,
+                          check=True, timeout=60)
+    assert done.stdout == 'cleaned up\ninterrupted\n'
+
+
 FAILING = """
 import sys
 from dummy_arm.cli.parser import Parser, run

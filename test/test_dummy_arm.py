@@ -283,6 +283,19 @@ def test_signals_are_normal_ends(start, signal_number, rate, count):
         assert process.output.count('\n') == 1, process.output
 
 
+@pytest.mark.parametrize('delay', [0.0, 0.01, *(
+    pytest.param(i / 1000, marks=pytest.mark.soak) for i in range(2, 24, 3))])
+def test_two_signals_are_a_normal_end(start, delay):
+    """A second signal during the cleanup, as make sends it after Ctrl-C, does not interrupt it."""
+    process = start(*ARM, '--ros-args', '-p', 'rate:=1000')
+    zero(process)
+    process.press_ctrl_c()
+    time.sleep(delay)
+    process.end(signal.SIGTERM)
+    assert process.exit_code() == 0
+    assert process.output.count('\n') == 1, process.output
+
+
 @pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
 @pytest.mark.parametrize('module', [
     'numpy.', 'rclpy.', 'geometry_msgs.', 'dummy_arm.tf._wire.cdr'])

@@ -14,7 +14,7 @@ from rclpy.utilities import try_shutdown
 
 from dummy_arm.cli.fast_dds import destroy
 from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
-from dummy_arm.cli.signals import signal_received
+from dummy_arm.cli.signals import begin_cleanup, signal_received
 
 #: The longest wait in the middleware (s); a recorded signal does not interrupt it.
 _LONGEST_WAIT = 0.2
@@ -93,6 +93,7 @@ def spinning_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
             if not errors:
                 raise
         finally:
+            begin_cleanup()
             stop_requested.set()
             executor.wake()
             thread.join()
@@ -110,6 +111,7 @@ def _spin_until_signal(node: Node) -> None:
         while not signal_received():
             executor.spin_once(timeout_sec=_LONGEST_WAIT)
     finally:
+        begin_cleanup()
         # An executor that outlives its context complains when it is garbage-collected.
         executor.shutdown()
         destroy(node)

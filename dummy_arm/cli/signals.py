@@ -2,7 +2,8 @@
 Ctrl-C and SIGTERM as normal ends of a command.
 
 The signal handler only records the first signal. The command checks for it where it can stop
-without leaving anything half done. The second signal raises KeyboardInterrupt at once.
+without leaving anything half done. The second signal raises KeyboardInterrupt at once, but not
+during the cleanup.
 """
 
 import signal
@@ -15,6 +16,8 @@ _SIGNALS = signal.SIGINT, signal.SIGTERM
 _STEP = 0.05
 
 _received: list[int] = []
+#: The number of signals that are only recorded.
+_recorded = 1
 
 
 def record_signals() -> dict[int, Any]:
@@ -24,10 +27,23 @@ def record_signals() -> dict[int, Any]:
     :returns: the previous handler of each signal. If signals are recorded already, nothing changes
         and the result is empty.
     """
+    global _recorded
     if signal.getsignal(signal.SIGINT) is _record:
         return {}
     _received.clear()
+    _recorded = 1
     return {number: signal.signal(number, _record) for number in _SIGNALS}
+
+
+def begin_cleanup() -> None:
+    """
+    Record a second signal, too: from now on, only the third one raises KeyboardInterrupt.
+
+    A terminal and make may both send a signal at Ctrl-C. The second one must not interrupt the
+    cleanup that the first one has caused.
+    """
+    global _recorded
+    _recorded = 2
 
 
 def ignore_signals() -> None:
@@ -62,5 +78,5 @@ def check_signals() -> None:
 
 def _record(number: int, _: object) -> None:
     _received.append(number)
-    if len(_received) > 1:
+    if len(_received) > _recorded:
         raise KeyboardInterrupt
