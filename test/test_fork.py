@@ -80,6 +80,23 @@ assert x() == 2.0
 print('done')
 """
 
+PENDING = NO_ROS + """
+from dummy_arm.tf._core.pose import Row, Rows
+class Source:
+    # A transform has arrived in the queue, and no thread has inserted it when the process forks.
+    def __init__(self):
+        self.batches = [Rows([Row(2, 'map', 'tool', (2.0, *STILL[1:]))], 'sent', False)]
+    def take(self):
+        return self.batches
+    def wake(self):
+        pass
+buffer.add_source(Source())
+def look():
+    assert x() == 2.0
+in_child(look)
+print('done')
+"""
+
 NESTED = NO_ROS + """
 # The process forks in a block that holds the lock. Then the lock is free in both processes.
 def block():
@@ -209,8 +226,9 @@ print('done')
 
 
 @pytest.mark.parametrize('code', [
-    BUSY, AS_OF_THE_FORK, NESTED, POOL, SEVERAL, HELD, INTERRUPTED, SOURCES], ids=[
-    'busy', 'as_of_the_fork', 'nested', 'pool', 'several', 'held', 'interrupted', 'sources'])
+    BUSY, AS_OF_THE_FORK, PENDING, NESTED, POOL, SEVERAL, HELD, INTERRUPTED, SOURCES], ids=[
+    'busy', 'as_of_the_fork', 'pending', 'nested', 'pool', 'several', 'held', 'interrupted',
+    'sources'])
 def test_lookups_in_a_child(start, code):
     """Lookups use the data from the time of the fork, whatever the parent's threads do."""
     process = start('-W', 'ignore::DeprecationWarning', '-c', code)

@@ -30,7 +30,8 @@ listener's thread then makes these calls. If a lookup comes before the thread, i
 calls, from `Engine.update` on.
 
     TransformListener._work     transform_listener.py   does one round of the listener's thread
-    Engine.update               _core/engine.py         takes the lock, and pulls from each source
+    Engine.update               _core/engine.py         takes the lock
+    Engine.pull                 _core/engine.py         inserts what each source has received
     SubscriptionSource.take     _ros/subscription.py    takes what has arrived on both topics
     Topic.take                  _ros/subscription.py    takes the messages of a queue, as bytes
     MessageReader.read          _wire/streams.py        reads messages into a `Batch`, or `Rows`
@@ -41,7 +42,7 @@ calls, from `Engine.update` on.
     History.append              _core/history.py        appends stamps and poses of one frame
 
 There is one exception. If the user has overridden a callback of the listener, or `insert`,
-`set_transform` or `set_transform_static` of the buffer, or if the buffer is of another class, the
+`set_transform` or `set_transform_static` of the buffer, or if the buffer is not an `Engine`, the
 listener's thread takes and decodes the messages without the lock, and calls the callback for each
 of them. Such a buffer cannot pull: its lookups use what the callbacks have inserted.
 
@@ -70,17 +71,17 @@ keeps, and `update` clears the list after the insertion. If the insertion is int
 update therefore inserts the same batches again. A sample that is in the history already is not
 inserted again.
 
-Who wakes whom. The *generation* of a buffer is a number that each insertion increments. Three
+Who wakes whom. The *generation* of a buffer is a number that grows with each insertion. Three
 kinds of waiters are woken after an insertion:
 
 - A *blocked lookup* is one that waits, in its thread, for its transform. It has a queue, into
   which each insertion puts the new generation. The lookup reads generations from the queue, and
   tries again when one is newer than the generation of its last attempt. The queue is a
-  `SimpleQueue`, because a KeyboardInterrupt inside a `Condition` can leave a lock held. The lookup
-  first registers its queue, then wakes the sources, which ends a pause of the listener's thread,
-  and then tries. In this order it misses no data: it pulls what has arrived before the attempt,
-  and for later data the thread sees the queue and does not pause. The lookup also tries every
-  0.2 s, because nothing wakes it when ROS is shut down.
+  `SimpleQueue`, because a KeyboardInterrupt inside a `Condition` can leave a lock held. After its
+  first attempt, the lookup registers its queue, then wakes the sources, which ends a pause of the
+  listener's thread, and then tries. In this order it misses no data: it pulls what has arrived
+  before the attempt, and for later data the thread sees the queue and does not pause. The lookup
+  also tries every 0.2 s, because nothing wakes it when ROS is shut down.
 - A *future*, which `wait_for_transform_async` returns, is completed by `after_insertion`. This is
   called without the lock, because the callbacks of a future are users' code. It is called by the
   thread that has inserted with `set_transform`, and by the listener's thread whenever the
@@ -212,18 +213,22 @@ class Engine:
         """
         Pull: insert what has arrived in the sources, unless this thread holds the lock.
 
-        :returns: the generation, a number that each insertion increments.
+        :returns: the generation, a number that grows with each insertion.
         """
         is_nested = self._lock._is_owned()
         with self._lock:
             if not is_nested:
-                for source in self._sources:
-                    batches = source.take()
-                    if batches:
-                        self._insertion.insert_batches(batches)
-                        self._notify_waiters()
-                        batches.clear()
+                self.pull()
             return self._generation
+
+    def pull(self) -> None:
+        """Insert what has arrived in the sources; the lock must be held, and no call nested."""
+        for source in self._sources:
+            batches = source.take()
+            if batches:
+                self._insertion.insert_batches(batches)
+                self._notify_waiters()
+                batches.clear()
 
     def _notify_waiters(self) -> None:
         """Increment the generation, and wake the blocked lookups."""

@@ -31,19 +31,22 @@ class _Buffer(Protocol):
         :returns: False if another thread still holds the lock.
         """
 
-    def update(self) -> int:
+    def is_held(self) -> bool:
         """
-        Insert what has arrived.
+        Return whether this thread holds the lock.
 
-        :returns: the generation; see `Engine.update`.
+        :returns: True if it holds the lock.
         """
+
+    def pull(self) -> None:
+        """Insert what has arrived in the sources; the lock must be held."""
 
     def release_after_fork(self) -> None:
         """Release the lock."""
 
     def after_fork_in_child(self, was_held: bool) -> None:
         """
-        Drop what works in the parent process only.
+        Drop the objects that work in the parent process only, such as sources.
 
         :param was_held: True if the lock was held during the fork.
         """
@@ -53,7 +56,7 @@ class _Buffer(Protocol):
 _buffers: 'WeakValueDictionary[int, _Buffer]' = WeakValueDictionary()
 #: Held while the process forks.
 _forking = RLock()
-#: The forks that are under way, of which the last one began last.
+#: The forks that are under way, in the order in which they began.
 _forks: list['_Fork'] = []
 
 
@@ -95,7 +98,7 @@ class _Fork:
 
     def _take(self, is_last: bool) -> bool:
         """
-        Take the locks one after the other, and insert what has arrived in each buffer.
+        Take the locks one after the other, and insert the messages that have arrived.
 
         If one lock cannot be had, the caller must release the others before it tries again: the
         thread that holds this lock may be waiting for one of the others.
@@ -104,10 +107,12 @@ class _Fork:
         :returns: False if a lock could not be had, and `is_last` is False.
         """
         for i, buffer in enumerate(self._buffers):
+            is_nested = buffer.is_held()
             if buffer.hold_for_fork(_PATIENCE_PER_LOCK):
                 self._held.append(buffer)
-                with suppress(Exception):
-                    buffer.update()  # the child has no sources to pull from
+                if not is_nested:
+                    with suppress(Exception):
+                        buffer.pull()  # the child has no sources to pull from
             elif not is_last:
                 # The next attempt waits for this lock first, while it holds no other.
                 self._buffers.insert(0, self._buffers.pop(i))
@@ -120,7 +125,7 @@ class _Fork:
             self._held.pop().release_after_fork()
 
     def after_fork_in_child(self) -> None:
-        """Drop from all buffers what does not work in the child process."""
+        """Make all buffers drop the objects that do not work in the child process."""
         held = set(map(id, self._held))
         for buffer in self._buffers:
             buffer.after_fork_in_child(id(buffer) in held)
