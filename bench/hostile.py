@@ -48,7 +48,7 @@ def rows() -> Iterator[Row]:
 
 
 def memory() -> Iterator[Row]:
-    """Measure the memory of buffers that receive a third more than their limits allow."""
+    """Measure the memory of buffers at their limits of samples, or of frames with long names."""
     for what, *arguments in (
             ('a buffer with 110 frames, full of samples', 110, 13_300_000 // 110, 5),
             (f'a buffer with {_FRAMES} frames, full of samples', _FRAMES - 1, 133, 12),

@@ -87,13 +87,17 @@ def test_every_block_says_what_it_is():
 @pytest.mark.parametrize('block', [
     pytest.param(block, id=f'{block.page}:{block.line}')
     for block in BLOCKS if block.language == 'python'])
-def test_python_runs(start, bag_of_a_walk, block):
-    """Each block is a complete program. One of them needs the arm, and prints a position."""
+def test_python_runs(start, bag_of_a_walk, block, request):
+    """Each block is a complete program. One of them needs the arm, and one runs until Ctrl-C."""
     hand = ''
     if 'end_effector' in block.code:
         start(*ARM).line_with('t = 0')
         hand = 'geometry_msgs.msg.Vector3('
     process = start('-c', block.code, cwd=bag_of_a_walk)
+    if 'rclpy.spin(' in block.code:
+        ros = request.getfixturevalue('ros')
+        ros.until(lambda: ros.node.count_publishers('/tf'))
+        process.press_ctrl_c()
     assert process.exit_code() == 0, process.output
     assert process.output.startswith(hand)
     assert process.output.count('\n') == bool(hand)

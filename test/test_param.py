@@ -94,7 +94,7 @@ def test_values_are_read_as_yaml_and_for_the_type_that_was_there(text, before, v
     ('0x10', "'0x10' is not a number"), ('1:30', "'1:30' is not a number"),
     ('1_0', "'1_0' is not a number"), ("'abc", 'while scanning'), ('@x', 'while scanning'),
     ('*a', 'found undefined alias'), ('{a: 1}', 'not one of the allowed types'),
-    ('2024-01-01', 'not one of the allowed types'),
+    ('2024-01-01', 'not one of the allowed types'), ('2024-13-01', 'month must be in'),
     ('!!python/object:os.system x', 'could not determine a constructor'),
     ('[99999999999999999999]', 'must fit into int64')])
 def test_what_is_no_value_is_a_wrong_use(text, reason):

@@ -402,7 +402,7 @@ def test_slerp_from_a_rotation_to_itself(shortestpath, spin):
 
 
 NO_NUMBERS = 'a quaternion must be four finite numbers x, y, z, w, got '
-NO_LENGTH = (r'the length of a quaternion must be finite and not zero, such as of '
+NO_LENGTH = (r'the length of a quaternion must be finite and not zero, as that of '
              r'\(0, 0, 0, 1\), got ')
 WITH_ROTATIONS = [
     euler_from_quaternion, quaternion_matrix, quaternion_inverse,

@@ -1,7 +1,7 @@
 """
 The entry points of the commands.
 
-This module imports little, so that signals are recorded before the slow imports of a command.
+This module imports little, so that Ctrl-C is handled already during the slow imports of a command.
 """
 
 from importlib import import_module

@@ -21,7 +21,8 @@ _ALL_TIME = 2**63 - 1  # ns
 _BATCH_BYTES = 500_000
 #: The memory that a message takes in addition to its bytes (bytes).
 _OVERHEAD = 100
-#: Longer messages (bytes) are inserted one transform at a time: a list could fill the memory.
+#: Messages longer than this (bytes) are inserted one transform at a time: a list of all their
+#: transforms could fill the memory.
 _LONG = 2**22
 
 
@@ -34,8 +35,8 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     :param path: a rosbag2 bag (its directory, or a .mcap or .db3 file), or a .bag file of ROS 1.
     :param cache_time: how long transforms are kept, as in `BufferCore`; None: all are kept.
     :param namespace: the namespace of the topics `tf` and `tf_static`; '': `/tf`, `/tf_static`.
-    :param partial: if the bag was cut off or is damaged, read what can be read and log a warning;
-        otherwise that is an error.
+    :param partial: True: if the bag was cut off or is damaged, read its undamaged parts and log a
+        warning; False: damage is an error.
     :param max_bytes: the largest size of a chunk or a message after decompression (bytes). It
         bounds the memory that a damaged or malicious bag can take.
     :param max_samples: how many dynamic transforms are kept, as in `BufferCore`; None: all.
@@ -46,7 +47,7 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     :raises BagError: if the path is not a bag, or the bag is damaged, has no transforms, or has a
         chunk or message that is larger than max_bytes.
     :raises ValueError: if max_bytes, cache_time or max_samples is out of range.
-    :raises OSError: if a file does not exist or cannot be read.
+    :raises OSError: if the path does not exist, or is a file that cannot be opened.
     """
     path = Path(path)
     if index(max_bytes) < 1:
@@ -94,7 +95,7 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
 def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
                  on_malformed: Callable[[MalformedMessage], None], tick: Callable[[], None]
                  ) -> None:
-    """Insert messages one transform at a time, and nothing of malformed messages."""
+    """Insert messages one transform at a time; skip a malformed message as a whole."""
     for data in messages:
         try:
             for _ in stream.encoding.rows(data):
@@ -112,7 +113,7 @@ def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
     Yield the TF messages of a bag, as their streams and bytes.
 
     :raises BagError: if the path is not a bag, or the bag is damaged and not read as partial.
-    :raises OSError: if a file does not exist or cannot be read.
+    :raises OSError: if the path does not exist, or is a file that cannot be opened.
     """
     kind = kind_of(path)
     try:

@@ -1,4 +1,4 @@
-"""The buffer of tf2_ros: can wait for transforms, and can have a node."""
+"""A buffer like that of tf2_ros: it can wait for transforms, and can have a node."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -28,7 +28,7 @@ from dummy_arm.tf.message_buffer import message, MessageBufferCore
 
 class Buffer(MessageBufferCore, BufferInterface):
     """
-    A buffer with the API of tf2_ros.Buffer: waits for transforms, and transforms objects.
+    A buffer with the API of tf2_ros.Buffer: it waits for transforms, and transforms objects.
 
     Timeouts run on the wall clock, also when the node uses simulated time. A lookup in a block of
     `with buffer.fetched()` does not wait.
@@ -107,8 +107,8 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: the transform from the source frame to the target frame. Its stamp is the time,
-            or that latest time.
+        :returns: the transform from the source frame to the target frame. Its stamp is `time`;
+            if that is zero, the latest time described above.
         :raises TransformException: if there is no such transform; its subclass says why.
         :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
@@ -123,7 +123,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Return the pose of the source frame at one time in the target frame at another time.
 
-        Each of the two is located in the fixed frame at its own time.
+        Each of the two frames is located in the fixed frame at its own time.
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
@@ -280,7 +280,7 @@ def _seconds(timeout: Duration) -> float:
 
 
 def _create_jump_handle(clock: Clock, buffer: Buffer) -> JumpHandle:
-    """Call `time_jump_callback` when a clock jumps back by 1 s or more or changes its source."""
+    """Make a clock call `time_jump_callback` if it jumps back by 1 s or more or changes source."""
     handle = clock.create_jump_callback(
         JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1), on_clock_change=True),
         post_callback=partial(_on_time_jump, ref(buffer)))

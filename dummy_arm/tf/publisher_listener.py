@@ -141,7 +141,7 @@ class _GidSource(SubscriptionSource):
         super().__init__(*args)
         names.topics = {topic.name for topic, _, _ in self._topics}
         self._names = names
-        #: For /tf and /tf_static; None if rcl cannot be called: the gids are not known then.
+        #: The takers of /tf and /tf_static; None if rcl cannot be called: no gids are known then.
         self._takers = [Taker(ReceivedMessage.of) if rcl_take() else None for _ in range(2)]
         self._kept: deque[ReceivedMessage] = deque()
         self._size = self._dropped = 0
@@ -183,11 +183,11 @@ class _GidSource(SubscriptionSource):
         return super().end_round()
 
     def _keep(self, messages: list[Any], is_static: bool) -> None:
-        """Move decoded messages to those that `received` returns, and drop the oldest of them."""
+        """Move decoded messages to those that `received` returns; drop the oldest if necessary."""
         for message in messages:
             message.is_static = is_static
         size = sum(map(len, messages))
-        # There is no call in these lines, since Ctrl-C can interrupt after a call only.
+        # There is no call in the next three lines, since Ctrl-C can interrupt after a call only.
         self._size += size
         self._kept += messages
         del messages[:]
@@ -212,7 +212,7 @@ class PublisherListener(TransformListener):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         """
-        Subscribe and start the thread; as TransformListener.
+        Subscribe and start the thread, as TransformListener does.
 
         :param args: the arguments of TransformListener. The buffer must be a Buffer,
             MessageBufferCore or BufferCore.

@@ -2,7 +2,7 @@
 Rotations as quaternions x, y, z, w; the functions are named as in tf_transformations.
 
 Angles are in rad. An argument that is a quaternion may have any length except zero, and either
-sign. Results are unit quaternions unless stated otherwise.
+sign. Results are unit quaternions. Functions to which this does not apply say so.
 """
 
 from collections.abc import Iterable
@@ -19,7 +19,8 @@ from dummy_arm.tf._core.pose import Quaternion as Quaternion
 
 #: The code of a convention of Euler angles: first axis (0, 1, 2: x, y, z), parity (0: the second
 #: axis follows the first in x, y, z, x; 1: it does not), repetition (1: the third axis is the
-#: first again), frame (1: the axes rotate with the body, and the last is counted as the first).
+#: first again), frame (1: the axes rotate with the body, and the code lists them from the last to
+#: the first).
 #: K. Shoemake, Euler Angle Conversion, Graphics Gems IV (1994).
 Code = tuple[int, int, int, int]
 #: A convention of Euler angles: its name, such as 'sxyz', or its code, such as (0, 0, 0, 0).
@@ -29,7 +30,7 @@ Axes = Union[str, Code]
 _ROUNDING = 4.0 * sys.float_info.epsilon
 #: The largest error of the numbers in a matrix: some are typed by hand.
 _TOLERANCE = 1e-3
-_NEEDED = 'the length of a quaternion must be finite and not zero, such as of (0, 0, 0, 1)'
+_NEEDED = 'the length of a quaternion must be finite and not zero, as that of (0, 0, 0, 1)'
 
 
 def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') -> Quaternion:
@@ -213,7 +214,7 @@ def quaternion_inverse(quaternion: Iterable[float]) -> Quaternion:
 def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: float,
                      spin: int = 0, shortestpath: bool = True) -> Quaternion:
     """
-    Interpolate between two rotations about one axis, at constant angular velocity.
+    Interpolate between two rotations, at constant angular velocity about a fixed axis.
 
     K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH 1985. The formula uses the sum
     and the difference of the two quaternions, so that it is exact for close rotations, too.
@@ -374,5 +375,5 @@ def _code_of(axes: Axes) -> Code:
     except (KeyError, TypeError):
         raise ValueError(
             "axes must be 's' (static) or 'r' (rotating with the body) and three of x, y, z, "
-            "neighbours differing, such as 'sxyz', 'rzyx' or 'szxz', or the code of such, as "
-            f'(0, 0, 0, 0) for sxyz; got {axes!r}') from None
+            "neighbours differing, such as 'sxyz', 'rzyx' or 'szxz', or the code of a "
+            f'convention, such as (0, 0, 0, 0) for sxyz; got {axes!r}') from None

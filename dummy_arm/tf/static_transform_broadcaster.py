@@ -20,7 +20,7 @@ class StaticTransformBroadcaster:
 
     Each message contains the newest transform of every child frame that this broadcaster has sent,
     and DDS keeps the last message for later subscribers (it is latched), unless `qos` says
-    otherwise. To change a transform after it was sent has no effect.
+    otherwise. To modify a TransformStamped object has no effect until it is sent again.
     """
 
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None) -> None:

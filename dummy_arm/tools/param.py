@@ -71,8 +71,8 @@ class Parameters:
 
         :param names: the names of the parameters.
         :returns: their values, in this order.
-        :raises CommandError: if there is no parameter of one of the names, or the node does not
-            respond.
+        :raises CommandError: if one of the names is not a parameter of the node, or the node does
+            not respond.
         """
         values = list(self._response(lambda: self._client.get_parameters(names)).values)
         if len(values) < len(names) or any(
@@ -124,7 +124,7 @@ def parameter(name: str, text: str, current_type: int) -> Any:
     """
     try:
         return Parameter(name, value=read(text, current_type)).to_parameter_msg()
-    except (ArgumentTypeError, OverflowError, TypeError, YAMLError) as error:
+    except (ArgumentTypeError, OverflowError, TypeError, ValueError, YAMLError) as error:
         reason = str(error).splitlines()[0]
         raise UsageError(f'{text!r} is not a value of a parameter: {reason}') from None
 
@@ -141,8 +141,10 @@ def read(text: str, current_type: int) -> Any:
     :param current_type: type of the current value, a constant of rcl_interfaces/msg/ParameterType.
     :returns: the value.
     :raises OverflowError: if an integer does not fit into int64.
-    :raises argparse.ArgumentTypeError: if a DOUBLE is an integer in a notation that only YAML has,
-        such as 0x10, or if an element of a DOUBLE_ARRAY is not a number.
+    :raises argparse.ArgumentTypeError: if the current value is a DOUBLE and the text is an integer
+        in a notation that only YAML has, such as 0x10, or if an element of a DOUBLE_ARRAY is not a
+        number.
+    :raises ValueError: if the text looks like a date of YAML, but is none.
     :raises yaml.YAMLError: if the text is not valid YAML.
     """
     if current_type == ParameterType.PARAMETER_STRING:

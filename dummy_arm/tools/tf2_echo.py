@@ -74,7 +74,8 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
         and /tf_static.
     :param namespace: the namespace of the topics in the bag.
     :param partial: read a damaged bag as far as possible.
-    :param ros_args: the command line, of which ROS reads its arguments.
+    :param ros_args: the command line, with the name of the command; ROS reads what follows
+        `--ros-args`.
     :returns: the exit code.
     :raises UsageError: if a frame has no name, or a number is out of range.
     :raises CommandError: if the bag cannot be read, or does not contain the transform.

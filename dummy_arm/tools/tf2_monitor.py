@@ -132,7 +132,8 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
 
     :param source_frame: the first frame of the path that is monitored; None: all frames.
     :param target_frame: the last frame of this path.
-    :param ros_args: the command line, of which ROS reads its arguments.
+    :param ros_args: the command line, with the name of the command; ROS reads what follows
+        `--ros-args`.
     :returns: the exit code.
     :raises UsageError: if only one frame is given, or a name is empty.
     """

@@ -73,7 +73,8 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     :param namespace: the namespace of the topics in the bag.
     :param partial: read a damaged bag as far as possible.
     :param root: draw or print only this frame and its descendants; None: all frames.
-    :param ros_args: the command line, of which ROS reads its arguments.
+    :param ros_args: the command line, with the name of the command; ROS reads what follows
+        `--ros-args`.
     :returns: the exit code.
     :raises UsageError: if the time is out of range, the name of the file or the root is invalid,
         or `watch` or `wait_time` is set for a bag.

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 HOST = '127.0.0.1'
 _LAST_PORT = 65535
-#: The intervals of updates with and without a client (s).
+#: The intervals of updates (s), while somebody has the page open, and while nobody has.
 _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 
 
@@ -30,9 +30,10 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[str] = N
     :param bag: the bag that is played; None: show /tf and /tf_static.
     :param namespace: the namespace of the topics in the bag.
     :param partial: read a damaged bag as far as possible.
-    :param ros_args: the command line, of which ROS reads its arguments.
+    :param ros_args: the command line, with the name of the command; ROS reads what follows
+        `--ros-args`.
     :returns: the exit code.
-    :raises UsageError: if this machine does not have the address.
+    :raises UsageError: if this machine does not have the address, or as `read_bag`.
     :raises CommandError: if the port is taken or needs root, or the bag cannot be read.
     """
     if buffer := read_bag(bag, namespace, partial):

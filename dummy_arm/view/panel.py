@@ -49,7 +49,7 @@ class FrameChoice:
 
     @property
     def chosen(self) -> str:
-        """The frame that a viewer has chosen; '' if no viewer has, or the choice is no frame."""
+        """The frame that a viewer has chosen; '' if none was chosen, or the entry for no frame."""
         return self._chosen or ''
 
     def choose(self, name: str) -> None:

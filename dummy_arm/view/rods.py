@@ -30,7 +30,7 @@ class Rods(NamedTuple):
     n frames have 4 n of them: all x axes, all y axes, all z axes, and all lines to the parents.
     """
 
-    positions: NDArray[np.float32]  #: (4 n, 3): x, y, z of the ends at z = 0 (m)
+    positions: NDArray[np.float32]  #: (4 n, 3): x, y, z (m) of the end that is at the frame
     wxyzs: NDArray[np.float32]  #: (4 n, 4): quaternions w, x, y, z
     scales: NDArray[np.float32]  #: (4 n, 3): radius, radius, length (m)
     colors: NDArray[np.uint8]  #: (4 n, 3): red, green, blue
@@ -43,7 +43,7 @@ def rods(snapshot: Snapshot, size: float, selected: str = '') -> Rods:
     :param snapshot: the frames.
     :param size: the length of an axis (m).
     :param selected: the name of a frame whose axes are drawn thicker; '' for none.
-    :returns: the rods, in the order of the frames of the snapshot.
+    :returns: the rods; those of each kind are in the order of the frames of the snapshot.
     """
     count = len(snapshot.names)
     translations, rotations = snapshot.points, snapshot.poses[:, 3:]

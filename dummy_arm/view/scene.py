@@ -175,7 +175,7 @@ class Scene:
 
 def _grid() -> NDArray[np.float64]:
     """
-    Return the lines of a grid in the plane of x and y, (m, 2, 3) (m).
+    Return the n lines of a grid in the plane of x and y: (n, 2, 3), the two ends, x, y, z (m).
 
     Without a GPU, viser's own grid takes most of the time in which the page is drawn.
     """
@@ -186,7 +186,7 @@ def _grid() -> NDArray[np.float64]:
 
 
 def _texts(snapshot: Snapshot, size: float) -> list[str]:
-    """Return the text of each frame's label; frames that are near each other share the first."""
+    """Return the text of each label; a static frame near its parent shares the parent's label."""
     texts = ['' if age >= TIMEOUT else _cut(visible(name))
              for name, age in zip(snapshot.names, snapshot.ages.tolist())]
     label_of = list(range(len(texts)))

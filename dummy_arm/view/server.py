@@ -29,7 +29,8 @@ _MAX_PORTS = 100
 #: The port of an http URL without a port.
 _HTTP_PORT = 80
 #: The messages that the page needs to send: a change in the panel, the pose of a camera (viser
-#: registers a client by the first one), a click. All others, such as uploads, are refused.
+#: registers a client when it sends the first pose), a click. All others, such as uploads, are
+#: refused.
 _MESSAGES = GuiUpdateMessage, ViewerCameraMessage, SceneNodeClickMessage
 
 
@@ -45,7 +46,7 @@ class Server(GuardedServer):
         Start the server.
 
         :param listening: the listening socket at which it serves.
-        :raises CommandError: if this version of viser would not check requests.
+        :raises CommandError: if requests cannot be checked with this version of viser.
         """
         self._is_loopback = ip_address(listening.getsockname()[0]).is_loopback
         super().__init__(listening)

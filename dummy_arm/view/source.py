@@ -23,7 +23,7 @@ LENGTH = 20
 
 
 class Player:
-    """The playback clock of a bag: it runs as fast as the bag was recorded, to its end."""
+    """The playback clock of a bag: it runs as fast as the bag was recorded, again and again."""
 
     def __init__(self, frames: Iterable[Frame]) -> None:
         """
@@ -58,7 +58,7 @@ class Player:
 
     def advance(self, plays: bool) -> None:
         """
-        Advance by the time since the last call; from the end, go back to the start.
+        Advance by the time since the last call; if the end is reached already, go to the start.
 
         :param plays: False if the player is paused: then the time does not change.
         """
@@ -90,7 +90,7 @@ def _without_outliers(stamps: list[int]) -> list[int]:
 
 
 class Publication(NamedTuple):
-    """How a frame is published."""
+    """The rate, the delay and the publisher of a frame."""
 
     rate: Optional[float]  #: Hz; None if it is not known
     delay: Optional[float]  #: the average time from stamp to reception (s); None if not known
@@ -136,10 +136,11 @@ class BagSource:
 
     def publication(self, frame: Frame) -> Publication:
         """
-        Return how a frame was published, as far as the bag tells.
+        Return how a frame was published, as far as the bag records it.
 
         :param frame: the frame.
-        :returns: its rate and publisher; a buffer does not keep the times of reception.
+        :returns: its rate and publisher; the delay is None, since a buffer does not keep the times
+            of reception.
         """
         return Publication(frequency(frame), None, frame.authority)
 
@@ -174,7 +175,8 @@ class LiveSource:
         """
         Return how a frame is published.
 
-        The rate and the delay of one frame at a time are measured, from the first call for it on.
+        The rate and the delay are measured for one frame at a time: from the first call for a
+        frame until a call for another one.
 
         :param frame: the frame.
         :returns: its rate, delay and publishers.

@@ -101,8 +101,8 @@ class View:
         self._next_texts = 0.0
         #: The snapshot, the chosen fixed frame and the selected frame of the texts that are shown.
         self._texts_key: tuple[Optional[Snapshot], tuple[str, str]] = None, ('', '')
-        #: When to move the cameras of the clients that were there before the frames (s, monotonic
-        #: clock); None until there are frames, infinite afterwards.
+        #: When to move the cameras of all clients to the first frames (s, monotonic clock); None
+        #: until there are frames, infinite after the cameras were moved.
         self._turn_at: Optional[float] = None
         self._server = server
 
@@ -147,7 +147,7 @@ class View:
                     anchor, name, snapshot.stamps[i], snapshot.poses[i, :3]))
 
     def _update_texts(self, now: float, fixed: str, selected: str) -> None:
-        """Update the texts if something has changed, but not more often than `_TEXT_PERIOD`."""
+        """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""
         snapshot, key = self._snapshot, self._texts_key
         is_new = snapshot is not key[0] or (fixed, selected) != key[1]
         if is_new and now >= self._next_texts:
@@ -161,7 +161,7 @@ class View:
         self._scene.look_at(self._snapshot, [client])
 
     def _turn_cameras(self, now: float) -> None:
-        """Move the cameras of the clients that were there before the frames, once."""
+        """Move the cameras of all clients once, `_SETTLING` seconds after the first frames."""
         if self._turn_at is None and self._snapshot.names:
             self._turn_at = now + _SETTLING
         if self._turn_at is not None and now >= self._turn_at:

@@ -1,13 +1,13 @@
 """
-A server of viser that checks requests and messages, by private parts of viser and websockets.
+A server of viser that checks requests and messages, using private parts of viser and websockets.
 
 It is written for viser 1.1. test/test_viser_private.py has a test for each assumption:
 
 - `viser._messages` has the messages that the page sends. Each is a msgpack map of `type`, the name
-  of its class, and the fields of that class. It also has the messages that move a camera.
+  of its class, and the fields of that class. The module also has the messages that move a camera.
 - viser starts its server with `websockets.asyncio.server.serve`, which it looks up in that module
-  for the call, and passes `process_request`. `serve` also takes `sock`, `create_connection` and
-  `max_size`.
+  at each call, and to which it passes `process_request`. `serve` also takes `sock`,
+  `create_connection` and `max_size`.
 - `gui._gui_input_handle_from_uuid` maps a uuid to a control of the panel.
 - `client._websock_connection.queue_message` sends a message to one client.
 """
@@ -110,9 +110,9 @@ class GuardedServer(viser.ViserServer):
         Start the server.
 
         :param listening: the listening socket at which it serves.
-        :raises CommandError: if this version of viser would not check requests.
+        :raises CommandError: if requests cannot be checked with this version of viser.
         """
-        # viser prints by rich where it serves and when it stops.
+        # viser uses rich to print where it serves and when it stops.
         rich.reconfigure(quiet=True)
         # viser warns of messages to a client that has just disconnected.
         warnings.filterwarnings('ignore', 'Queued a ')

@@ -1,4 +1,4 @@
-"""Kinds of bags, and what is shared while one is read: topics, damage, limits and progress."""
+"""Kinds of bags, and the state while a bag is read: topics, damage, limits and progress."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,7 +9,7 @@ from dummy_arm.tf._bag.decompression import ZSTD
 from dummy_arm.tf._core.texts import abbreviated, comma_list, logged, visible
 from dummy_arm.tf._wire.streams import Encoding
 
-#: The publisher if the bag does not record it: always in rosbag2.
+#: The name of the publisher if the bag does not record it, as in all bags of rosbag2.
 NOT_RECORDED = 'not recorded'
 _TYPES = 'tf2_msgs/msg/TFMessage', 'tf/msg/tfMessage'
 #: The number of topics, namespaces and damaged files that a text lists.
@@ -63,7 +63,7 @@ def refuse_special(path: Path) -> None:
 
 
 class Stream(NamedTuple):
-    """The properties that the messages of a topic, of one publisher in ROS 1, have in common."""
+    """The common properties of the messages of a topic; in ROS 1, of one publisher on a topic."""
 
     is_static: bool
     publisher: str
@@ -94,7 +94,7 @@ class BagContext:
         self._raised: Optional[BaseException] = None
         self.partial = partial
         self.max_bytes = max_bytes
-        #: Descriptions of the first `_SHOWN` faults in its files.
+        #: Descriptions of the first `_SHOWN` faults in the files of the bag.
         self.damage: list[str] = []
 
     def stream(self, topic: str, msgtype: str, publisher: str, encoding: Encoding
@@ -156,7 +156,8 @@ class BagContext:
         :param path: the file.
         :param error: the error that reading the file has raised.
         :raises BagError: unless the bag is read as partial.
-        :raises ImportError: if this is the error: a library is missing, the file is not damaged.
+        :raises ImportError: if the error is an ImportError: then a library is missing, and the
+            file is not damaged.
         """
         self.tick()  # if on_progress has raised, that is the cause: it is raised again
         if isinstance(error, ImportError):
@@ -194,8 +195,8 @@ def error_line(error: Exception) -> str:
     Return the text of an error in one line that ends with one period.
 
     :param error: the error.
-    :returns: its text with single spaces for white space and control characters escaped, a long
-        one abbreviated; the name of its type if it has no text.
+    :returns: its text, abbreviated if it is long; white space is replaced by single spaces, and
+        control characters are escaped. If it has no text, the name of its type.
 
     >>> error_line(ValueError('a record\n  ends too early'))
     'a record ends too early.'

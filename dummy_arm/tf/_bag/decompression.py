@@ -1,9 +1,10 @@
 """
 Decompression within limits.
 
-A few kilobytes can decompress to many gigabytes, and a size that a file declares may be wrong. So
-long data are decompressed in pieces. Their total size is compared with the declared size and with
-the caller's limit, and the caller's function `tick`, which may raise, is called before each piece.
+A few kilobytes can decompress to many gigabytes, and a size that a file declares may be wrong.
+Therefore, long data are decompressed in pieces. Their total size is compared with the declared
+size and with the caller's limit. The caller's function `tick`, which may raise, is called before
+each piece.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,7 +24,7 @@ _SHORT = 2**21
 
 #: Data longer than `_SHORT` are a bytearray, which grows in place.
 Buffer = Union[bytes, bytearray]
-#: A function that is called repeatedly during a long operation, which ends if it raises.
+#: A function that is called repeatedly during a long operation; if it raises, the operation ends.
 Tick = Callable[[], object]
 
 
@@ -84,8 +85,8 @@ def decompress(data: Buffer, method: str, declared: Optional[int], limit: int,
     :param what: 'chunk' or 'message', for the texts of errors.
     :param tick: as in `pieces`.
     :returns: the decompressed data.
-    :raises Oversized: if the decompressed data are larger than the limit; if they are declared to
-        be, before anything is decompressed.
+    :raises Oversized: if the declared size or the actual size is larger than the limit; the
+        declared size is checked before anything is decompressed.
     :raises ValueError: if the size differs from the declared one, or the method is unknown.
     :raises Exception: as `pieces`, if the data are damaged.
     """
@@ -118,7 +119,7 @@ def _sized(what: str, data: Buffer) -> str:
 
 
 def _short(data: Buffer, method: str, limit: int) -> Optional[bytes]:
-    """Decompress data at once; return None if the result is longer than `_SHORT`."""
+    """Decompress data at once; return None if that does not reach the end of the data."""
     decompressor = _decompressor(method)()
     result: bytes = decompressor.decompress(data, min(_SHORT, limit + 1))
     return result if decompressor.eof and not decompressor.unused_data else None

@@ -90,7 +90,7 @@ def records(path: Path, context: BagContext) -> _Records:
     :param context: the context of the bag; topics, progress and damage are reported to it.
     :returns: the stream and the bytes of each message.
     :raises BagError: if the path is not a bag, or the bag is damaged and not read as partial.
-    :raises OSError: if a file cannot be read.
+    :raises OSError: if the directory cannot be read.
     """
     if path.is_dir():
         files, is_compressed = _files(path, context)
@@ -108,8 +108,8 @@ def _records_of_file(path: Path, context: BagContext, is_compressed: Optional[bo
     """
     Yield the TF messages of a storage file.
 
-    :param is_compressed: whether each message is compressed, by the metadata of the bag; None:
-        unknown.
+    :param is_compressed: whether each message is compressed, according to the metadata of the bag;
+        None: unknown.
     """
     refuse_special(path)
     with path.open('rb') as file:
@@ -248,7 +248,7 @@ _OVERHEAD = 200
 
 
 class _Source:
-    """A file that is read from its beginning to its end, and decompressed if necessary."""
+    """A file whose bytes are read or skipped, and decompressed if necessary."""
 
     def __init__(self, file: BinaryIO, is_compressed: bool, tick: Tick) -> None:
         """
@@ -356,7 +356,7 @@ class _McapReader:
         Read the index at the end of the file, and the channels in it.
 
         :returns: log time of the first message (ns) and position (bytes) of each chunk that may
-            have TF messages, sorted; None if there is no index.
+            have TF messages, sorted; None if there is no index of chunks.
         :raises EOFError: if the file was cut off.
         :raises Oversized: if the index is larger than the limit.
         :raises ValueError: if the index is damaged.
@@ -388,7 +388,11 @@ class _McapReader:
                       if not channels or not self._channels_without_tf.issuperset(channels))
 
     def _chunks(self, summary: Buffer) -> Iterator[tuple[int, int, frozenset[int]]]:
-        """Yield first log time (ns), position and channels of each chunk; note the channels."""
+        """
+        Yield the first log time (ns), the position and the channel ids of each chunk.
+
+        The schemas and the channels in the summary are kept, too.
+        """
         from mcap.data_stream import ReadDataStream
         from mcap.records import ChunkIndex
         for kind, start, end in _split(summary, self._context.tick):
@@ -613,7 +617,8 @@ def _decompressed(data: Buffer, path: Path, context: BagContext) -> Optional[byt
 # sqlite3
 
 _LARGEST_ID = 2**63 - 1
-#: A row: id, topic, length (bytes) and data of a message. The data are None if they are too long.
+#: A row: id, topic, length (bytes) and data of a message. The data are None if they are too long,
+#: or if the topic is not one of TF.
 _Row = tuple[int, int, Optional[int], Optional[bytes]]
 _ROWS = ('SELECT id, topic_id, length(data), CASE WHEN topic_id IN ({topics}) AND '
          'length(data) <= {max_bytes} THEN CAST(data AS BLOB) END FROM messages')
@@ -690,7 +695,7 @@ class _SqliteReader:
         self._max_bytes = context.max_bytes
         database.set_progress_handler(self._must_stop, 50_000)
         database.text_factory = lambda data: data.decode(errors='replace')
-        if sys.version_info >= (3, 11):  # also limits values that it computes
+        if sys.version_info >= (3, 11):  # this also limits the values that SQLite computes
             database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(
                 2**31 - 1, max(self._max_bytes, _SMALLEST_LIMIT)))
         if context.partial:
@@ -733,7 +738,11 @@ class _SqliteReader:
                     yield stream, message
 
     def _must_stop(self) -> bool:
-        """Return True if SQLite must end the query; its caller then calls `tick`, which raises."""
+        """
+        Return True if SQLite must end the query, because `tick` has raised.
+
+        The code that handles SQLite's error calls `tick` again, which raises the same exception.
+        """
         try:
             self._context.tick()
         except BaseException:

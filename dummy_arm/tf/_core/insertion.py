@@ -41,9 +41,10 @@ class Insertion:
 
         :param lookups: the lookups of the buffer: the tree into which transforms are inserted, and
             the paths, which are cleared when a frame gets a new parent.
-        :param max_frames: the largest number of frames; transforms with more frames are refused.
-        :param max_samples: the largest number of samples of all frames together; None: neither
-            this number nor that of a single frame is limited.
+        :param max_frames: the largest number of frames; a transform that would add another frame
+            is refused.
+        :param max_samples: the largest number of samples of all frames together; None: no limit,
+            neither for all frames together nor for a single frame.
         """
         self.log = ThrottledLog()
         self._tree, self._lookups = lookups.tree, lookups
@@ -56,7 +57,7 @@ class Insertion:
         self._room = self._max_samples
         #: True if there was no room when the samples were last counted.
         self._is_full = False
-        #: The number of samples that were inserted since then, while there was no room.
+        #: The number of samples that were inserted, while there was no room, since the last count.
         self._uncounted = 0
 
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
@@ -121,10 +122,11 @@ class Insertion:
 
     def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
         """
-        Insert the transforms of messages, with the same result as by `insert`.
+        Insert the transforms of messages, with the same result as `insert` has for each of them.
 
-        Most transforms of a batch are newer than all samples of their frame, and have its only
-        parent. If their numbers are finite, they are appended without further checks.
+        Most transforms of a batch are newer than all samples of their frame, and have the same
+        parent as all of these. If their numbers are finite, they are appended without further
+        checks.
 
         :param batches: batches, and rows that are inserted one by one.
         """
@@ -191,7 +193,7 @@ class Insertion:
 
 def normalize_poses(poses: NDArray[np.float64]) -> bool:
     """
-    Normalise the rotations of many poses, with the same result as by `normalized`.
+    Normalise the rotations of many poses, with the same result as `normalized` has for each.
 
     :param poses: (n, 7) float64, changed in place: x, y, z (m), quaternion x, y, z, w.
     :returns: True if all numbers are finite. It may be False for finite numbers if they are so
@@ -229,7 +231,7 @@ def _large_angles(
     """
     Compute quaternions from rotation matrices whose trace is not positive.
 
-    :param rows: (n,) which of the quaternions are computed.
+    :param rows: (n,) bool: True for each quaternion that is computed.
     :param diagonal: (3, n) the matrix elements 00, 11, 22.
     :param above: (3, n) the matrix elements 21, 02, 10.
     :param below: (3, n) the matrix elements 12, 20, 01.

@@ -97,7 +97,7 @@ class Lookups:
         :param source: the frame whose poses are looked up.
         :param times: (n,) times (ns); 0: the latest common time.
         :returns: (n, 7) float64: x, y, z (m), quaternion x, y, z, w, NaN where there is no pose;
-            and (n,) whether there is a pose.
+            and (n,) bool: True where there is a pose.
         """
         path = self.paths.get((target, source))
         if path is None:
@@ -192,7 +192,11 @@ class Lookups:
         return self.tree.latest_common_time(target, source)
 
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
-        """Search the tree for a path; return its time (ns), too. Keep the path if it is fixed."""
+        """
+        Search the tree for a path, and keep it if it is the only one; see `Lookups`.
+
+        :returns: the time (ns), which is the latest common time if `time` is 0; and the path.
+        """
         time = time or self.tree.latest_common_time(target, source)
         path = self.tree.path(target, source, time)
         if path.has_constant_parents() and all(map(self.tree.has_no_loop_above, (source, target))):
@@ -208,10 +212,10 @@ class Lookups:
         The tree is walked once for each target frame.
 
         :param targets: the target frames.
-        :param until: the latest time (ns) of samples and of the parents that connect the frames;
-            0: no limit.
-        :returns: for each target frame, the time (ns) and the pose by the names of the frames, the
-            nearest frames first.
+        :param until: the latest time (ns) of the poses; the frames are connected by the parents
+            that they had at that time; 0: no limit.
+        :returns: for each target frame, a dict from the name of each connected frame to the time
+            (ns) and the pose; the nearest frames come first.
         :raises TransformException: if a target frame does not exist.
         """
         edges: dict[str, list[_Edge]] = {}
@@ -244,8 +248,8 @@ class Lookups:
                 common = min(time, latest) if time and latest else time or latest
                 poses[other] = common, None
                 try:
-                    # The pose of this frame is valid at the common time, and the edge has had one
-                    # parent only.
+                    # One step is enough if the pose of this frame is valid at the common time, and
+                    # the child of the edge has had one parent only.
                     if pose is not None and time in (0, common) and edge.parents is None:
                         step = edge.pose_at(common)
                         poses[other] = common, compose(pose, step if is_child else inverse(step))

@@ -49,7 +49,8 @@ class Path:
         """
         Return True if every edge has a pose at a time.
 
-        :param time: time (ns); 0: the newest sample of each edge.
+        :param time: time (ns); 0: the newest sample of each edge, unlike in `poses`; `Lookups`
+            replaces 0 before.
         :returns: whether `pose` has a result.
         """
         return all(edge.parent_at(time) is not None for edge in self.edges)
@@ -58,7 +59,8 @@ class Path:
         """
         Compute the pose of the source frame in the target frame.
 
-        :param time: time (ns); 0: the newest sample of each edge.
+        :param time: time (ns); 0: the newest sample of each edge, unlike in `poses`; `Lookups`
+            replaces 0 before.
         :returns: x, y, z (m) and the quaternion x, y, z, w.
         :raises NoPose: if an edge has no pose at that time.
         """
@@ -107,7 +109,11 @@ def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
 
 def _columns_along(edges: Sequence[AnyHistory], times: NDArray[np.int64],
                    known: NDArray[np.bool_]) -> Columns:
-    """Compute such poses at many times; set `known` to False where an edge has no pose."""
+    """
+    Compute the poses of the lowest frame in the highest one at many times; the edges go upwards.
+
+    `known` is set to False where an edge has no pose.
+    """
     columns: Columns = IDENTITY
     for i, edge in enumerate(edges):
         poses = edge.poses_at(times, known)

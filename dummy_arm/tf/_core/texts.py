@@ -42,7 +42,7 @@ def visible(text: str) -> str:
 
 def visible_lines(text: str) -> str:
     r"""
-    Return a text of several lines with the characters escaped as by `visible`.
+    Return a text of several lines, each of them escaped as by `visible`.
 
     :param text: the text; its line feeds stay.
     :returns: the text, with every line printable.
@@ -135,8 +135,8 @@ def match_candidates(known: Sequence[str]) -> list[str]:
     """
     Return the known names that are compared with an unknown one.
 
-    These are the names among the first 1000 that are not longer than `LONGEST`: to compare all of
-    many names, or long ones, would take seconds.
+    These are the names among the first 1000 that are not longer than `LONGEST`: a comparison with
+    more names, or with longer ones, would take seconds.
 
     :param known: all names that exist.
     :returns: the names to compare, in the same order.
@@ -186,7 +186,7 @@ def roots_hint(target: str, target_root: str, source: str, source_root: str) -> 
     :param target_root: the root of its tree.
     :param source: the source frame.
     :param source_root: the root of its tree.
-    :returns: a sentence after a space.
+    :returns: a sentence that begins with a space.
     """
     return (f' {quoted(target)} is in the tree with root {quoted(target_root)}, '
             f'{quoted(source)} in the tree with root {quoted(source_root)}.')
@@ -216,14 +216,14 @@ def extrapolation_words(count: int, oldest: int, latest: int, time: int) -> str:
 
 def extrapolation_hint(frame: str, parent: str, oldest: int, latest: int, time: int) -> str:
     """
-    Return the hint for an edge that has no data at a time: the edge, and by how much it misses.
+    Return the hint for an edge that has no data at a time: the edge, and how far off its data are.
 
     :param frame: the child frame of the edge.
     :param parent: the newest parent of the frame.
     :param oldest: the stamp of the oldest sample of the frame (ns).
     :param latest: the stamp of the newest sample of the frame (ns).
     :param time: the requested time (ns), before `oldest` or after `latest`.
-    :returns: a sentence after a space.
+    :returns: a sentence that begins with a space.
     """
     edge = f'{quoted(parent)} -> {quoted(frame)}'
     if time > latest:
@@ -236,7 +236,7 @@ def cleared_hint(frame: str) -> str:
     Return the hint for a frame whose history was cleared, so that it has no parent.
 
     :param frame: the frame.
-    :returns: a sentence after a space.
+    :returns: a sentence that begins with a space.
     """
     return f' No transform of {quoted(frame)} has been received since the buffer was cleared.'
 
@@ -246,7 +246,8 @@ def loop_hint(chain: Sequence[str]) -> str:
     Return the hint for a chain of frames that is too long: the loop in which it ends.
 
     :param chain: frames, each the parent of the one before.
-    :returns: a sentence with the frames of the loop, from parent to child.
+    :returns: a sentence with the frames of the loop, from parent to child; or a sentence that the
+        chain has no loop.
     """
     last = chain[-1]
     earlier = [i for i, frame in enumerate(chain[:-1]) if frame == last]

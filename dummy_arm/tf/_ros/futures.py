@@ -148,7 +148,7 @@ class PendingFutures:
         """
         Complete the futures whose lookups succeed now.
 
-        :returns: True if there were any.
+        :returns: True if a future was completed.
         """
         futures = [future for reference in self._futures.copy().values()
                    if (future := reference()) is not None]
@@ -156,7 +156,7 @@ class PendingFutures:
         for future in futures:
             try:
                 is_done |= self._try(future)
-            except BaseException as raised:  # by a done callback; the other futures come first
+            except BaseException as raised:  # by a done callback; first try the other futures
                 error = raised
         if error is not None:
             raise error
@@ -164,9 +164,10 @@ class PendingFutures:
 
     def _try(self, future: TransformFuture, waited: Optional[float] = None) -> bool:
         """
-        Complete a future if its lookup returns, or raises anything but a TransformException.
+        Complete a future, unless its lookup raises a TransformException and it may go on waiting.
 
-        :param waited: the timeout (s) if it has expired; None: the future may go on waiting.
+        :param waited: the timeout (s) if it has expired: after a TransformException, the future
+            then gets a TimeoutException; None: the future may go on waiting.
         :returns: True if the future is done now.
         """
         try:

@@ -96,7 +96,8 @@ class ListenerThread:
         """
         Stop the thread and join it.
 
-        It is not joined if the caller is this thread, or holds a lock without which it cannot end.
+        The thread is not joined if the caller is the thread itself, or if the caller holds a lock
+        without which the thread cannot end.
         """
         self.has_ended = True
         if self._once.acquire(blocking=False):

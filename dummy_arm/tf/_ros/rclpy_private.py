@@ -38,7 +38,7 @@ RCLError = _rclpy.RCLError
 #: wait(ns).
 WaitSet = _rclpy.WaitSet
 #: take_message(handle, message type, raw) takes a message, as bytes if `raw`. It returns the
-#: message and its info, or None. This is rclpy's function, which `install` replaces elsewhere.
+#: message and its info, or None. `install` replaces the method of rclpy, but not this name.
 take_message = _rclpy.Subscription.take_message
 
 
@@ -54,7 +54,7 @@ def install(message_type: Any) -> None:
 
 def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> None:
     """
-    Make rclpy exchange bytes with rcl instead of messages of one type.
+    Make rclpy pass messages of one type to rcl, and take them from rcl, as bytes.
 
     rclpy's compiled part converts a message by compiled functions of its class, which a class that
     was created at run time does not have. So its messages are converted to and from bytes where
@@ -196,7 +196,7 @@ def guard_condition(node: Node, group: CallbackGroup, on_destroy: Callable[[], o
 
 def is_of_executor(callback: Callable[..., Any]) -> bool:
     """
-    Return True if an executor that spins until a future is done has added a done callback.
+    Return True if a done callback was added by an executor that spins until its future is done.
 
     The executor refers to the future while it spins, and never removes its callback.
 
@@ -210,7 +210,7 @@ def is_of_executor(callback: Callable[..., Any]) -> bool:
 
 #: RCL_RET_SUBSCRIPTION_TAKE_FAILED: there is no message.
 _TAKE_FAILED = 401
-#: The size of a gid (bytes). It is the beginning of `endpoint_gid` of TopicEndpointInfo.
+#: The size of a gid (bytes). `endpoint_gid` of TopicEndpointInfo begins with the gid.
 GID_SIZE = 16
 
 

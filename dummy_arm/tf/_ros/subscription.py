@@ -65,7 +65,8 @@ class SubscriptionSource:
     """
     The source from which a buffer pulls the messages of /tf and /tf_static.
 
-    The source needs no lock: the buffer calls `take` with its own lock held.
+    The source needs no lock: the buffer calls `take` with its own lock held. The listener's thread
+    calls `end_round` without a lock, so the count of messages that it uses may be too low.
     """
 
     def __init__(self, tf_static: Subscription, tf: Subscription,
@@ -168,7 +169,7 @@ class QosMonitor:
             self._log.warning(
                 f"New publisher discovered on topic '{self._topic}', offering incompatible QoS. "
                 f'No messages will be received from it. Last incompatible policy: {policy}. '
-                f'Change its {policy}, or the qos of the TransformListener.')
+                f'Change its {policy}, or qos or static_qos of the TransformListener.')
 
     def close(self) -> None:
         """Release the event, which refers to the subscription."""

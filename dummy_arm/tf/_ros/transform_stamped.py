@@ -17,7 +17,7 @@ from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import cdr
 
-#: Whether messages check what is assigned to their fields (ROS_PYTHON_CHECK_FIELDS).
+#: Whether messages check the values that are assigned to their fields (ROS_PYTHON_CHECK_FIELDS).
 _CHECK_FIELDS: bool = TransformStamped()._check_fields
 
 #: The fields of a TransformStamped, each with its class or its `struct` format.
@@ -203,7 +203,7 @@ def fields_to_send(messages: Iterable[TransformStamped]) -> list[cdr.Fields]:
     :param messages: the transforms.
     :returns: the fields of each, as `fields_of` returns them.
     :raises TypeError: if an element is not a TransformStamped.
-    :raises ValueError: if a buffer would refuse a transform; see `check_edge` and `check_pose`.
+    :raises ValueError: if a name or a pose is not valid; see `check_edge` and `check_pose`.
     """
     transforms = []
     for message in messages:
