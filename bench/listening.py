@@ -26,7 +26,7 @@ HISTORY = 1000
 #: The rate at which lost messages are counted (Hz).
 RATE_LOST = 2000
 #: Rates (Hz), and numbers of frames in a message.
-STREAMS = (500, 20), (1000, 4)
+STREAMS = (500, 20), (1000, 4), (50, 20)
 
 
 def chain(frames: int) -> tuple[cdr.MessageTemplate, NDArray[np.float64]]:
@@ -107,7 +107,8 @@ def over_dds() -> Iterator[Row]:
                    f'{mean(parts) / reference:.3f} of the first')
     expected = RATE_LOST * 10
     got = measured('count', 'TransformListener', 'tf', RATE_LOST, 20, 10)
-    yield (f'{RATE_LOST} Hz x 20 frames, a queue of 100', f'{got:.0f} of {expected} messages', '',
+    yield (f'{RATE_LOST} Hz x 20 frames: TransformListener with a queue of 100',
+           f'{got:.0f} of {expected} messages', '',
            f'{expected - got:.0f} lost')
     own = measured('latency', 'subscription', 'tf', 100, 20, 30)
     waiting = measured('latency', 'TransformListener', 'tf', 100, 20, 30)

@@ -2,8 +2,9 @@
 The geometry of the arm, and its motion as a pure function of time.
 
 The frames are base_link, one link for each joint, and end_effector; each is the parent of the
-next. A joint rotates its link about an axis through the origin of the link. At phase zero all
-frames are aligned with base_link. Units are m, rad and s; quaternions are x, y, z, w.
+next. A joint rotates its link about an axis through the origin of the link. The angle of a joint
+is limit * sin(phase), and the phase grows at a constant speed. At phase zero all frames are
+aligned with base_link. Units are m, rad and s; quaternions are x, y, z, w.
 """
 
 from collections.abc import Sequence
@@ -25,9 +26,9 @@ class Joint:
     A joint and the link that it rotates.
 
     The frame of the link has the name of the joint. Its origin is `offset` (m) along `direction`
-    from the origin of its parent frame, and it rotates about `axis`; both are unit vectors in the
-    parent frame. The joint angle is between -`limit` and `limit` (rad); the phase advances at
-    `speed` (rad/s).
+    from the origin of its parent frame, and it rotates about `axis`; `direction` and `axis` are
+    unit vectors in the parent frame. The joint angle is `limit` * sin(phase) (rad), and the phase
+    advances at `speed` (rad/s).
     """
 
     name: str
@@ -48,7 +49,7 @@ _X, _Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Arm:
-    """A chain of joints, with an end effector `tool` (m) along the x axis of the last link."""
+    """A chain of joints; the end effector is `tool` (m) away along the x axis of the last link."""
 
     joints: tuple[Joint, ...] = (
         Joint('joint_1', 0.3, _Z, _Z, 0.3, math.radians(45)),
@@ -163,5 +164,5 @@ class Wave:
         return replace(self, limit=limit, limit_before=self.limit_at(t), limit_changed=t)
 
     def settled(self) -> 'Wave':
-        """Return a wave in which the last change of the limit is complete at any time."""
+        """Return a wave that has the limit `limit` at every time."""
         return replace(self, limit_changed=-math.inf)

@@ -178,7 +178,7 @@ class DummyArm(Node):
                 f'publishing {MAP} -> {logged(base)} on /tf_static and {chain} on /tf at '
                 f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
         t = self._seconds(now_ns)
-        if t < self._t:  # time was set back; the limits that were set last shall stay
+        if t < self._t:  # time was set back, which must not undo the last change of a limit
             self._waves = [wave.settled() for wave in self._waves]
         self._t = t
         self._joints.send(now_ns, self._arm.poses_at([wave.angle(t) for wave in self._waves]))

@@ -121,9 +121,9 @@ def test_its_output_and_its_parameters(ros, start):
     (['--frame-id', '', '--child-frame-id', 'base'], 'Frame id must not be empty'),
     (['--frame-id', 'map', '--child-frame-id', '/'], 'Child frame id must not be empty'),
     (['--frame-id', 'a\udcff', '--child-frame-id', 'b'], 'must be valid Unicode'),
-    (['1', '2', '3'], 'are 8, x y z yaw pitch roll .*, or 9, .*; got 3'),
-    (['1'], 'are 8, x y z yaw pitch roll .*, or 9, .*; got 1'),
-    ([*'0123456789', 'map', 'base'], 'are 8, .*, or 9, .*; got 12'),
+    (['1', '2', '3'], r'8 arguments \(x y z yaw pitch roll .*\) or 9 \(.*\), got 3'),
+    (['1'], r'8 arguments \(x y z yaw pitch roll .*\) or 9 \(.*\), got 1'),
+    ([*'0123456789', 'map', 'base'], r'8 arguments \(.*\) or 9 \(.*\), got 12'),
     (['--frame_id', 'map', '--child-frame-id', 'base'], r'--frame_id.*did you mean --frame-id\?'),
 ])
 def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments, message):

@@ -501,8 +501,8 @@ def test_a_bag_of_a_namespace(capsys, tmp_path):
 
 
 @pytest.mark.parametrize(('arguments', 'code', 'why'), [
-    (('--bag', 'x', '--watch'), 2, 'a bag is read, not listened to'),
-    (('--bag', 'x', '-t', '5'), 2, 'a bag is read, not listened to'),
+    (('--bag', 'x', '--watch'), 2, 'are for listening: leave them out'),
+    (('--bag', 'x', '-t', '5'), 2, 'are for listening: leave them out'),
     (('--namespace', 'x'), 2, '--ros-args -r /tf:=/NAME/tf'),
     (('--bag', ''), 2, '--bag needs the path of a bag'),
     (('--bag', 'nowhere'), 1, 'cannot read nowhere: No such file or directory')])

@@ -54,7 +54,7 @@ def web_view() -> int:
 
 def _run(module: str) -> int:
     """Import a module and run its `main`; Ctrl-C and SIGTERM are normal ends."""
-    record_signals()  # a KeyboardInterrupt within an import can turn into another error
+    record_signals()  # a KeyboardInterrupt in an import may be reported as another error
     try:
         main = import_module(module).main
         return 0 if signal_received() else int(main())

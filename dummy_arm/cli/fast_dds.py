@@ -34,10 +34,11 @@ def detach_discovery_listener(domain_id: int) -> bool:
     Detach the discovery listener from the Fast DDS participant of this process.
 
     rmw_fastrtps detaches it when the last node is destroyed, with an infinite timeout. Fast DDS
-    2.14 adds that timeout to now(), which overflows (`DomainParticipant::set_listener`). If a
-    callback of the listener is pending then, because another participant has just been found or
-    lost, it busy-waits for ever while it holds the lock that the callback needs. One Ctrl-C for
-    several nodes leads to this. With a timeout of one second, Fast DDS waits as intended.
+    2.14 adds that timeout to now(), and the sum overflows (`DomainParticipant::set_listener`).
+    A callback of the listener may be pending at that time, because another participant has just
+    been found or lost. Then Fast DDS busy-waits for ever, and holds the lock that the callback
+    needs. This can happen when one Ctrl-C ends several nodes. With a timeout of one second, Fast
+    DDS waits as intended.
 
     :param domain_id: the ROS domain of the participant.
     :returns: True if the listener was detached; False if there is no participant of Fast DDS 2.14,

@@ -16,7 +16,8 @@ from dummy_arm.cli.fast_dds import destroy
 from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
 from dummy_arm.cli.signals import begin_cleanup, signal_received
 
-#: The longest wait in the middleware (s); a recorded signal does not interrupt it.
+#: The longest wait in the middleware (s). A signal whose handler only records it does not end the
+#: wait.
 _LONGEST_WAIT = 0.2
 
 
@@ -48,7 +49,7 @@ def ros_context(ros_args: Sequence[str]) -> Iterator[None]:
     try:
         # The signal handlers of rclpy would shut the context down while a node is using it.
         rclpy.init(args=list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
-    except RuntimeError as error:  # of rcl, such as for an invalid ROS_DOMAIN_ID
+    except RuntimeError as error:  # rcl failed, for example because ROS_DOMAIN_ID is invalid
         raise CommandError(rcl_error_text(error)) from None
     try:
         yield
@@ -67,8 +68,8 @@ def spinning_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
     :param ros_args: as `run_node`.
     :returns: a context manager; `as` gives the node.
     :raises UsageError: if the node rejects a parameter of the ROS arguments.
-    :raises CommandError: if ROS cannot be initialised, or if the executor raises an error within
-        the block; the block is interrupted then.
+    :raises CommandError: if ROS cannot be initialised, or if the executor raises an error, which
+        interrupts the block.
     """
     with ros_context(ros_args):
         node, stop_requested = rclpy.create_node(name), Event()

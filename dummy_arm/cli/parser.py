@@ -111,7 +111,12 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
 
 
 def _make_writable() -> None:
-    """Replace closed streams, flush at each line, and escape what cannot be encoded."""
+    """
+    Make stdout and stderr usable.
+
+    A closed stream is replaced by os.devnull. Each line is flushed, and characters that cannot be
+    encoded are escaped.
+    """
     for name in 'stdout', 'stderr':
         if getattr(sys, name) is None:  # the parent process has closed it
             setattr(sys, name, open(os.devnull, 'w'))  # noqa: SIM115

@@ -11,12 +11,12 @@ import time
 from typing import Any
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
-#: The longest `time.sleep` (s). The handler does not raise at the first signal, and then Python
-#: continues the sleep (PEP 475).
+#: The longest `time.sleep` (s). The first signal does not end a `time.sleep`, because its handler
+#: raises no exception (PEP 475).
 _STEP = 0.05
 
 _received: list[int] = []
-#: The number of signals that are only recorded.
+#: The number of signals that are recorded before the next one raises KeyboardInterrupt.
 _recorded = 1
 
 

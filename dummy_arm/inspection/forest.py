@@ -55,7 +55,7 @@ class Forest:
         """
         Return the tree that consists of a frame and its descendants.
 
-        If the frame is part of a loop, these are all frames of the loop and their descendants.
+        If the frame is part of a loop, the tree has all frames of the loop and their descendants.
 
         :param root: the name of the frame.
         :returns: the tree, with `root` as its root.
@@ -103,7 +103,9 @@ class Forest:
     def _child_lines(self, parent: str, indent: str, level: int
                      ) -> list[tuple[TreeLine, str, int]]:
         """
-        Return the lines of the children of a frame, in reverse order: the caller pops them.
+        Return the lines of the children of a frame, the last child first.
+
+        The caller pops the lines from the end.
 
         :param indent: the branches that the lines of all children begin with.
         :param level: the level of the children; 1 below a root.

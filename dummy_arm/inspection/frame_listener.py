@@ -12,10 +12,10 @@ from dummy_arm.tf import Buffer, Frame
 from dummy_arm.tf.formatting import comma_list, match_candidates, quoted, suggest_names
 from dummy_arm.tf.publisher_listener import PublisherListener
 
-#: The number of known frames that a message lists.
+#: The largest number of known frames that a message lists.
 _SHOWN = 20
-#: During this time (s) after the start, no reason is given why there are no frames: discovery
-#: usually takes less.
+#: For this time (s) after the start, the text of `why_no_frames` is not added to other texts: the
+#: publishers may not have been discovered yet.
 _DISCOVERY = 1.0
 
 
@@ -68,7 +68,7 @@ class FrameListener:
         Return why there is no transform, and which frames exist.
 
         While no frame exists at all, the first call after the time for discovery also returns the
-        text of `why_no_frames`; others do not repeat it.
+        text of `why_no_frames`; later calls do not repeat this text.
 
         :param target: the frame in which the transform is expressed.
         :param source: the frame whose pose is looked up.

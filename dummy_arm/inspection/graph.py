@@ -12,7 +12,7 @@ from dummy_arm.inspection.forest import Forest, frequency
 from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import display_time, dot_quoted, in_seconds, visible
 
-#: The interval (s) at which the caller of `draw` is called back.
+#: The interval (s) at which `draw` calls `tick`.
 _STEP = 0.05
 #: The program of the process that draws. It takes over sys.path from this process: by default,
 #: `python -c` would look for modules in the working directory first.
@@ -38,14 +38,14 @@ def as_dot(forest: Forest, now: int) -> str:
 
     :param forest: the frames.
     :param now: the time that is shown as the time of recording (ns).
-    :returns: the graph, with the labels of tf2's view_frames.
+    :returns: the graph, with labels like those of tf2's view_frames.
     """
     frames = forest.frames.values()
     names = [*(name for frame in frames for name in (frame.parent, frame.name)), *forest.roots]
     lines = ['digraph G {',
              f'label="view_frames Result\\nRecorded at time: {display_time(now)}";',
              'labelloc=t;',
-             # Other fonts have ligatures: a search for "end_effector" would fail in the PDF.
+             # Other fonts draw ff as one character: a search for "end_effector" would fail.
              'fontname=monospace;',
              'node [fontname=monospace];',
              'edge [fontname=monospace, fontsize=10];']
@@ -56,7 +56,12 @@ def as_dot(forest: Forest, now: int) -> str:
 
 
 def _id(name: str) -> str:
-    """Return the DOT identifier of a frame, escaped: SVG allows no control characters."""
+    """
+    Return the DOT identifier of a frame.
+
+    Control characters in it are escaped: graphviz copies the identifier into an SVG file, which
+    must not contain them.
+    """
     return dot_quoted(name if name.isprintable() else repr(name))
 
 
@@ -94,15 +99,16 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
     :raises DrawingError: if pygraphviz cannot be imported, or graphviz fails.
     """
     try:
-        import pygraphviz  # noqa: F401  (to fail here, with a better error than the process has)
+        import pygraphviz  # noqa: F401  (its error is clearer here than from the process)
     except ImportError as error:
         raise DrawingError(
             f'drawing needs pygraphviz, which cannot be imported ({error}): pip install '
             'pygraphviz; or with ROS on Ubuntu: apt install python3-pygraphviz') from None
     # Graphviz runs in a process of its own, since a signal does not interrupt C code, and in a
-    # session of its own, so that Ctrl-C reaches only this process. The program dot, which
-    # pygraphviz starts before version 2, is part of that session. The graph is passed as a file:
-    # after a timeout, a repeated communicate() does not send the rest of its input.
+    # session of its own, so that Ctrl-C reaches only the process that called `draw`. Before
+    # version 2, pygraphviz starts the program dot, which is in that session, too. The graph is
+    # passed as a file: after a timeout, a repeated communicate() does not send the rest of its
+    # input.
     try:
         with TemporaryFile() as graph:
             graph.write(dot.encode())

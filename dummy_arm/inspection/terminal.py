@@ -19,7 +19,8 @@ def show(lines: Sequence[str], count: Optional[int] = None) -> None:
     A terminal shows as many lines as fit, cut off at its width, and how many more there are.
 
     :param lines: the lines; for a terminal, the first `height()` of them are enough.
-    :param count: the number of all lines; None: there are no others.
+    :param count: the number of all lines, including those that `lines` leaves out; None: `lines`
+        leaves out none.
     """
     if sys.stdout.isatty():
         columns, rows = shutil.get_terminal_size()
@@ -75,8 +76,8 @@ def column_width(widths: Iterable[int]) -> int:
     """
     Return the width to which the cells of a table column are padded.
 
-    This is the width of the widest cell that is narrower than an abbreviated name (100). A wider
-    cell makes only its own line longer.
+    This is the width of the widest cell that has fewer than 100 columns, the width of an
+    abbreviated name. A wider cell makes only its own line longer.
 
     :param widths: the widths of the cells.
     :returns: the width; 0 if no cell is narrower than 100.
@@ -95,7 +96,7 @@ def padded(text: str, columns: int) -> str:
 
     :param text: the text.
     :param columns: the width that the text should have on a terminal.
-    :returns: the padded text; the unchanged text if it is as wide already.
+    :returns: the padded text; the unchanged text if it is at least as wide already.
 
     >>> padded('map', 5)
     'map  '

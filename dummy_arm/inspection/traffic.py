@@ -13,12 +13,12 @@ from dummy_arm.tf.formatting import in_seconds, SECOND
 if TYPE_CHECKING:
     from dummy_arm.tf.publisher_listener import ReceivedMessage
 
-#: Statistics cover this time before now, in whole seconds (s).
+#: Statistics cover this many whole seconds of the clock, and the current one.
 WINDOW = 10
-#: For this long (ns) after the first message of a publisher, its messages are not counted: they
-#: may have waited until the subscription was discovered.
+#: For this time (ns) after the first message of a publisher, its messages are not counted: they
+#: may be late because they waited until the publisher had discovered the subscription.
 _SETTLING = SECOND // 5
-#: The largest number of pairs of a frame and a publisher that are distinguished.
+#: The largest number of pairs of a frame and a publisher for which statistics are kept.
 _MOST = 100_000
 #: The number of publishers for which the time of the first message is kept.
 _MOST_PUBLISHERS = 10_000
@@ -112,7 +112,7 @@ class Stream(NamedTuple):
 
     frame: str  #: the child frame; '': all frames of the node
     node: str  #: the full name of the node
-    is_static: bool  #: none of them was received on /tf
+    is_static: bool  #: none of the transforms was received on /tf
     is_present: bool  #: the node still publishes on /tf or /tf_static
     summary: Optional[Summary]  #: of dynamic transforms; None if none was counted in the window
     #: Time since the last dynamic transform that was counted (s); None if none was counted.
@@ -148,7 +148,7 @@ class Traffic:
         self._arrivals: dict[tuple[str, str], _Arrivals] = {}
         #: By gid: the reception time of the first dynamic message of the publisher (ns).
         self._since: dict[str, int] = {}
-        #: The time when the clocks were last read (ns).
+        #: The time that `now` returned last (ns).
         self._latest = 0
         #: The system time at which a backward jump of time was last noticed (ns).
         self._set_back = 0
@@ -169,7 +169,7 @@ class Traffic:
                     self._count(message, now - system if now else None)
 
     def _read_clocks(self) -> tuple[int, int]:
-        """Return the time and the system time (ns); after a jump back, discard all delays."""
+        """Return the times of both clocks (ns); if time has jumped back, discard all delays."""
         now, system = self._now(), self._system_clock()
         if now < self._latest - SECOND:
             self._set_back = system
@@ -205,7 +205,7 @@ class Traffic:
             arrivals.delays.add(arrival, arrival - row.stamp_ns)
 
     def _arrivals_of(self, frame: str, gid: str) -> _Arrivals:
-        """Return the arrivals of a frame and publisher; those above the limit are not kept."""
+        """Return the arrivals of a frame and publisher; new ones are kept up to the limit."""
         arrivals = self._arrivals.get((frame, gid))
         if arrivals is None:
             arrivals = _Arrivals()
@@ -220,8 +220,8 @@ class Traffic:
 
         :param names_of: returns the full names of nodes by the gids of their publishers.
         :param present: the gids of the publishers that still exist.
-        :returns: the streams of each frame and node, sorted by name, then those of all frames of
-            each node.
+        :returns: a stream for each frame and node, sorted by their names; then, for each node, a
+            stream for all its frames.
         """
         with self._lock:
             gids = {gid for _, gid in self._arrivals}

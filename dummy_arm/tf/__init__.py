@@ -1,7 +1,7 @@
 """
 TF of ROS 2 in pure Python, with the names of tf2_ros.
 
-Each name is imported on its first use, so that those that do not need rclpy work without it.
+Each name is imported on its first use. So names that do not need rclpy can be used without rclpy.
 """
 
 from importlib import import_module

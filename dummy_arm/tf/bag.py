@@ -42,10 +42,10 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     :param max_samples: how many dynamic transforms are kept, as in `BufferCore`; None: all.
     :param on_progress: called repeatedly with the fraction of the bag that has been read, from 0
         to 1. An exception that it raises ends the reading and is raised by `read`.
-    :returns: a buffer with the transforms of the bag. The authority of a transform is the node
-        that published it in a bag of ROS 1, and 'not recorded' in a bag of rosbag2.
-    :raises BagError: if the path is not a bag, or the bag is damaged, has no transforms, or has a
-        chunk or message that is larger than max_bytes.
+    :returns: a buffer with the transforms of the bag. For a bag of ROS 1, the authority of a
+        transform is the node that published it; for a bag of rosbag2, it is 'not recorded'.
+    :raises BagError: if the path is not a bag, or the bag has no transforms; unless `partial`,
+        also if the bag is damaged, or has a chunk or message that is larger than max_bytes.
     :raises ValueError: if max_bytes, cache_time or max_samples is out of range.
     :raises OSError: if the path does not exist, or is a file that cannot be opened.
     """
@@ -110,7 +110,7 @@ def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
 
 def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
     """
-    Yield the TF messages of a bag, as their streams and bytes.
+    Yield the stream and the bytes of each TF message of a bag.
 
     :raises BagError: if the path is not a bag, or the bag is damaged and not read as partial.
     :raises OSError: if the path does not exist, or is a file that cannot be opened.
@@ -124,7 +124,7 @@ def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
             from dummy_arm.tf._bag import rosbag2
             yield from rosbag2.records(path, context)
     except Exception as error:  # a damaged file causes errors of many types
-        context.tick()  # if on_progress has raised, that is the cause: it is raised again
+        context.tick()  # if on_progress has raised an exception, this raises it again
         if isinstance(error, ImportError):
             raise BagError(f'a library that reads bags cannot be imported ({error}): '
                            'pip install mcap lz4 ruamel.yaml backports.zstd') from None
@@ -138,10 +138,10 @@ def _grouped_by_stream(records: Iterable[tuple[Stream, bytes]], in_order: bool
     """
     Yield messages in groups of about `_BATCH_BYTES`, each sorted by stream.
 
-    Messages of one stream keep their order. Static messages also keep their order relative to
-    those of other streams.
+    Messages of one stream keep their order. A static message also keeps its place among the
+    messages of the other streams.
 
-    :param in_order: keep the order of dynamic messages of different streams, too.
+    :param in_order: True: dynamic messages of different streams keep their order, too.
     """
     groups: defaultdict[Stream, list[bytes]] = defaultdict(list)
     messages: list[bytes] = []

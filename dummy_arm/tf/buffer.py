@@ -40,10 +40,10 @@ class Buffer(MessageBufferCore, BufferInterface):
         Create an empty buffer.
 
         :param cache_time: how long samples are kept; None: 10 s.
-        :param node: the node whose executor is woken when a future is done, and whose clock clears
-            the buffer when it jumps back by 1 s or more or switches between system time and
-            simulated time. If tf2_msgs is installed, the node gets the service `tf2_frames`, which
-            returns all frames. None: no node; the context is the default one.
+        :param node: a node, or None. The executor of the node is woken when a future is done. The
+            buffer is cleared when the clock of the node jumps back by 1 s or more, or switches
+            between system time and simulated time. If tf2_msgs is installed, the node gets the
+            service `tf2_frames`, which returns all frames. None: the default context is used.
         :param max_frames: the largest number of frames; see `BufferCore`.
         :param max_samples: the largest number of samples; see `BufferCore`.
         :raises TypeError: if the cache time is not a duration.
@@ -74,7 +74,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Log rejected transforms, and complete the futures whose transforms are available now.
 
-        The lock must not be held.
+        Call this without the lock, if possible.
 
         :returns: whether a future was completed.
         """
@@ -129,7 +129,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param target_time: time of the target frame; a zero Time: the latest time for
             which every edge between it and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: likewise.
+        :param source_time: time of the source frame; a zero Time: as for `target_time`.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :returns: the transform from the source frame to the target frame, stamped with the target
@@ -186,9 +186,9 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :param return_debug_tuple: whether to return the reason, too.
-        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of that
-            and of the text of the error, '' if there is none.
+        :param return_debug_tuple: whether to return the text of the error, too.
+        :returns: True if the transform is available; with `return_debug_tuple`, a tuple of this
+            bool and the text of the error, which is '' if there is no error.
         :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         error = self._why_not(_seconds(timeout), self._lookups.check, target_frame, source_frame,
@@ -206,12 +206,12 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param target_time: time of the target frame; a zero Time: the latest time for
             which every edge between it and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: likewise.
+        :param source_time: time of the source frame; a zero Time: as for `target_time`.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :param return_debug_tuple: whether to return the reason, too.
-        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of that
-            and of the text of the error, '' if there is none.
+        :param return_debug_tuple: whether to return the text of the error, too.
+        :returns: True if the transform is available; with `return_debug_tuple`, a tuple of this
+            bool and the text of the error, which is '' if there is no error.
         :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         error = self._why_not(
@@ -234,7 +234,7 @@ class Buffer(MessageBufferCore, BufferInterface):
             None: never.
         :returns: the future; its result is the TransformStamped. It is done already if the
             transform is available now.
-        :raises TypeError: if a time or the timeout is of another type.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         return self._create_future(
             partial(self.lookup_transform_core, target_frame, source_frame, time), timeout,
@@ -253,7 +253,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param fixed_frame: as in `lookup_transform_full`.
         :param timeout: as in `wait_for_transform_async`.
         :returns: the future, as in `wait_for_transform_async`.
-        :raises TypeError: if a time or the timeout is of another type.
+        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         return self._create_future(
             partial(self.lookup_transform_full_core, target_frame, target_time, source_frame,
@@ -261,7 +261,7 @@ class Buffer(MessageBufferCore, BufferInterface):
 
     def _create_future(self, lookup: Callable[[], TransformStamped], timeout: Optional[Duration],
                        source_frame: str, target_frame: str) -> Future:
-        """Create a future of a lookup, and wake the sources if it is not done at once."""
+        """Create a future of a lookup; wake the sources if the future is not done at once."""
         future = self._futures.add(
             lookup, None if timeout is None else _seconds(timeout),
             f"the transform from '{source_frame}' to '{target_frame}'")
@@ -276,7 +276,7 @@ def _seconds(timeout: Duration) -> float:
 
 
 # The callbacks of the node and of its clock. They hold weak references to the buffer, so that
-# neither keeps it alive.
+# neither the node nor the clock keeps the buffer alive.
 
 
 def _create_jump_handle(clock: Clock, buffer: Buffer) -> JumpHandle:
@@ -284,8 +284,8 @@ def _create_jump_handle(clock: Clock, buffer: Buffer) -> JumpHandle:
     handle = clock.create_jump_callback(
         JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1), on_clock_change=True),
         post_callback=partial(_on_time_jump, ref(buffer)))
-    # rcl stores the address of the handle without a reference, so it must be unregistered before
-    # it is freed.
+    # rcl stores the address of the handle without a reference, so the handle must be unregistered
+    # before it is freed.
     finalize(buffer, _unregister, handle).atexit = False
     return handle
 

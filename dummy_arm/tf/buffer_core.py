@@ -1,4 +1,4 @@
-"""The buffer without ROS: stores transforms and looks them up, with the same results as tf2."""
+"""A buffer that needs no ROS: it stores transforms and looks them up, with tf2's results."""
 
 from typing import Any, Optional, Union
 
@@ -9,10 +9,11 @@ from dummy_arm.tf.transform import Transform
 
 class BufferCore(Engine):
     """
-    A buffer that stores transforms for the cache time, and looks up the pose of frames in others.
+    A buffer that keeps transforms for the cache time, and looks up the poses of frames.
 
-    Frame ids have no leading slash. A time or a duration is an int (ns), or an object with `sec`
-    and `nanosec` or with `nanoseconds`; in a lookup, time 0 is the latest time for which every
+    Frame ids have no leading slash. A time or a duration is an int (ns), or an object with
+    `nanoseconds` or with both `sec` and `nanosec`. An edge connects a frame with its parent; a
+    path is the edges between two frames. In a lookup, time 0 means the latest time for which every
     edge on the path has data. All methods may be called in any thread.
 
     A lookup raises a subclass of TransformException: LookupException if a frame does not exist or
@@ -28,12 +29,13 @@ class BufferCore(Engine):
         Create an empty buffer.
 
         :param cache_time: how long samples are kept (ns), counted back from the newest sample of
-            their frame.
-        :param max_frames: the largest number of frames; transforms that add more are rejected.
-        :param max_samples: the largest number of samples of all dynamic frames together, 60 to
-            100 bytes each. At the limit, a new sample of a frame replaces its oldest one. One
-            frame keeps at most 10 000 samples per second of cache time. None: neither limit
-            applies.
+            their frame. A sample is the pose of a frame in its parent at one stamp.
+        :param max_frames: the largest number of frames; a transform that would add another frame
+            is rejected.
+        :param max_samples: the largest number of samples of all dynamic frames together; a sample
+            takes 60 to 100 bytes. At the limit, a new sample replaces the oldest sample of its
+            frame. In addition, one frame keeps at most 10 000 samples per second of cache time.
+            None: neither of these two limits applies.
         :raises TypeError: if the cache time is not a duration.
         :raises ValueError: if the cache time is negative, or max_samples is less than 1.
         """
@@ -49,7 +51,7 @@ class BufferCore(Engine):
         :param authority: the name of the publisher, shown by `frames`.
         :returns: False if the transform was rejected; the log says why.
         :raises TypeError: if it is not a Transform, or one of its fields has another type.
-        :raises ValueError: if its translation and rotation do not have three and four numbers.
+        :raises ValueError: if its translation and rotation do not have seven numbers in total.
         :raises OverflowError: if its stamp does not fit an int64.
         """
         return self._set(transform, authority, False)
@@ -85,8 +87,8 @@ class BufferCore(Engine):
         :param time: time of the transform (ns); 0: the latest time for which every edge on the
             path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :returns: the transform from the source frame to the target frame. Its stamp is the time,
-            or that latest time.
+        :returns: the transform from the source frame to the target frame. Its stamp is `time`;
+            if that is 0, the latest time described above.
         :raises TransformException: if there is no such transform; its subclass says why.
         :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
@@ -99,13 +101,13 @@ class BufferCore(Engine):
         """
         Return the pose of the source frame at one time in the target frame at another time.
 
-        Each of the two is located in the fixed frame at its own time.
+        Each of the two frames is located in the fixed frame at its own time.
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame (ns); 0: the latest time for
             which every edge between it and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame (ns); 0: likewise.
+        :param source_time: time of the source frame (ns); 0: as for `target_time`.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
         :returns: the transform from the source frame to the target frame, stamped with the target
@@ -130,9 +132,9 @@ class BufferCore(Engine):
         :param time: time of the transform (ns); 0: the latest time for which every edge on the
             path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :param return_debug_tuple: whether to return the reason, too.
-        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of that
-            and of the text of the error, '' if there is none.
+        :param return_debug_tuple: whether to return the text of the error, too.
+        :returns: True if the transform is available; with `return_debug_tuple`, a tuple of this
+            bool and the text of the error, which is '' if there is no error.
         :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         error = self._why_not(_seconds(timeout), self._lookups.check, target_frame, source_frame,
@@ -149,12 +151,12 @@ class BufferCore(Engine):
         :param target_time: time of the target frame (ns); 0: the latest time for
             which every edge between it and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame (ns); 0: likewise.
+        :param source_time: time of the source frame (ns); 0: as for `target_time`.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :param return_debug_tuple: whether to return the reason, too.
-        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of that
-            and of the text of the error, '' if there is none.
+        :param return_debug_tuple: whether to return the text of the error, too.
+        :returns: True if the transform is available; with `return_debug_tuple`, a tuple of this
+            bool and the text of the error, which is '' if there is no error.
         :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
         """
         error = self._why_not(
@@ -169,7 +171,8 @@ class BufferCore(Engine):
 
         :param target_frame: the frame at one end of the path.
         :param source_frame: the frame at the other end.
-        :returns: time (ns); 0 if all edges are static.
+        :returns: time (ns); 0 if all edges are static. If both frames are the same, the stamp of
+            the newest sample of that frame.
         :raises TransformException: if there is no path; its subclass says why.
         :raises TypeError: if a frame is not a str.
         """

@@ -1,4 +1,4 @@
-"""The base class of buffers that transform objects, and the registries of their types."""
+"""The base class of buffers that transform objects, and the registries of object types."""
 
 from collections.abc import Callable
 from copy import deepcopy
@@ -26,7 +26,7 @@ class TypeException(Exception):
         """
         Create the exception.
 
-        :param errstr: its text; kept as the attribute `errstr`, as in tf2_ros.
+        :param errstr: the text of the exception; kept as the attribute `errstr`, as in tf2_ros.
         """
         super().__init__(errstr)
         self.errstr = errstr
@@ -57,8 +57,8 @@ class BufferInterface:
         PointStamped, Vector3Stamped, PoseStamped, PoseWithCovarianceStamped, PolygonStamped and
         PointCloud2 are registered; see `TransformRegistration` for other types.
 
-        :param object_stamped: an object with a header, of a registered type. A zero stamp is the
-            latest time for which every edge on the path has data.
+        :param object_stamped: an object with a header, of a registered type. A zero stamp means
+            the latest time for which every edge on the path has data.
         :param target_frame: the frame in which the result is expressed.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :param new_type: the type to which the result is converted; None: no conversion.
@@ -124,7 +124,7 @@ class BufferInterface:
         :param target_time: time of the target frame; a zero Time: the latest time for
             which every edge between it and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: likewise.
+        :param source_time: time of the source frame; a zero Time: as for `target_time`.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :returns: the transform from the source frame to the target frame.
@@ -143,7 +143,7 @@ class BufferInterface:
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: whether the transform is available, or a tuple of that and of the text of the
+        :returns: whether the transform is available; or a tuple of this bool and the text of the
             error.
         :raises NotImplementedException: if the subclass does not implement it.
         """
@@ -161,10 +161,10 @@ class BufferInterface:
         :param target_time: time of the target frame; a zero Time: the latest time for
             which every edge between it and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: likewise.
+        :param source_time: time of the source frame; a zero Time: as for `target_time`.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: whether the transform is available, or a tuple of that and of the text of the
+        :returns: whether the transform is available; or a tuple of this bool and the text of the
             error.
         :raises NotImplementedException: if the subclass does not implement it.
         """
@@ -335,12 +335,13 @@ def convert(a: TransformableObject, b_type: TransformableObjectType) -> Transfor
     Convert an object to a type.
 
     The registered conversion between the two types is used. If there is none, an object that
-    already has the type is copied; any other is converted to a message, and that to the type.
+    already has the type is copied. Any other object is converted to a message, and the message is
+    converted to the type.
 
     :param a: the object.
     :param b_type: the type of the result.
     :returns: an object of that type.
-    :raises TypeException: if no such functions are registered.
+    :raises TypeException: if a function that this needs is not registered.
     """
     registration = ConvertRegistration()
     try:

@@ -15,13 +15,13 @@ class TransformException(Exception):
     @classmethod
     def with_hint(cls: type[_Error], words: str, hint: Callable[[], str]) -> _Error:
         """
-        Create an error whose hint is computed when its text is first read.
+        Create an error whose text ends with a hint, computed when the text is first read.
 
-        While a lookup or a future waits, it raises and discards many errors that nobody reads.
+        A lookup or a future that waits raises and discards many errors whose text is never read.
 
         :param words: the text of tf2.
-        :param hint: returns the text that follows it; may be called in any thread, without the
-            lock of the buffer.
+        :param hint: returns the text that follows `words`; may be called in any thread, without
+            the lock of the buffer.
         :returns: the error.
         """
         error = cls(words)

@@ -1,8 +1,8 @@
 """
 Transform messages with points, vectors, poses and clouds.
 
-The functions have the names and results of tf2_geometry_msgs; `do_transform_cloud` is that of
-tf2_sensor_msgs.
+The functions have the same names and results as in tf2_geometry_msgs, and `do_transform_cloud` as
+in tf2_sensor_msgs.
 
 Each function takes a transform whose child frame is the frame of the data. The result is expressed
 in the frame of the transform; a stamped result has the header of the transform.
@@ -144,7 +144,7 @@ def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDAr
 
 
 def _header(transform: TransformStamped) -> Header:
-    """Return a copy of the header, so that results do not share it."""
+    """Return a copy of the header, so that the result and the transform do not share it."""
     header = transform.header
     return Header(stamp=copy(header.stamp), frame_id=header.frame_id)
 
@@ -177,9 +177,10 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
 
     :param cloud: a cloud of any layout, with fields x, y, z of FLOAT32 or FLOAT64. NaN stays NaN.
     :param transform: a transform whose child frame is the frame of the cloud.
-    :returns: a new cloud that does not share its data; its header is that of the transform, or
-        that of the cloud if the transform has none.
-    :raises ValueError: if there is no field x, y or z, or the layout does not fit the data.
+    :returns: a new cloud, whose data are not shared with the given cloud. Its header is that of
+        the transform; for a Transform, which has no header, it is that of the given cloud.
+    :raises ValueError: if one of the fields x, y, z is missing or has another datatype, or if the
+        layout does not fit the data.
     """
     result = copy(cloud)
     result.fields = list(cloud.fields)

@@ -88,13 +88,13 @@ class MessageBufferCore(Engine):
         """
         Return the pose of the source frame at one time in the target frame at another time.
 
-        It does not wait. Each of the two is located in the fixed frame at its own time.
+        It does not wait. Each of the two frames is located in the fixed frame at its own time.
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
             which every edge between it and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: likewise.
+        :param source_time: time of the source frame; a zero Time: as for `target_time`.
         :param fixed_frame: a frame that does not move between the two times.
         :returns: the transform from the source frame to the target frame, stamped with the target
             time.
@@ -114,7 +114,8 @@ class MessageBufferCore(Engine):
         :param source_frame: the frame whose pose is looked up.
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
-        :returns: whether the transform is available, and the text of the error, '' if it is.
+        :returns: whether the transform is available, and the text of the error, which is '' if
+            there is no error.
         :raises TypeError: if a frame is not a str, or the time is of another type.
         """
         return debug_tuple(self._why_not(
@@ -129,9 +130,10 @@ class MessageBufferCore(Engine):
         :param target_time: time of the target frame; a zero Time: the latest time for
             which every edge between it and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: likewise.
+        :param source_time: time of the source frame; a zero Time: as for `target_time`.
         :param fixed_frame: a frame that does not move between the two times.
-        :returns: whether the transform is available, and the text of the error, '' if it is.
+        :returns: whether the transform is available, and the text of the error, which is '' if
+            there is no error.
         :raises TypeError: if a frame is not a str, or a time is of another type.
         """
         return debug_tuple(self._why_not(
@@ -144,7 +146,8 @@ class MessageBufferCore(Engine):
 
         :param target_frame: the frame at one end of the path.
         :param source_frame: the frame at the other end.
-        :returns: that time; a zero Time if all edges are static.
+        :returns: that time; a zero Time if all edges are static. If both frames are the same, the
+            stamp of the newest sample of that frame.
         :raises TransformException: if there is no path; its subclass says why.
         :raises TypeError: if a frame is not a str.
         """
@@ -158,7 +161,7 @@ class MessageBufferCore(Engine):
                           source_frame, nanoseconds(source_time), fixed_frame)
 
     def _allFramesAsDot(self, time: Time = _LATEST) -> str:  # noqa: N802
-        """Return tf2's DOT graph of all frames; a time other than zero adds their ages then."""
+        """Return tf2's DOT graph of all frames; a nonzero time adds the ages at that time."""
         return as_dot(self.frames(), self.frame_names(), nanoseconds(time))
 
     def _frameExists(self, frame_id: str) -> bool:  # noqa: N802

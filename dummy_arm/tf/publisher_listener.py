@@ -21,11 +21,12 @@ from dummy_arm.tf.transform_listener import TransformListener
 UNKNOWN = 'unknown publisher'
 #: The time between two queries for the publishers (s).
 _QUERY_INTERVAL = 0.5
-#: The largest number of publishers whose names are kept, including those that are gone.
+#: The largest number of publishers whose names are kept, including publishers that are gone.
 _MOST_NAMES = 10_000
 #: The name that rmw reports for a publisher whose node is not discovered yet.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
-#: The largest number of messages, and of their bytes, that are kept for `received`.
+#: The largest number of messages that are kept for `received`, and the largest sum of their sizes
+#: (bytes).
 _MOST_MESSAGES, _MOST_BYTES = 10_000, 2**24
 
 
@@ -89,7 +90,7 @@ class _NodeNames:
         """
         Query the ROS graph, unless the last query was less than half a second ago.
 
-        Regular queries find the name of a node that ends before somebody asks for it.
+        With regular queries, a name is known even if its node ends before `names_of` is called.
         """
         if (now := monotonic()) >= self._next_query:
             self._next_query = now + _QUERY_INTERVAL
@@ -111,8 +112,8 @@ class _NodeNames:
         """
         Query the ROS graph for the publishers and the names of their nodes.
 
-        The names of publishers that are gone are kept, up to a limit, beyond which the oldest are
-        dropped.
+        The names of publishers that are gone are kept, too. If there are more than `_MOST_NAMES`
+        names, the oldest names of publishers that are gone are dropped.
         """
         present = set()
         for topic in self.topics:
@@ -141,7 +142,7 @@ class _GidSource(SubscriptionSource):
         super().__init__(*args)
         names.topics = {topic.name for topic, _, _ in self._topics}
         self._names = names
-        #: The takers of /tf and /tf_static; None if rcl cannot be called: no gids are known then.
+        #: The takers of /tf and /tf_static; None if rcl cannot be called, so that no gid is known.
         self._takers = [Taker(ReceivedMessage.of) if rcl_take() else None for _ in range(2)]
         self._kept: deque[ReceivedMessage] = deque()
         self._size = self._dropped = 0
@@ -183,11 +184,11 @@ class _GidSource(SubscriptionSource):
         return super().end_round()
 
     def _keep(self, messages: list[Any], is_static: bool) -> None:
-        """Move decoded messages to those that `received` returns; drop the oldest if necessary."""
+        """Move decoded messages to `_kept`, and drop its oldest messages if it has too many."""
         for message in messages:
             message.is_static = is_static
         size = sum(map(len, messages))
-        # There is no call in the next three lines, since Ctrl-C can interrupt after a call only.
+        # The next three lines contain no call, so that Ctrl-C cannot interrupt between them.
         self._size += size
         self._kept += messages
         del messages[:]
@@ -197,7 +198,7 @@ class _GidSource(SubscriptionSource):
 
     def received(self) -> Received:
         """
-        Return the kept messages and drop them here; the caller holds the lock of the buffer.
+        Return the kept messages, and keep them no longer; the caller holds the buffer's lock.
 
         :returns: the messages since the last call.
         """

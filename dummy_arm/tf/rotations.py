@@ -1,8 +1,8 @@
 """
 Rotations as quaternions x, y, z, w; the functions are named as in tf_transformations.
 
-Angles are in rad. An argument that is a quaternion may have any length except zero, and either
-sign. Results are unit quaternions. Functions to which this does not apply say so.
+Angles are in rad. A quaternion as an argument may have either sign, and any length (norm) except
+zero. Quaternions that are returned have length 1. Functions that differ from this say so.
 """
 
 from collections.abc import Iterable
@@ -18,9 +18,9 @@ from transforms3d import euler, quaternions
 from dummy_arm.tf._core.pose import Quaternion as Quaternion
 
 #: The code of a convention of Euler angles: first axis (0, 1, 2: x, y, z), parity (0: the second
-#: axis follows the first in x, y, z, x; 1: it does not), repetition (1: the third axis is the
-#: first again), frame (1: the axes rotate with the body, and the code lists them from the last to
-#: the first).
+#: axis follows the first in the order x, y, z, x; 1: it does not), repetition (1: the third axis
+#: is the first again), frame (0: the axes are static; 1: they rotate with the body, and the other
+#: three numbers describe them from the last to the first).
 #: K. Shoemake, Euler Angle Conversion, Graphics Gems IV (1994).
 Code = tuple[int, int, int, int]
 #: A convention of Euler angles: its name, such as 'sxyz', or its code, such as (0, 0, 0, 0).
@@ -28,9 +28,9 @@ Axes = Union[str, Code]
 
 #: A smaller number is zero up to rounding.
 _ROUNDING = 4.0 * sys.float_info.epsilon
-#: The largest error of the numbers in a matrix: some are typed by hand.
+#: The largest error that is accepted in a matrix, which may have been typed by hand.
 _TOLERANCE = 1e-3
-_NEEDED = 'the length of a quaternion must be finite and not zero, as that of (0, 0, 0, 1)'
+_NEEDED = 'a quaternion must have a finite length that is not zero; (0, 0, 0, 1) is no rotation'
 
 
 def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') -> Quaternion:
@@ -40,9 +40,9 @@ def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') 
     :param ai: the angle about the first axis (rad).
     :param aj: the angle about the second axis (rad).
     :param ak: the angle about the third axis (rad).
-    :param axes: 's' if the axes are static or 'r' if they rotate with the body, and the names of
-        the three axes: 'sxyz' for roll, pitch, yaw, 'rzyx' for yaw, pitch, roll; or the code of
-        such a convention.
+    :param axes: the convention: 's' if the axes are static or 'r' if they rotate with the body,
+        and the names of the three axes, such as 'sxyz' for roll, pitch, yaw, or 'rzyx' for yaw,
+        pitch, roll; or the code of a convention, a `Code`.
     :returns: the unit quaternion.
     :raises ValueError: if an angle is not finite, or the convention does not exist.
 
@@ -50,7 +50,7 @@ def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') 
     ...     return [round(number, 3) for number in numbers]
 
     'sxyz' rotates about the static x axis, then the static y axis, then the static z axis. Here
-    that is a roll and a yaw of 90 degrees:
+    the roll and the yaw are 90 degrees:
 
     >>> rounded(quaternion_from_euler(math.pi / 2, 0.0, math.pi / 2, 'sxyz'))
     [0.5, 0.5, 0.5, 0.5]
@@ -76,7 +76,7 @@ def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') 
 def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
                           ) -> tuple[float, float, float]:
     """
-    Return the Euler angles of a rotation, the inverse of `quaternion_from_euler`.
+    Return the Euler angles of a rotation; this is the inverse of `quaternion_from_euler`.
 
     `ai` and `ak` are in (-pi, pi]. `aj` is in [-pi/2, pi/2] if the three axes differ. If the last
     axis is the first again, `aj` is in [0, pi] if the second axis follows the first in the order
@@ -158,7 +158,7 @@ def quaternion_from_matrix(matrix: ArrayLike) -> Quaternion:
     :param matrix: a (3, 3) rotation matrix, or a (4, 4) homogeneous matrix, whose translation is
         ignored.
     :returns: the unit quaternion with w >= 0.
-    :raises ValueError: if the matrix has another shape, or is not one of a rotation.
+    :raises ValueError: if the matrix has another shape, or does not describe a rotation.
     """
     given = np.asarray(matrix, dtype=np.float64)
     if given.shape not in ((3, 3), (4, 4)):
@@ -182,7 +182,7 @@ def quaternion_multiply(quaternion1: Iterable[float], quaternion0: Iterable[floa
     :param quaternion1: x, y, z, w; of any length.
     :param quaternion0: x, y, z, w; of any length.
     :returns: the product; its length is the product of both lengths.
-    :raises ValueError: if these are not four finite numbers each.
+    :raises ValueError: if a quaternion is not four finite numbers.
     """
     return multiply(_quaternion(quaternion1), _quaternion(quaternion0))
 
@@ -193,7 +193,7 @@ def quaternion_conjugate(quaternion: Iterable[float]) -> Quaternion:
 
     :param quaternion: x, y, z, w; of any length.
     :returns: the conjugate, of the same length.
-    :raises ValueError: if these are not four finite numbers.
+    :raises ValueError: if the quaternion is not four finite numbers.
     """
     return conjugate(_quaternion(quaternion))
 
@@ -217,11 +217,11 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
     Interpolate between two rotations, at constant angular velocity about a fixed axis.
 
     K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH 1985. The formula uses the sum
-    and the difference of the two quaternions, so that it is exact for close rotations, too.
+    and the difference of the two quaternions. So it is accurate even if they are nearly equal.
 
     :param quat0: x, y, z, w of the first rotation.
     :param quat1: x, y, z, w of the second rotation.
-    :param fraction: 0 for `quat0` to 1 for `quat1`; other values extrapolate.
+    :param fraction: from 0 (`quat0`) to 1 (`quat1`); other values extrapolate.
     :param spin: the number of whole turns that are added on the way.
     :param shortestpath: whether to take the shorter way. If False, the signs of the quaternions
         decide: the way is the longer one if their dot product is negative.
@@ -248,7 +248,7 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
 
 def multiply(left: Iterable[float], right: Iterable[float]) -> Quaternion:
     """
-    Return the product of two quaternions, without checks: the rotation `right`, then `left`.
+    Return the product of two quaternions, without checks: the rotation by `right`, then `left`.
 
     :param left: x, y, z, w.
     :param right: x, y, z, w.
@@ -286,7 +286,7 @@ def _wxyz(rotation: Iterable[float]) -> Quaternion:
 
 
 def _xyzw(rotation: NDArray[np.float64]) -> Quaternion:
-    """Return a quaternion of transforms3d, w, x, y, z, in our order."""
+    """Return x, y, z, w of a quaternion of transforms3d, whose order is w, x, y, z."""
     w, x, y, z = rotation.tolist()
     return x, y, z, w
 
@@ -349,7 +349,7 @@ _CODES = _all_codes()
 
 def _code_of(axes: Axes) -> Code:
     """
-    Return the code of a convention of Euler angles, which is given by its name or its code.
+    Return the code of a convention of Euler angles, for the name or the code of the convention.
 
     :raises ValueError: if there is no such convention.
 
@@ -363,7 +363,7 @@ def _code_of(axes: Axes) -> Code:
     >>> _code_of('RZYX')
     (0, 0, 0, 1)
 
-    The first axis of 'szxz' is z, x follows z in the order x, y, z, x, and the third is z again:
+    The first axis of 'szxz' is z; x follows z in the order x, y, z, x; the third axis is z again:
 
     >>> _code_of('szxz')
     (2, 0, 1, 0)

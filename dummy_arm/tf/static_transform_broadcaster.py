@@ -18,9 +18,10 @@ class StaticTransformBroadcaster:
     """
     A publisher of transforms on /tf_static, with the API of tf2_ros.StaticTransformBroadcaster.
 
-    Each message contains the newest transform of every child frame that this broadcaster has sent,
-    and DDS keeps the last message for later subscribers (it is latched), unless `qos` says
-    otherwise. To modify a TransformStamped object has no effect until it is sent again.
+    Each message contains the newest transform of every child frame that this broadcaster has sent.
+    Unless `qos` says otherwise, the last message is latched: DDS keeps it for later subscribers.
+    If a TransformStamped object is modified after it was sent, the change has no effect until the
+    object is sent again.
     """
 
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None) -> None:
@@ -40,7 +41,7 @@ class StaticTransformBroadcaster:
     def sendTransform(  # noqa: N802
             self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:
         """
-        Send one or several transforms, and the newest transform of each other child frame.
+        Send one or several transforms, and again the newest transform of each other child.
 
         If a transform is refused, nothing is sent, and the earlier transforms stay in effect.
 

@@ -17,8 +17,8 @@ class Transform(NamedTuple):
     The pose of the frame `child_frame_id` in the frame `frame_id`.
 
     It transforms points from the child frame to `frame_id`. In the result of a lookup, `frame_id`
-    is the target frame and `child_frame_id` the source frame; a variable for it is named
-    target_from_source. `a_from_b @ b_from_c` is a_from_c.
+    is the target frame and `child_frame_id` the source frame. A variable for such a result is best
+    named `target_from_source`: then `a_from_b @ b_from_c` is `a_from_c`.
     """
 
     stamp: int  #: time (ns)
@@ -34,7 +34,7 @@ class Transform(NamedTuple):
 
         :param message: a geometry_msgs/TransformStamped, or an object with the same fields.
         :returns: the transform, with all values as they are in the message.
-        :raises TypeError: if its stamp has neither `sec` and `nanosec` nor `nanoseconds`.
+        :raises TypeError: if its stamp has no `nanoseconds`, and not both `sec` and `nanosec`.
         """
         stamp, transform = message.header.stamp, message.transform
         t, r = transform.translation, transform.rotation
@@ -45,8 +45,8 @@ class Transform(NamedTuple):
         """
         Return the transform as a matrix.
 
-        :returns: (4, 4) float64, homogeneous: it transforms columns x, y, z (m), 1 from the child
-            frame to `frame_id`.
+        :returns: (4, 4) float64: the homogeneous matrix, which transforms columns (x, y, z, 1), in
+            m, from the child frame to `frame_id`.
         """
         result = np.eye(4)
         result[:3, :3] = rotations.matrix(self.rotation)
@@ -83,7 +83,7 @@ class Transform(NamedTuple):
 
         :param other: the right transform (b_from_c).
         :returns: the composed transform, with the stamp of the left one.
-        :raises ValueError: if the child frame of the left one is not the `frame_id` of the right.
+        :raises ValueError: if the child frame of the left is not the `frame_id` of the right.
         """
         if not isinstance(other, Transform):
             return NotImplemented

@@ -75,7 +75,7 @@ class PreparedTransforms:
         """
         Create a prepared message.
 
-        :param publisher: the publisher that sends it, of type TFMessage.
+        :param publisher: the publisher that sends the message; its type is TFMessage.
         :param edges: n >= 1 pairs (frame_id, child_frame_id).
         :raises TypeError: see `TransformBroadcaster.prepare`.
         :raises ValueError: see `TransformBroadcaster.prepare`.
@@ -100,7 +100,7 @@ class PreparedTransforms:
             `nanosec` (a Time message).
         :param poses: (n, 7) float64: x, y, z (m), quaternion x, y, z, w of each child frame in its
             parent, in the order of the edges.
-        :raises TypeError: if the stamp is none of these.
+        :raises TypeError: if the stamp is of another type.
         :raises ValueError: if the poses have another shape, if a number is not finite, if a
             quaternion cannot be normalised, or if the seconds of the stamp do not fit an int32.
         """

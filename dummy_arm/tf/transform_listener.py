@@ -31,7 +31,8 @@ class _CallbackSource:
     """
     A source without messages, for a buffer whose listener passes messages to callbacks.
 
-    While the buffer has this source, it expects further transforms. If a subclass overrides the
+    When the last source of a buffer is removed, its waiting lookups end. This source is removed
+    when the listener ends. A lookup wakes the source. So if a subclass overrides the
     callbacks, the thread that calls them starts when the constructor of the subclass has returned,
     or earlier if that constructor looks up or waits for a transform.
     """
@@ -46,7 +47,7 @@ class _CallbackSource:
 
     def take(self) -> list[BatchOrRows]:
         """
-        Call `wake`, since a buffer takes from its sources when it looks up.
+        Call `wake`; the buffer calls `take` at the start of each lookup.
 
         :returns: an empty list.
         """
@@ -54,22 +55,22 @@ class _CallbackSource:
         return []
 
     def wake(self) -> None:
-        """Start the listener's thread, in the thread that created the listener only."""
+        """Start the listener's thread, if the caller is the thread that created the listener."""
         if get_ident() == self._thread_id:
             self._start()
 
 
 class TransformListener:
     """
-    A subscriber to /tf and /tf_static that fills a buffer, as tf2_ros.TransformListener.
+    A subscriber to /tf and /tf_static that fills a buffer, like tf2_ros.TransformListener.
 
     The listener has its own thread, which receives messages even while a callback of the node
     runs or waits, and whether or not the node is spun. The messages are taken as bytes and
     inserted without conversion to message objects. A lookup uses every message that has arrived.
-    New data wake the executor that spins the node, but at most 10 times a second, because that
-    costs 0.1 to 0.3 ms each time.
+    New data wake the executor that spins the node, but at most 10 times a second, because each
+    wake-up costs 0.1 to 0.3 ms. When a future is completed, the executor is woken at once.
 
-    It listens until `unregister()`, `node.destroy_node()`, `rclpy.shutdown()` or Ctrl-C.
+    The listener ends at `unregister()`, `node.destroy_node()`, `rclpy.shutdown()` or Ctrl-C.
 
     A subclass may override `callback` and `static_callback`. The thread calls them after the
     constructor of the subclass has returned, or as soon as that constructor looks up or waits for
@@ -81,7 +82,7 @@ class TransformListener:
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
         """
-        Wrap the constructor of a subclass so that the thread starts when it returns.
+        Wrap the constructor of a subclass: when the constructor returns, the thread starts.
 
         :param kwargs: the keyword arguments of the class statement.
         """
@@ -118,18 +119,19 @@ class TransformListener:
         """
         Subscribe, and start the thread.
 
-        If a subclass overrides a callback, the thread starts when its constructor has returned.
+        If a subclass overrides a callback, the thread starts later; see the class.
 
         :param buffer: the buffer that is filled: a Buffer, MessageBufferCore or BufferCore, or any
             object with `set_transform` and `set_transform_static`. The thread calls these two
-            methods if they are overridden, or if the object is not one of these buffers.
+            methods for each transform if a subclass of a buffer overrides one of them, or if the
+            object is not a buffer of this package.
         :param node: the node that subscribes; its remappings apply.
         :param spin_thread: ignored: there is a thread in any case, and it never spins the node.
-        :param qos: profile or depth for /tf; None: a depth of 100. A depth means reliable and
-            volatile.
-        :param static_qos: profile or depth for /tf_static; None: a depth of 100. A depth means
-            reliable and transient local.
-        :param source: for this package only: what creates the object that takes messages from the
+        :param qos: the QoS profile of the subscription to /tf; or its depth, for a subscription
+            that is reliable and volatile; None: depth 100.
+        :param static_qos: the QoS profile of the subscription to /tf_static; or its depth, for a
+            subscription that is reliable and transient local; None: depth 100.
+        :param source: for this package only: creates the object that takes messages from the
             subscriptions.
         """
         self.node = node
@@ -139,17 +141,18 @@ class TransformListener:
         self._log = ThrottledLog()
         self._log.write = get_logger('tf2_listener').warning
         self._buffer: Any = None
-        #: The buffer that takes messages from this listener, and the source from which it takes
-        #: them; None: there is no such buffer.
+        #: The buffer to which this listener has added a source, and that source; None: there is
+        #: no such buffer.
         self._attached: Optional[tuple[Engine, Source]] = None
-        #: The generation of the attached buffer after its last update, a number that grows with
-        #: each insertion.
+        #: The generation of the attached buffer after the last update by this listener. It is a
+        #: number that grows with each insertion.
         self._generation = -1
-        #: Whether messages are passed to the callbacks, because a method is overridden or the
-        #: buffer cannot pull.
+        #: True if messages are passed to the callbacks, because a callback or a method of the
+        #: buffer is overridden, or the buffer is not an `Engine`.
         self._calls_back = False
         #: Held only while `_attached` is replaced; no other lock is taken meanwhile. It is
-        #: reentrant, since a signal handler or the garbage collector may end the listener then.
+        #: reentrant, because a signal handler or the garbage collector may interrupt the thread
+        #: that holds it, and end the listener.
         self._attach_lock = RLock()
         self.tf_sub = subscribe(
             node, TFMessage, '/tf', self.callback, profile(qos, 100), self.group)
@@ -162,7 +165,7 @@ class TransformListener:
         self._messages = source(
             self.tf_static_sub, self.tf_sub, self._on_fault, self._thread.wake)
         self._callbacks = _CallbackSource(self._thread.start)
-        #: The messages for the callbacks, if these are called.
+        #: The topics whose messages are passed to the callbacks, if `_calls_back` is True.
         self._topics = Topic(self.tf_static_sub, True), Topic(self.tf_sub, False)
         self.buffer = buffer
         if (not self._overrides_callbacks()
@@ -170,7 +173,7 @@ class TransformListener:
             self._thread.start()
 
     def unregister(self) -> None:
-        """Stop listening for good: end the thread, which destroys the subscriptions."""
+        """Stop listening for good: end the thread. At its end, it destroys the subscriptions."""
         try:
             self._attach(None)
         finally:
@@ -208,7 +211,7 @@ class TransformListener:
         if attached is not None:
             buffer, source = attached
             buffer.add_source(source)
-            # Another thread may have replaced it, or ended the listener, meanwhile.
+            # Meanwhile, another thread may have replaced `_attached`, or ended the listener.
             if self._attached is not attached or self._thread.has_ended:
                 _detach(buffer, source)
 
@@ -247,7 +250,7 @@ class TransformListener:
         return message
 
     def _work(self) -> Round:
-        """Insert what has arrived, or pass it to the callbacks; the thread calls this."""
+        """Insert new messages, or pass them to the callbacks; the thread calls this."""
         for monitor in self._qos_monitors:
             monitor.check()
         attached, result = self._attached, Round(False, False, 0.0)
@@ -286,8 +289,8 @@ class TransformListener:
         if isinstance(error, cdr.MalformedMessage):
             self.malformed += 1
             self._log.warn_once(str(error).partition(':')[0], (
-                f'Dropped a message that cannot be decoded, {error}. Further messages of this '
-                'kind are dropped silently.'))
+                f'Dropped a message that cannot be decoded, {error}. Further messages with '
+                'this fault are dropped silently.'))
         else:
             self._log.warn(''.join(format_exception(error)))
 
@@ -309,7 +312,7 @@ class TransformListener:
 
 
 def _detach(buffer: Engine, source: Source) -> None:
-    """Remove a source, and complete the futures for its last messages."""
+    """Remove a source, and complete the futures whose transforms are available now."""
     buffer.remove_source(source)
     buffer.after_insertion()
 

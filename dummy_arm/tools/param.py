@@ -70,7 +70,7 @@ class Parameters:
         Return the values of parameters.
 
         :param names: the names of the parameters.
-        :returns: their values, in this order.
+        :returns: their values, in the order of `names`.
         :raises CommandError: if one of the names is not a parameter of the node, or the node does
             not respond.
         """
@@ -90,7 +90,7 @@ class Parameters:
 
         :param name: name of the parameter.
         :param text: the value, as YAML; see `read`.
-        :raises UsageError: if the text is not a value of a parameter.
+        :raises UsageError: if the text is not a valid parameter value.
         :raises CommandError: if there is no such parameter, if the node refuses the value, or if
             it does not respond.
         """
@@ -120,7 +120,7 @@ def parameter(name: str, text: str, current_type: int) -> Any:
     :param text: the value, as YAML; see `read`.
     :param current_type: see `read`.
     :returns: the rcl_interfaces/msg/Parameter.
-    :raises UsageError: if the text is not a value of a parameter.
+    :raises UsageError: if the text is not a valid parameter value.
     """
     try:
         return Parameter(name, value=read(text, current_type)).to_parameter_msg()
@@ -134,17 +134,17 @@ def read(text: str, current_type: int) -> Any:
     Convert a YAML text to a value of a parameter.
 
     The value of a STRING is the text itself. For a DOUBLE and a DOUBLE_ARRAY, integers become
-    floats. Numbers with an exponent but no point, such as 1e-3, are numbers, although PyYAML reads
-    them as text.
+    floats. A number with an exponent but no point, such as 1e-3, becomes a float, although PyYAML
+    reads it as text.
 
     :param text: the text.
     :param current_type: type of the current value, a constant of rcl_interfaces/msg/ParameterType.
     :returns: the value.
     :raises OverflowError: if an integer does not fit into int64.
     :raises argparse.ArgumentTypeError: if the current value is a DOUBLE and the text is an integer
-        in a notation that only YAML has, such as 0x10, or if an element of a DOUBLE_ARRAY is not a
-        number.
-    :raises ValueError: if the text looks like a date of YAML, but is none.
+        in a notation that `number` does not accept, such as 0x10; or if an element of a
+        DOUBLE_ARRAY is not a number.
+    :raises ValueError: if the text has the form of a YAML date, but no such date exists.
     :raises yaml.YAMLError: if the text is not valid YAML.
     """
     if current_type == ParameterType.PARAMETER_STRING:
@@ -185,7 +185,7 @@ def command(node: str, name: Optional[str] = None, value: Optional[str] = None, 
     :param value: the new value, as YAML; None: the value is not changed.
     :param ros_args: the command line, with the name of the command.
     :returns: the exit code, 0.
-    :raises UsageError: if the value is not a value of a parameter.
+    :raises UsageError: if the text is not a valid parameter value.
     :raises CommandError: if there is no such node or parameter, if the node refuses the value, or
         if it does not respond.
     """

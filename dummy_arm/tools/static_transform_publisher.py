@@ -28,7 +28,11 @@ _CHARACTERS = string.ascii_letters + string.digits
 
 
 class StaticTransformPublisher(Node):
-    """A node that publishes one latched transform and has its values as read-only parameters."""
+    """
+    A node that publishes one latched transform.
+
+    Its read-only parameters are the numbers and the frames of the transform.
+    """
 
     def __init__(self, translation: Sequence[float], rotation: Sequence[float], frame_id: str,
                  child_frame_id: str, is_old_style: bool = False) -> None:
@@ -85,7 +89,7 @@ def command(translation: Sequence[float], rotation: Sequence[float], frame_id: s
     :param ros_args: the command line, with the name of the command.
     :returns: the exit code.
     :raises UsageError: if a frame has no name, if the two frames are the same, or if the length of
-        the quaternion is not 1.
+        the quaternion is not close to 1.
     """
     for name, what in (frame_id, 'Frame id'), (child_frame_id, 'Child frame id'):
         if not name.removeprefix('/'):
@@ -127,8 +131,9 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
         names = {6: OLD_EULER, 7: OLD_QUATERNION}.get(len(numbers))
         if names is None:
             raise UsageError(
-                f'old-style arguments are 8, {" ".join(OLD_EULER)} frame_id child_frame_id, or 9, '
-                f'{" ".join(OLD_QUATERNION)} frame_id child_frame_id; got {len(old_style)}')
+                f'the old style needs 8 arguments ({" ".join(OLD_EULER)} frame_id child_frame_id) '
+                f'or 9 ({" ".join(OLD_QUATERNION)} frame_id child_frame_id), got '
+                f'{len(old_style)}')
         given = [*names]
         for name, text in zip(names, numbers):
             try:

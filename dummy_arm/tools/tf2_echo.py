@@ -60,12 +60,13 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
     Print the pose of the target frame in the source frame.
 
     tf2_echo names the frames the other way round than lookup_transform: the transform takes data
-    from its target frame to its source frame.
+    from `target_frame` to `source_frame`.
 
     :param source_frame: the frame in which the pose is expressed.
     :param target_frame: the frame whose pose is printed.
-    :param echo_rate: how often the transform is printed (Hz); None: see `rate`.
-    :param rate: the same, as an option; None: once a second. At most one of both may be set.
+    :param echo_rate: how often the transform is printed (Hz), given as a positional argument.
+    :param rate: the same, given as an option. At most one of the two may be set; if both are None,
+        the transform is printed once a second.
     :param time: time of the transform (ns); 0: the latest time for which every edge on the path
         has data.
     :param precision: the number of digits after the point, from 0 to 17.
@@ -77,7 +78,8 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
     :param ros_args: the command line, with the name of the command; ROS reads what follows
         `--ros-args`.
     :returns: the exit code.
-    :raises UsageError: if a frame has no name, or a number is out of range.
+    :raises UsageError: if a frame has no name, a number is out of range, or the rate is given
+        twice or together with a bag.
     :raises CommandError: if the bag cannot be read, or does not contain the transform.
     """
     source_frame, target_frame = (name.removeprefix('/') for name in (source_frame, target_frame))
@@ -147,8 +149,8 @@ def seconds(text: str) -> int:
         if not 0 <= time < 2**63 or time != int(time):
             raise ValueError
     except (ArithmeticError, ValueError):
-        raise ArgumentTypeError(f'{text!r} must be a time in s, from 0 to 2**63 ns, with at most '
-                                '9 digits after the point') from None
+        raise ArgumentTypeError(f'{text!r} must be a time in s, from 0 to 9223372036, with at '
+                                'most 9 digits after the point') from None
     return int(time)
 
 
@@ -182,7 +184,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('source_frame')
     parser.add_argument('target_frame')
     parser.add_argument('echo_rate', nargs='?', type=number, metavar='rate',
-                        help=f'how often to print it (Hz; default: {RATE:g})')
+                        help=f'how often to print the transform (Hz; default: {RATE:g})')
     parser.add_argument('-r', '--rate', type=number, help='the same, as an option')
     parser.add_argument('-t', '--time', type=seconds, default=0,
                         help='time of the transform (s; default: 0, the latest)')

@@ -38,7 +38,11 @@ class Chain:
         self._stale = 0
 
     def sample(self) -> None:
-        """Add the age of the newest transform to the statistics, unless all of them are static."""
+        """
+        Add the age of the newest transform between the ends to the statistics.
+
+        Nothing is added if all transforms on the path are static.
+        """
         now, before = self._frame_listener.now(), self._latest
         self._latest = now
         if now < before - SECOND:
@@ -114,7 +118,7 @@ def _table(title: str, node_title: str, streams: Sequence[Stream]) -> Iterator[s
 
 
 def _rate_and_delays(stream: Stream) -> str:
-    """Return the middle cells of a line of the table, of 41 columns or more."""
+    """Return the cells between the first and the last of a line: 41 columns or more."""
     if stream.is_static:
         return f'{"static":>11}{"":30}'
     if stream.summary is None:

@@ -23,9 +23,10 @@ if TYPE_CHECKING:
 
 #: The formats of drawings.
 FORMATS = ('.pdf', '.svg', '.png')
-#: Endings that are refused; to any other ending, as of `v1.2`, .pdf is appended.
+#: Endings that are refused. A name with any other ending, such as `v1.2`, gets .pdf appended.
 OTHER_FORMATS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
-#: The largest number of frames in a drawing. A larger one is not legible, and can take minutes.
+#: The largest number of frames in a drawing. A larger drawing is not legible, and can
+#: take minutes.
 MAX_FRAMES = 2000
 #: The default and the largest time to listen (s).
 DEFAULT_WAIT, _LONGEST = 5.0, 1e9
@@ -38,7 +39,7 @@ def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> li
     Draw the trees of frames as text, with rates, ages and publishers.
 
     :param forest: the frames.
-    :param now: the time at which ages are zero (ns).
+    :param now: the time to which ages are relative (ns).
     :param max_lines: the largest number of lines; None: all.
     :returns: the lines.
     """
@@ -64,7 +65,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     Listen to transforms for some time or read a bag, and draw the tree of frames.
 
     :param output: the file of the drawing. Its ending says the format: .pdf, .svg or .png; .pdf is
-        appended to a name without them. The graph is written beside it, as a .gv file.
+        appended to other names. The graph is written to a .gv file beside the drawing.
     :param wait_time: how long to listen (s); None: 5 s.
     :param text: print the tree instead of drawing it.
     :param watch: print the tree every second, until Ctrl-C.
@@ -82,7 +83,8 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
         exist, or a file cannot be drawn or written.
     """
     if bag is not None and (watch or wait_time is not None):
-        raise UsageError('a bag is read, not listened to: leave out --watch and --wait-time (-t)')
+        raise UsageError(
+            '--watch and --wait-time (-t) are for listening: leave them out with --bag')
     seconds = DEFAULT_WAIT if wait_time is None else wait_time
     if not 0.0 < seconds <= _LONGEST:
         raise UsageError(f'the time to listen must be more than 0 s, and at most {_LONGEST:g} s, '
@@ -113,7 +115,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
 
 def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str]
             ) -> tuple[list[Frame], int]:
-    """Listen for some time; return the frames, and the time (ns)."""
+    """Listen for some time; return the frames, and the time of the node's clock (ns)."""
     from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
     with spinning_node('view_frames', ros_args) as node:
@@ -170,8 +172,8 @@ def output_path(output: str) -> Path:
     if path.name in ('', '..') or output.endswith('/'):
         raise UsageError(f'{output!r} is not a file name')
     if path.suffix.lower() in OTHER_FORMATS:
-        raise UsageError(f'{output!r} must end in {", ".join(FORMATS)}, or have no file '
-                         'extension: then .pdf is added')
+        raise UsageError(f'{output!r} must end in {", ".join(FORMATS)}; without such an ending, '
+                         '.pdf is added, but other formats are not available')
     if path.suffix.lower() not in FORMATS:
         path = path.with_name(f'{path.name}.pdf')
     if not os.access(path.parent, os.W_OK):
@@ -210,7 +212,11 @@ def _summary(forest: Forest) -> str:
 
 
 def _span(forest: Forest, now: int) -> str:
-    """Return the line about the span of dynamic transforms and the time of age zero, now (ns)."""
+    """
+    Return a line that says which time the dynamic transforms span.
+
+    :param now: the time to which ages are relative (ns), which the line says, too.
+    """
     dynamic = [frame for frame in forest.frames.values() if not frame.is_static]
     if not dynamic:
         return 'all transforms are static'

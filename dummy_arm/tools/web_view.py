@@ -87,7 +87,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         help='serve the page at this address of the machine; 0.0.0.0: at all its '
                              'addresses (default: %(default)s, for this machine only)')
     parser.add_argument('--port', type=port_number, metavar='N',
-                        help='serve it at this port, from 1 to 65535 (default: 8080, or the next '
-                             'free one)')
+                        help='serve the page at this port, from 1 to 65535 (default: 8080, or the '
+                             'next free one)')
     add_bag_options(parser)
     return run(parser, command, args)

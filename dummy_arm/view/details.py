@@ -1,4 +1,4 @@
-"""The texts in the side panel of the web page: an overview of all frames, details of one."""
+"""The texts in the panel of the web page: an overview of all frames, and details of one."""
 
 from collections.abc import Iterable
 from html import escape
@@ -62,7 +62,8 @@ def details(snapshot: Snapshot, name: str, source: Source) -> str:
     Return the details of one frame: its poses, its rate and delay, and its publisher.
 
     :param snapshot: the frames that are shown.
-    :param name: the name of the frame; '' for none. If it is not shown, the text says so.
+    :param name: the name of the frame; '' for none. If the frame is not shown, the
+        text says so.
     :param source: the source of the frames.
     :returns: HTML.
     """

@@ -20,14 +20,16 @@ _AXES = (
 _TURNS = [np.array([quaternion_multiply(unit, turn) for unit in np.eye(4)]) for turn, _ in _AXES]
 _LINE = (205, 135, 0)
 _GREY = 178
-_AXIS_RADIUS, _LINE_RADIUS = 0.05, 0.025  # of the length of an axis
+_AXIS_RADIUS, _LINE_RADIUS = 0.05, 0.025  # fractions of the length of an axis
 
 
 class Rods(NamedTuple):
     """
-    The poses, scales and colours of cylinders; unscaled, one has radius 1 and length 1 along z.
+    The poses, scales and colours of cylinders.
 
-    n frames have 4 n of them: all x axes, all y axes, all z axes, and all lines to the parents.
+    An unscaled cylinder has radius 1, and length 1 along z.
+
+    n frames have 4 n cylinders: all x axes, all y axes, all z axes, and all lines to the parents.
     """
 
     positions: NDArray[np.float32]  #: (4 n, 3): x, y, z (m) of the end that is at the frame
@@ -73,8 +75,8 @@ def fading(ages: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.f
     Compute how far frames have faded, by thirds of the timeout, as in rviz2.
 
     In the first third a frame keeps its look, in the second it turns grey, and in the last it gets
-    thinner until it disappears. rviz2 makes it transparent instead; for that, the browser would
-    have to create all rods again each time.
+    thinner until it disappears. rviz2 makes it transparent instead of thinner.
+    With transparency, the browser would have to create all rods again at each update.
 
     :param ages: (n,): the ages of the frames (s), as in `Snapshot`.
     :returns: colourfulness and thickness of the frames, (n,) each, from 1 (new) to 0 (timed out).

@@ -22,14 +22,15 @@ _GRID, _CELL = 10.0, 0.5  # m
 _GRID_COLOUR = (215, 215, 215)
 _TRAIL_WIDTH = 3.0  # pixels
 _TRAIL_COLOUR, _TRAIL_FADED = (200, 60, 200), (235, 205, 235)
-#: A static frame that is closer to its parent than this shares the label of the parent, since the
-#: two names would overlap (lengths of an axis).
+#: A static frame that is closer to its parent than this (in lengths of an axis) shares the label
+#: of the parent, since the two names would overlap.
 _NEAR = 0.34
 #: The smallest radius of the sphere that the camera shows (m).
 _SMALLEST_VIEW = 0.5
 #: The direction from the middle of the frames to the camera.
 _DIRECTION = np.array([0.55, -0.7, 0.45])
-#: The distance up to which the camera sees: in metres, or in radii of the sphere if that is more.
+#: The distance up to which the camera sees: in metres or in radii of the sphere, whichever is
+#: farther.
 _FAR = 1000.0
 #: The vertical field of view of the camera (rad).
 _ANGLE = 0.8
@@ -177,7 +178,7 @@ def _grid() -> NDArray[np.float64]:
     """
     Return the n lines of a grid in the plane of x and y: (n, 2, 3), the two ends, x, y, z (m).
 
-    Without a GPU, viser's own grid takes most of the time in which the page is drawn.
+    viser's own grid is not used: without a GPU, it takes most of the time for drawing the page.
     """
     half = _GRID / 2
     places = np.arange(-half, half + _CELL / 2, _CELL)

@@ -14,10 +14,10 @@ from dummy_arm.tf import Frame, Transform
 from dummy_arm.tf.formatting import in_seconds
 from dummy_arm.view.source import AnyBuffer
 
-#: The distance between the anchors of trees that are not connected (m, along -y).
+#: The distance between the anchors (see `Snapshot`) of unconnected trees, along -y (m).
 SPACING = 2.0
-#: Frames beyond this distance from the fixed frame are drawn at this distance (m). A browser
-#: computes in float32, in which much larger numbers are infinite.
+#: Frames that are farther than this from the origin of the scene are drawn at this distance (m).
+#: A browser computes in float32, in which much larger numbers are infinite.
 REACH = 1e6
 
 _Value = TypeVar('_Value')
@@ -42,9 +42,9 @@ class Snapshot(NamedTuple):
     silences: dict[str, float]  #: by frame: seconds since its last new stamp; 0 if it is static
     frames: dict[str, Frame]  #: the frames that have a parent, by name
     trees: dict[str, float]  #: by the anchor of each tree: its y in the scene (m)
-    deepest: str  #: in the tree of the fixed frame, the frame with the most ancestors; or ''
+    deepest: str  #: the frame with the most ancestors in the tree of the fixed frame; '': none
     loops: list[list[str]]  #: the names of the frames of each loop; these frames are not shown
-    far: list[str]  #: the frames that are drawn closer than they are, since they are out of reach
+    far: list[str]  #: the frames that are beyond `REACH`, and therefore drawn at that distance
     not_finite: list[str]  #: the frames that are not shown, since their translation is not finite
 
     def anchor_of(self, name: str) -> tuple[str, float]:
@@ -79,7 +79,7 @@ class FrameWatcher:
 
         :param fixed: the fixed frame; if it is '', unknown, or in or below a loop, the root of the
             largest tree is used instead.
-        :param until: the time of the snapshot (ns), as in a bag; 0: the latest time.
+        :param until: the time of the snapshot (ns), for a bag; 0: the latest time.
         :returns: the snapshot.
         """
         with self._buffer.fetched():
@@ -156,10 +156,10 @@ def _ages(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, fl
     """
     Compute the ages of frames (s), as in `Snapshot`, from the anchors of the trees.
 
-    The poses in the anchor depend on each transform between the frame and the anchor, so the age
-    of a frame is the longest silence on that path. The anchor itself has no such path: if it has a
-    parent, its age is its own silence; if it is a root, its age is the shortest silence of its
-    children.
+    The pose of a frame in the anchor depends on each transform on the path between them. So the
+    age of a frame is the longest silence on that path. For the anchor itself, there is no such
+    path: if it has a parent, its age is its own silence; if it is a root, its age is the shortest
+    silence of its children.
     """
     ages: dict[str, float] = {}
     for anchor in trees:

@@ -23,7 +23,7 @@ LENGTH = 20
 
 
 class Player:
-    """The playback clock of a bag: it runs as fast as the bag was recorded, again and again."""
+    """The playback clock of a bag: it runs at the speed of the recording, again and again."""
 
     def __init__(self, frames: Iterable[Frame]) -> None:
         """
@@ -94,7 +94,7 @@ class Publication(NamedTuple):
 
     rate: Optional[float]  #: Hz; None if it is not known
     delay: Optional[float]  #: the average time from stamp to reception (s); None if not known
-    publisher: str  #: the names of the nodes that publish it, or the authority
+    publisher: str  #: the names of the nodes that publish the frame; for a bag, the authority
 
 
 class Source(Protocol):

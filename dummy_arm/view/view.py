@@ -18,12 +18,12 @@ from dummy_arm.view.source import AnyBuffer, LENGTH, Source
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
-#: The time from the first frame to the moment when the cameras are moved (s): by then the other
-#: frames have arrived, too.
+#: The time from the first frame to the moment when the cameras are moved (s). It is long enough
+#: for the other frames to arrive.
 _SETTLING = 1.0
 #: The time between two points of a trail (ns).
 _TRAIL_STEP = SECOND // 20
-#: A longer time without a point is filled from the buffer (ns).
+#: A gap in the trail that is longer than this is filled from the buffer (ns).
 _TRAIL_GAP = 4 * _TRAIL_STEP
 
 
@@ -53,8 +53,8 @@ class Trail:
         :param frame: the frame whose path it is.
         :param end: the time of the last point (ns).
         :param point: (3,): the position of the frame at that time, x, y, z (m).
-        :returns: (m, 2, 3): the start and the end of each line, x, y, z (m), the oldest first;
-            without the lines to times that have no transform.
+        :returns: (m, 2, 3): the start and the end of each line, x, y, z (m), the oldest line
+            first. Lines from or to a time that has no transform are left out.
         """
         first = max(1, end - LENGTH * SECOND)
         last = max(self._times[-1:].tolist(), default=first)

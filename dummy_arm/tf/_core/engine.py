@@ -6,28 +6,28 @@ Theory of operation
 
 Terms. An *edge* connects a child frame with its parent; a *path* is the edges between two frames.
 A *sample* is the pose of a child frame in its parent at one stamp. The *history* of a frame holds
-its samples in the order of their stamps. Stamps and times are integers of nanoseconds. In a
+its samples in the order of their stamps. Stamps and times are integers, in nanoseconds. In a
 lookup, time 0 means the latest time for which every edge on the path has data. The *layout* of a
 message is the positions of its fields; it is the same for all messages with the same frames.
 
 Pulling. A buffer has *sources*, such as the subscriptions of a TransformListener. To *pull* means
-to take the messages that have arrived out of the sources and to insert their transforms;
+to take from the sources the messages that have arrived, and to insert their transforms.
 `Engine.update` does this. It is called at the start of every lookup, and by the thread of each
-listener. So a lookup uses every message that has arrived, although the listener's thread *pauses*
-while messages arrive fast: for up to 0.1 s, it leaves the messages of /tf in their queue. `insert`
-and `set_transform` pull first, too, so that their transform does not overtake a message that was
-sent before.
+listener. While messages arrive fast, the listener's thread *pauses*: for up to 0.1 s, it leaves
+the messages of /tf in their queue. A lookup uses these messages, too, because it pulls. `insert`
+and `set_transform` also pull first, so that messages that have arrived are inserted before the
+transform of the call.
 
     source.take() -> batches -> Insertion -> History     under the lock, in any thread
     lookup -> Lookups -> FrameTree -> Path -> pose       under the lock, in any thread
 
-A `Batch` has the poses of several messages with the same frames, which are inserted frame by
-frame. `Rows` are transforms that are inserted one by one: those of static messages, of messages
-whose combination of frames is new, and of messages with several stamps.
+A `Batch` has the poses of several messages with the same frames. Its poses are inserted frame by
+frame. `Rows` are transforms that are inserted one by one: mainly those of static messages, of
+messages whose combination of frames is new, and of messages with several stamps.
 
-The trip of one message: a message arrives on /tf, and an earlier message had the same frames. The
-listener's thread then makes these calls. If a lookup comes before the thread, it makes the same
-calls, from `Engine.update` on.
+The trip of one message. Suppose that a message arrives on /tf, and that an earlier message had the
+same frames. The listener's thread then makes the calls below. If a lookup comes before the thread,
+the lookup makes the same calls, from `Engine.update` on.
 
     TransformListener._work     transform_listener.py   does one round of the listener's thread
     Engine.update               _core/engine.py         takes the lock
@@ -41,26 +41,27 @@ calls, from `Engine.update` on.
     normalize_poses             _core/insertion.py      normalises all rotations at once
     History.append              _core/history.py        appends stamps and poses of one frame
 
-There is one exception. If the user has overridden a callback of the listener, or `insert`,
-`set_transform` or `set_transform_static` of the buffer, or if the buffer is not an `Engine`, the
-listener's thread takes and decodes the messages without the lock, and calls the callback for each
-of them. Such a buffer cannot pull: its lookups use what the callbacks have inserted.
+The calls are different in three cases: the user has overridden a callback of the listener; the
+user has overridden `insert`, `set_transform` or `set_transform_static` of the buffer; or the
+buffer is not an `Engine`. The listener's thread then takes and decodes the messages without the
+lock, and calls a callback of the listener for each message. In these cases the buffer cannot pull:
+its lookups use what the callbacks have inserted.
 
-Threads. Each listener has one thread. It waits in a wait set of the middleware. When it wakes up,
-it calls `update`; if there are new data, it also calls `after_insertion`. The users' threads look
-up, insert and wait. A thread of `_ros/futures` ends the futures whose timeout is over. Whoever
-ends a listener joins its thread for at most half a second; it does not join if it is that thread
-itself, or if it holds the lock.
+Threads. Each listener has one thread. It waits in a wait set of rcl. When it wakes up, it calls
+`update`; if there are new data, it also calls `after_insertion`. The users' threads look up,
+insert and wait. A thread of `_ros/futures` ends the futures whose timeout is over. The thread that
+ends a listener joins the listener's thread for at most half a second. It does not join if it is
+the listener's thread itself, or if it holds the lock.
 
 The lock. A buffer has one lock, which is reentrant. It is always taken by `with`, except for a
 fork. While it is held, no callback of a user runs, nothing is logged, no thread is joined, and no
 other lock of this package is waited for. A block of `with buffer.fetched()` holds the lock for the
-user, who must then keep these rules. An insertion in such a block is an exception: what it refuses
-is logged, and the futures that it completes call their callbacks, while the lock is held. A call
-is *nested* if its thread holds the lock already: a call in such a block, or in a signal handler or
-weakref callback that has interrupted another call of this buffer. A nested call uses the data as
-they are: it does not pull, and it does not wait. A signal handler may look up, but must not
-insert, since it may have interrupted an insertion.
+user, who must then keep these rules. An insertion in such a block breaks them: while the lock is
+held, a refused transform is logged, and completed futures call their callbacks. A call is *nested*
+if its thread holds the lock already: a call in such a block, or in a signal handler or weakref
+callback that has interrupted another call of this buffer. A nested call uses the data as they are:
+it does not pull, and it does not wait. A signal handler may look up, but must not insert, since it
+may have interrupted an insertion.
 
 Ctrl-C. CPython raises KeyboardInterrupt in the main thread only, and there only after a call, at
 the start of a function, and when a loop jumps back. Up to Python 3.13, nothing is raised after the
@@ -74,37 +75,38 @@ inserted again.
 Who wakes whom. The *generation* of a buffer is a number that grows with each insertion. Three
 kinds of waiters are woken after an insertion:
 
-- A *blocked lookup* is one that waits, in its thread, for its transform. It has a queue, into
+- A *blocked lookup* waits, in the thread that called it, for its transform. It has a queue, into
   which each insertion puts the new generation. The lookup reads generations from the queue, and
   tries again when one is newer than the generation of its last attempt. The queue is a
   `SimpleQueue`, because a KeyboardInterrupt inside a `Condition` can leave a lock held. After its
   first attempt, the lookup registers its queue, then wakes the sources, which ends a pause of the
-  listener's thread, and then tries. In this order it misses no data: it pulls what has arrived
-  before the attempt, and for later data the thread sees the queue and does not pause. The lookup
-  also tries every 0.2 s, because nothing wakes it when ROS is shut down.
-- A *future*, which `wait_for_transform_async` returns, is completed by `after_insertion`. This is
-  called without the lock, because the callbacks of a future are users' code. It is called by the
-  thread that has inserted with `set_transform`, and by the listener's thread whenever the
-  generation has changed. If a lookup pulls messages while there are futures, it wakes the sources,
-  so that the listener's thread completes the futures.
-- The *executor* that spins the node of a listener is woken by the listener's thread, so that it
-  runs the coroutines that await a future, and so that `rclpy.spin_once` returns. The thread wakes
-  it at once when it has completed a future, and at most ten times a second for other new data,
-  because that costs 0.1 to 0.3 ms. The executor of the buffer's node is woken for each completed
-  future.
+  listener's thread, and then tries again. In this order it misses no data: the second attempt
+  pulls what has arrived before it, and the listener's thread does not pause afterwards, because
+  the queue is registered. The lookup also tries every 0.2 s, because nothing wakes it when ROS is
+  shut down.
+- A *future*, which `wait_for_transform_async` returns, is completed by `after_insertion`. This
+  method is called without the lock, because the callbacks of a future are users' code. It is
+  called by the thread that has inserted with `set_transform`, and by the listener's thread
+  whenever the generation has changed. If a lookup pulls messages while there are futures, it wakes
+  the sources, so that the listener's thread completes the futures.
+- The *executor* that spins the node of a listener is woken by the listener's thread. The executor
+  then runs the coroutines that await a future, and `rclpy.spin_once` returns. It is woken at once
+  when the thread has completed a future. For other new data, it is woken at most ten times a
+  second, because each wake-up costs 0.1 to 0.3 ms. If the buffer has a node, each completed future
+  also wakes the executor of that node.
 
 Shutdown. `remove_source` pulls for the last time, and removes the source. A blocked lookup gives
 up and raises the error of its last attempt in two cases: when the context of its buffer is shut
 down, and when the last source is removed, if the buffer had a source when the lookup began. A
-shutdown does not end futures: one without a timeout stays pending, as in tf2_ros. The listener's
+shutdown does not end futures: without a timeout, they stay pending, as in tf2_ros. The listener's
 thread ends when the listener is unregistered, when its node is destroyed, when its context is shut
 down, or when Python exits. At its end, it removes its source from the buffer and destroys the
 subscriptions.
 
 Fork. The locks of all buffers are held while the process forks, as the module `logging` does with
 its locks. Otherwise a lock of the child could be held by a thread that exists in the parent only.
-The child has the data, but no sources, threads or futures. If a lock could not be had in time, the
-child drops the dynamic transforms of its buffer; see `forking`.
+The child has the data, but no sources, threads or futures. If the lock of a buffer could not be
+taken in time, the child drops the dynamic transforms of that buffer; see `forking`.
 """
 
 from array import array
@@ -222,7 +224,7 @@ class Engine:
             return self._generation
 
     def pull(self) -> None:
-        """Insert what has arrived in the sources; the lock must be held, and no call nested."""
+        """Insert what has arrived in the sources; call this with the lock, but not if nested."""
         for source in self._sources:
             batches = source.take()
             if batches:
@@ -263,7 +265,7 @@ class Engine:
         x, y, z, qx, qy, qz, qw = array('d', pose)
         pose = x, y, z, qx, qy, qz, qw
         if self._sources:
-            self.update()  # messages that were sent before this call come first
+            self.update()  # messages that have arrived before this call come first
         with self._lock:
             is_accepted = self._insertion.insert(stamp, frame_id, child_frame_id, pose, authority,
                                                  is_static)
@@ -274,7 +276,7 @@ class Engine:
 
     def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
         """
-        Insert the transforms of many messages; this is much faster than `insert`.
+        Insert the transforms of many messages; this is much faster than to call `insert` for each.
 
         :param batches: objects of the types `Batch` and `Rows`, as `MessageReader.read` returns.
         """
@@ -288,7 +290,7 @@ class Engine:
         """
         Log why transforms were refused; call this without the lock, if possible.
 
-        A `Buffer` overrides this method, and also completes its futures.
+        `Buffer` overrides this method, in order to complete its futures, too.
 
         :returns: True if a future was completed.
         """
@@ -349,15 +351,18 @@ class Engine:
             source.wake()
 
     def _liveness(self) -> tuple[bool, ...]:
-        """Return flags; a blocked lookup ends when a flag that was True at its start is False."""
+        """Return flags; a blocked lookup ends when one of them changes from True to False."""
         return (bool(self._sources),)
 
     def _wait(self, timeout: float, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
         """
         Call a lookup, and call it again when data arrive, until it succeeds or time is up.
 
+        A nested call does not wait.
+
         :param timeout: how long to wait at most (s), on the wall clock.
-        :raises TransformException: if time is up: the last one that the lookup raised.
+        :raises TransformException: the last error of the lookup, if time is up or a flag of
+            `_liveness` has changed to False.
         """
         try:
             return self._pull_and_call(lookup, *arguments)
@@ -370,7 +375,9 @@ class Engine:
             self._queues.add(queue)
             self._wake_sources()
             while True:
-                flags = self._liveness()  # first, so that the lookup uses a source's last data
+                # Read the flags before the attempt: if the last source was removed by now, the
+                # attempt uses all of its data.
+                flags = self._liveness()
                 self.update()
                 with self._lock:
                     try:
@@ -408,7 +415,8 @@ class Engine:
         """
         Return the poses of the source frame in the target frame at many times.
 
-        More than 2048 times are looked up in several parts. Between these, new data may arrive.
+        More than 2048 times are looked up in several parts. Between two parts, new data may be
+        inserted.
 
         :param target_frame: the frame in which the results are expressed.
         :param source_frame: the frame whose poses are looked up.
@@ -435,9 +443,9 @@ class Engine:
         """
         Return, for each target frame, the poses of all frames that are connected to it.
 
-        Each pose is that of the latest time for which every edge on its path has data. The result
-        is that of a `lookup_transform` for each frame, up to rounding, but takes a fraction of the
-        time if the transforms on a path have the same stamps.
+        Each pose is valid at the latest time for which every edge on its path has data. Up to
+        rounding, `lookup_transform` returns the same for each frame. This method takes a fraction
+        of its time if the transforms on a path have the same stamps.
 
         :param target_frames: the frames in which the results are expressed.
         :param until: use only samples up to this time (ns), and the parents that the frames had
@@ -460,7 +468,7 @@ class Engine:
         """
         Return the names of the frames on the path between two frames.
 
-        The path is that of the latest time for which each of its edges has data.
+        The path is the one at the latest time for which each of its edges has data.
 
         :param target_frame: the last frame of the chain.
         :param source_frame: the first frame of the chain.
@@ -555,7 +563,7 @@ def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:
     Return the debug tuple of can_transform.
 
     :param error: the error of the check, or None if there is a transform.
-    :returns: True if there is no error, and the text of the error.
+    :returns: (True, '') if there is no error; otherwise False and the text of the error.
     """
     return error is None, '' if error is None else str(error)
 

@@ -29,19 +29,19 @@ class History:
     """
     The samples of a dynamic frame.
 
-    Before a sample is inserted, those expire that are older than the newest one by more than the
-    cache time.
+    Before a sample is inserted, the samples that are older than the newest one by more than the
+    cache time expire.
 
     The i-th sample has the stamp `stamps[i]` (ns) and the i-th 56 bytes of `poses`. The samples
     before the index `start` have been dropped; they are removed from memory many at a time.
     `only_parent` is the parent in all samples, or '' while there are several parents or no
     samples. `parents` is the parent of each sample while there are several, and None otherwise.
-    `all_parents` is a dict whose keys are the parents in all samples, and perhaps in some that
-    were dropped.
+    The keys of the dict `all_parents` are the parents in all samples, and perhaps the parents in
+    some samples that were dropped.
 
     KeyboardInterrupt can be raised after a call, at the start of a function and when a loop jumps
-    back, but nowhere else. So between the statements that change several lists together there is
-    no such place: they follow each other directly, and only the last one may end with a call.
+    back, but nowhere else. Therefore the statements that change several lists together follow each
+    other directly, and only the last of these statements may end with a call.
     """
 
     __slots__ = ('all_parents', 'authority', 'cache_time', 'only_parent', 'parents', 'poses',
@@ -98,12 +98,12 @@ class History:
 
     def append(self, stamps: 'array[int]', poses: bytes, authority: str) -> bool:
         """
-        Append samples whose parent is the only parent, if they are newer than all others.
+        Append samples with the parent `only_parent`, if they are newer than all in the history.
 
         :param stamps: (n,) stamps (ns), in increasing order.
         :param poses: n poses of 56 bytes each.
         :param authority: the publisher.
-        :returns: False if nothing was appended: call `insert` for each sample.
+        :returns: False if nothing was appended; the caller must then `insert` each sample.
         """
         own_stamps = self.stamps
         if self.parents is not None or not own_stamps or stamps[0] <= own_stamps[-1]:
@@ -185,8 +185,8 @@ class History:
         self.start = start
         if start <= 16 or start * 5 <= len(self.stamps):
             return
-        # One expired sample stays in front. A bytearray whose first bytes are deleted would only
-        # advance its start, and would not use their memory again.
+        # One expired sample stays in front: if the first bytes of a bytearray were deleted, it
+        # would only advance its start, and would not use their memory again.
         self.start = 1
         del self.poses[POSE_BYTES:start * POSE_BYTES]
         del self.stamps[1:start]
@@ -201,8 +201,9 @@ class History:
         """
         Return the index of the last sample that is not newer than a time.
 
-        Of samples with the same stamp, it is the one that was inserted last. At the oldest stamp
-        it is the one that was inserted first, unless all samples have that stamp.
+        Of several samples with the same stamp, the result is the sample that was inserted last;
+        but at the oldest stamp, it is the sample that was inserted first, unless all samples have
+        that stamp.
 
         :param time: time (ns); 0: the stamp of the newest sample.
         :returns: the index of the sample.
@@ -273,8 +274,8 @@ class History:
             stamps_before, stamps_after = stamps.take(before), stamps.take(after)
             poses_before, poses_after = _columns(poses[before]), _columns(poses[after])
         finally:
-            # An array cannot grow while numpy refers to its memory, and a traceback would keep
-            # these variables.
+            # An array cannot grow while numpy refers to its memory. A traceback would keep these
+            # variables, and with them the references.
             del stamps, poses
         # The difference of two int64 may be too large for an int64, but not for a uint64.
         span = (stamps_after - stamps_before).view(np.uint64)

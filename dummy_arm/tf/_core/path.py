@@ -23,8 +23,10 @@ class Path:
         """
         Create a path.
 
-        :param from_source: the edges from the source frame upwards to the frame where both meet.
-        :param from_target: the edges from the target frame upwards to the frame where both meet.
+        :param from_source: the edges from the source frame upwards to the meeting frame, which
+            may be the target frame.
+        :param from_target: the edges from the target frame upwards to the meeting frame, which
+            may be the source frame.
         """
         self.from_source, self.from_target = from_source, from_target
         self.edges = [*from_source, *from_target]
@@ -39,9 +41,9 @@ class Path:
 
     def latest_common_time(self) -> int:
         """
-        Return the latest time for which every dynamic edge has data.
+        Return the latest common time: the earliest of the newest stamps of all dynamic edges.
 
-        :returns: time (ns); 0 if there is no dynamic edge.
+        :returns: time (ns); 0 if no dynamic edge has samples.
         """
         return min([latest for edge in self.edges if (latest := edge.latest)], default=0)
 
@@ -49,8 +51,8 @@ class Path:
         """
         Return True if every edge has a pose at a time.
 
-        :param time: time (ns); 0: the newest sample of each edge, unlike in `poses`; `Lookups`
-            replaces 0 before.
+        :param time: time (ns); 0: the newest sample of each edge. (`Lookups` passes the latest
+            common time instead of 0.)
         :returns: whether `pose` has a result.
         """
         return all(edge.parent_at(time) is not None for edge in self.edges)
@@ -59,8 +61,8 @@ class Path:
         """
         Compute the pose of the source frame in the target frame.
 
-        :param time: time (ns); 0: the newest sample of each edge, unlike in `poses`; `Lookups`
-            replaces 0 before.
+        :param time: time (ns); 0: the newest sample of each edge. (`Lookups` passes the latest
+            common time instead of 0.)
         :returns: x, y, z (m) and the quaternion x, y, z, w.
         :raises NoPose: if an edge has no pose at that time.
         """
@@ -76,11 +78,11 @@ class Path:
         """
         Compute the poses of the source frame in the target frame at many times.
 
-        `has_constant_parents` must be true of the path.
+        Call this only if `has_constant_parents` returns True.
 
         :param times: (n,) times (ns); 0: the latest common time.
-        :returns: (n, 7) poses: x, y, z (m), quaternion x, y, z, w; and (n,) whether the path has a
-            pose at that time. The rows without a pose contain arbitrary numbers.
+        :returns: (n, 7) poses: x, y, z (m), quaternion x, y, z, w; and (n,) bool: True where the
+            path has a pose. The rows without a pose contain arbitrary numbers.
         """
         if not times.all():
             times = np.where(times == 0, self.latest_common_time(), times)
@@ -98,7 +100,7 @@ class Path:
 
 
 def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
-    """Compute the pose of the lowest frame in the highest one; the edges go upwards."""
+    """Compute the pose of the first edge's child in the last edge's parent; edges go upwards."""
     if not edges:
         return IDENTITY
     pose = edges[0].pose_at(time)
@@ -110,9 +112,9 @@ def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
 def _columns_along(edges: Sequence[AnyHistory], times: NDArray[np.int64],
                    known: NDArray[np.bool_]) -> Columns:
     """
-    Compute the poses of the lowest frame in the highest one at many times; the edges go upwards.
+    Compute the poses at many times, each as `_pose_along` does.
 
-    `known` is set to False where an edge has no pose.
+    `known` is changed in place: it is set to False where an edge has no pose.
     """
     columns: Columns = IDENTITY
     for i, edge in enumerate(edges):

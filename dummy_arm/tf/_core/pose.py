@@ -23,8 +23,8 @@ Columns = tuple[Any, Any, Any, Any, Any, Any, Any]
 POSE_BYTES = 7 * 8
 #: The pose of a frame in itself.
 IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-#: Cosine of the angle between quaternions above which it is divided by their norms, as in tf2:
-#: there, its last bits change the interpolated rotation.
+#: If the dot product of two quaternions is larger than this, it is divided by their norms, as in
+#: tf2. So close to 1, its last bits change the interpolated rotation.
 _NEAR = 0.999999999999
 #: The longest name that a frame may have (bytes of UTF-8).
 LONGEST_NAME = 1024
@@ -34,7 +34,7 @@ def inverse(pose: Pose) -> Pose:
     """
     Return the inverse of a pose.
 
-    :param pose: a_from_b; one pose, or columns.
+    :param pose: a_from_b, that is, the pose of b in a; one pose, or columns.
     :returns: b_from_a; one pose, or columns.
     """
     x, y, z, qx, qy, qz, qw = pose
@@ -45,7 +45,8 @@ def compose(left: Pose, right: Pose) -> Pose:
     """
     Return the composition of two poses.
 
-    A vector v is rotated by v + q_w u + q x u, where u = 2 q x v.
+    A quaternion with the vector part q and the scalar part q_w rotates a vector v to
+    v + q_w u + q x u, where u = 2 q x v, and x is the cross product.
 
     :param left: a_from_b; one pose, or columns.
     :param right: b_from_c; one pose, or columns.
@@ -124,9 +125,9 @@ def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
     Normalise a quaternion as tf2 does, by conversion to a rotation matrix and back.
 
     The operations and their order are those of tf2, so that the result equals tf2's to the last
-    bit: between rotations that differ by less than 1e-7 rad, the result of slerp depends on the
-    last bit. The matrix is converted back as in S. W. Shepperd, Quaternion from Rotation Matrix,
-    J. Guidance and Control 1 (1978).
+    bit. The last bit matters when slerp interpolates between rotations that differ by less than
+    1e-7 rad: it changes the result. The matrix is converted back as in S. W. Shepperd, Quaternion
+    from Rotation Matrix, J. Guidance and Control 1 (1978).
 
     :param x: x of a quaternion of any length.
     :param y: y of the quaternion.

@@ -17,7 +17,8 @@ def nanoseconds(time: Any, name: str = 'time') -> int:
     :raises TypeError: if `time` has neither.
     """
     try:
-        # rclpy's types come first, since they are the most frequent; no type has both.
+        # rclpy's types are tried first, since they are the most frequent. No type has both
+        # `nanoseconds` and `nanosec`.
         return int(time.nanoseconds)
     except AttributeError:
         pass

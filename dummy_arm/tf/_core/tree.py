@@ -45,8 +45,9 @@ class FrameTree:
         """
         The names of all frames, in the order in which they were first named.
 
-        The tuple is replaced when a frame was added; names are never removed. So an error can keep
-        the tuple, and any thread can read the error without the lock.
+        A tuple never changes: when frames have been added, a new tuple replaces it. So an error
+        can keep the tuple, and any thread can read the error without the lock. Names are never
+        removed.
         """
         if len(self._names) != len(self.histories):
             self._names = tuple(self.histories)
@@ -83,7 +84,7 @@ class FrameTree:
 
     def has_edge(self, parent: str, child: str, is_static: bool) -> bool:
         """
-        Return True if a frame has had a parent, so that a new sample makes no path invalid.
+        Return True if one more sample with a certain parent makes no path invalid.
 
         :param parent: the parent.
         :param child: the frame with the history.
@@ -123,7 +124,8 @@ class FrameTree:
         """
         Check that the frames of a lookup exist.
 
-        :param frames: the frames by the names of the arguments, as tf2 calls them.
+        :param frames: the names of the frames; each keyword is tf2's name of the argument, such as
+            `target_frame`.
         :raises InvalidArgumentException: as `check`.
         :raises LookupException: as `check`.
         :raises TypeError: as `check`.
@@ -168,8 +170,8 @@ class FrameTree:
 
         :param target: the target frame, which must exist.
         :param source: the source frame, which must exist.
-        :param time: time (ns), at which the parents of the frames are taken; 0: the newest
-            parents. (`Lookups` replaces 0 by the latest common time before.)
+        :param time: the time (ns) for which the parents of the frames are used; 0: the newest
+            parents. (`Lookups` passes the latest common time instead of 0.)
         :returns: the path.
         :raises ConnectivityException: if the frames are in different trees.
         :raises ExtrapolationException: if an edge has no pose at the time.
@@ -191,7 +193,7 @@ class FrameTree:
         :raises LookupException: as `path`.
         """
         from_source, from_target = self._walk(target, source, time)
-        # The frame where both sides meet is the parent of the last frame of each of them.
+        # The frame where both sides meet is the parent of the last frame of each side.
         if from_target:
             return [*from_source, *self._parents(from_target[-1:], time), *reversed(from_target)]
         return [source, *self._parents(from_source, time)]
@@ -207,7 +209,7 @@ class FrameTree:
         Return the child frames of the edges on a path: above the source, and above the target.
 
         As in tf2, first the ancestors of the source are followed as far as there are data, then
-        those of the target. Therefore, of several possible errors, the one of tf2 is raised.
+        those of the target. So if there are several errors, the same one is raised as in tf2.
         """
         from_source: list[str] = []
         stopped_at: Optional[str] = None
@@ -249,8 +251,8 @@ class FrameTree:
 
         :param target: the target frame, which must exist.
         :param source: the source frame, which must exist.
-        :returns: time (ns); 0 if there is no dynamic edge. If both frames are the same: the stamp
-            of its newest sample.
+        :returns: time (ns); 0 if there is no dynamic edge. If both names are the same: the newest
+            stamp of that frame.
         :raises ConnectivityException: if the frames are in different trees.
         :raises LookupException: if there is a loop, or a chain of more than 1000 edges.
         """
@@ -258,7 +260,7 @@ class FrameTree:
             history = self.histories[source]
             return history.latest if history else 0
         from_source: list[str] = []
-        # By ancestor of the source frame: the number of edges from the source frame up to it.
+        # For each ancestor of the source frame: the number of edges between the two.
         depths: dict[str, int] = {}
         for child, parent in self._ancestors(source):
             self._append(from_source, child)
@@ -300,11 +302,11 @@ class FrameTree:
         """
         Return True if no loop can be above a frame at any time.
 
-        It follows every parent that a frame has ever had. If all of these chains end within 1000
-        edges, none of them is a loop.
+        Upwards from the frame, every parent in each history is followed. If all of these chains of
+        parents end within 1000 edges, none of them contains a loop.
 
         :param frame: the frame, which must exist.
-        :returns: True if all chains end.
+        :returns: True if all chains end within 1000 edges.
         """
         ancestors = {frame}
         for _ in range(MAX_GRAPH_DEPTH + 1):
@@ -368,8 +370,8 @@ class FrameTree:
         """
         Create the error of a search that stopped at a frame without data for the time.
 
-        tf2's words describe that frame, even if it is not on the path, since tf2 follows the
-        ancestors of the source as far as there are data. The hint describes the path.
+        tf2's words describe that frame. It may be above the path, since tf2 follows the ancestors
+        of the source as far as there are data. The hint describes the path.
         """
         history = self.histories[frame]
         assert isinstance(history, History)
@@ -382,9 +384,10 @@ class FrameTree:
         """
         Return the hint of an ExtrapolationException.
 
-        The hint names that edge on the path (by the newest parents) whose samples are farthest
-        from the time (ns). If all of these edges have data at the time, the frames had other
-        parents then, and the hint names the edge above the frame at which the search stopped.
+        The newest parents of the frames determine a path. The hint names the edge on it whose
+        samples are farthest from the time (ns). If all of its edges have data at the time, the
+        frames had other parents then, and the hint names the edge above the frame at which the
+        search stopped. If there is no such path, the hint names the two roots.
         """
         from_source, from_target, meeting = self._chains_to_meeting(source, target)
         if meeting is None:

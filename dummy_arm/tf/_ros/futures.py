@@ -49,8 +49,8 @@ class TransformFuture(Future):
         :param callback: called with this future.
         """
         super().add_done_callback(callback)  # type: ignore[no-untyped-call]
-        # An executor refers to the future while it spins, but never removes its callback: if the
-        # future were kept here, it would go on waiting after a spin that timed out.
+        # An executor that spins keeps the future alive itself, but never removes its callback. If
+        # the future were kept here, too, it would stay pending after a spin that has timed out.
         if not is_of_executor(callback):
             self._owner.keep(self)
 
@@ -68,9 +68,9 @@ class PendingFutures:
     """
     The futures that wait for the data of a buffer.
 
-    No lock protects `_futures`: each change is one atomic operation of a dict, and only the thread
-    that removes a future from it completes that future. So a signal handler or the garbage
-    collector may interrupt any of these methods.
+    No lock protects `_futures`: each change is one atomic operation of a dict, and a future is
+    completed only by the thread that has removed it from the dict. So a signal handler or the
+    garbage collector may interrupt any method of this class.
     """
 
     def __init__(self, node: Optional[Node]) -> None:
@@ -84,9 +84,9 @@ class PendingFutures:
         #: References that keep the futures with a done callback alive.
         self._kept: set[TransformFuture] = set()
         self._numbers = count()
-        #: New deadlines for the thread that waits for them; None wakes it.
+        #: New deadlines, for the thread `_thread`, which waits for them; None only wakes it.
         self._queue: SimpleQueue[Optional[_Deadline]] = SimpleQueue()
-        #: A heap of deadlines, used by that thread only.
+        #: A heap of deadlines, used by `_thread` only.
         self._deadlines: list[_Deadline] = []
         self._starting = RLock()
         self._thread: Optional[Thread] = None
@@ -135,11 +135,11 @@ class PendingFutures:
         Remove a future.
 
         :param future: the future.
-        :returns: True if the future was pending; only this caller may complete or cancel it then.
+        :returns: True if the future was pending; then only this caller may complete or cancel it.
         """
         was_waiting = self._futures.pop(id(future), None) is not None
         self._kept.discard(future)
-        future.lookup = _raise  # so that a future that rclpy keeps does not keep the buffer
+        future.lookup = _raise  # so that a future that rclpy keeps does not keep the buffer alive
         if self._thread is not None:
             self._queue.put(None)
         return was_waiting
@@ -164,10 +164,10 @@ class PendingFutures:
 
     def _try(self, future: TransformFuture, waited: Optional[float] = None) -> bool:
         """
-        Complete a future, unless its lookup raises a TransformException and it may go on waiting.
+        Complete a future, unless its lookup raises a TransformException and its time is not up.
 
-        :param waited: the timeout (s) if it has expired: after a TransformException, the future
-            then gets a TimeoutException; None: the future may go on waiting.
+        :param waited: the timeout (s), if it has expired: then a future whose lookup raises a
+            TransformException gets a TimeoutException. None: such a future stays pending.
         :returns: True if the future is done now.
         """
         try:

@@ -16,11 +16,11 @@ from rclpy.subscription import Subscription
 
 from dummy_arm.tf._ros.rclpy_private import guard_condition, RCLError, WaitSet
 
-#: The longest wait (s): a signal that shuts ROS down does not wake the thread.
+#: The longest wait (s). It is short because a signal that shuts ROS down does not wake the thread.
 _MAX_WAIT = 0.2
 #: The shortest time between two wake-ups of the executor (s). Each costs 0.1 to 0.3 ms.
 _WAKE_INTERVAL = 0.1
-#: The longest time for which `stop` joins the thread (s). It may be running a longer callback.
+#: The longest time for which `stop` joins the thread (s), which may be running a long callback.
 _JOIN_TIMEOUT = 0.5
 
 #: The threads that were started and have not ended.
@@ -40,7 +40,8 @@ class ListenerThread:
     A thread that calls a function whenever messages arrive.
 
     It ends when `end` is called, the node is destroyed or ROS is shut down. It waits in its own
-    wait set. After each round it may pause, so that the next round handles several messages.
+    wait set. A *round* is one wait and one call of the function. After a round the thread may
+    pause, so that the next round handles several messages.
     """
 
     def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription, tf: Subscription,
@@ -55,7 +56,8 @@ class ListenerThread:
         :param tf: the subscription to /tf, whose messages do not wake the thread during a pause.
         :param work: called by the thread when messages have arrived, and at least 5 times per
             second.
-        :param on_end: called by the thread at its end; or by `stop`, if it was never started.
+        :param on_end: called by the thread at its end; or by `stop`, if the thread was never
+            started.
         :param is_blocked: returns True if the calling thread holds a lock without which this
             thread cannot end.
         :param clock: returns the time (s).

@@ -51,8 +51,8 @@ class Topic:
         """
         Take the messages that have arrived.
 
-        One call of C code takes and appends all of them, so that a KeyboardInterrupt cannot lose a
-        message in between.
+        One call of C code takes and appends all messages. So no KeyboardInterrupt is raised after
+        a message is taken and before it is appended, and no message is lost.
 
         :param messages: the list to which pairs of bytes and message info are appended.
         :raises InvalidHandle: if the subscription is destroyed.
@@ -65,8 +65,9 @@ class SubscriptionSource:
     """
     The source from which a buffer pulls the messages of /tf and /tf_static.
 
-    The source needs no lock: the buffer calls `take` with its own lock held. The listener's thread
-    calls `end_round` without a lock, so the count of messages that it uses may be too low.
+    The source has no lock of its own: the buffer holds the buffer's lock when it calls `take`. The
+    listener's thread calls `end_round` without a lock. Therefore the number of messages that
+    `end_round` uses may be too low.
     """
 
     def __init__(self, tf_static: Subscription, tf: Subscription,
@@ -98,7 +99,7 @@ class SubscriptionSource:
         Take and decode the messages that have arrived.
 
         /tf is taken before /tf_static, but inserted after it. So if a publisher sends a static
-        transform before a dynamic one, no lookup sees the dynamic one alone.
+        transform before a dynamic one, no lookup sees the dynamic one without the static one.
 
         :returns: a list that this source keeps; the buffer clears it after the insertion.
         """
@@ -123,8 +124,8 @@ class SubscriptionSource:
         Compute how long the listener's thread may leave messages in the queue.
 
         The thread calls this after each update, without a lock. It pauses because a wake-up costs
-        more than the insertion of a message. At the rate of messages since the last call, at least
-        half of the queue stays free.
+        more than the insertion of a message. If messages arrive as fast as since the last call, at
+        least half of the queue stays free during the pause.
 
         :returns: the pause (s).
         """
@@ -158,7 +159,7 @@ class QosMonitor:
         """
         Warn if there are new incompatible publishers; check once a second at most.
 
-        The text begins as the warning of rclpy's default callback.
+        The text begins with the warning of rclpy's default callback.
         """
         if self._incompatible_qos is None or (now := self._clock()) < self._next:
             return
@@ -169,7 +170,8 @@ class QosMonitor:
             self._log.warning(
                 f"New publisher discovered on topic '{self._topic}', offering incompatible QoS. "
                 f'No messages will be received from it. Last incompatible policy: {policy}. '
-                f'Change its {policy}, or qos or static_qos of the TransformListener.')
+                f'Change {policy} of the publisher, or qos or static_qos of the '
+                'TransformListener.')
 
     def close(self) -> None:
         """Release the event, which refers to the subscription."""

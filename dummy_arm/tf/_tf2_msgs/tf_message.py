@@ -1,12 +1,12 @@
 """
 The class `tf2_msgs/msg/TFMessage`, created at run time where tf2_msgs is not installed.
 
-For a generated message, compiled functions convert it between Python and C (called by rclpy) and
-between C and bytes (called by the middleware). Python functions cannot replace them: Fast DDS
-calls them while it holds its own lock, so that waiting for the GIL there is a deadlock as soon as
-two threads publish; and a KeyboardInterrupt in a ctypes callback leaves its result undefined.
-Therefore rclpy publishes and takes this message as bytes, which are serialised and deserialised
-outside of the middleware (`install` in `_ros/rclpy_private.py`).
+A generated message is converted by compiled functions. rclpy calls those that convert between
+Python and C; the middleware calls those that convert between C and bytes. Python functions cannot
+replace the latter. Fast DDS calls them while it holds its own lock: if they waited for the GIL
+there, two threads that publish would deadlock. Besides, a KeyboardInterrupt in a ctypes callback
+leaves its result undefined. Therefore rclpy publishes and takes this message as bytes. The message
+is serialised and deserialised outside of the middleware; see `install` in `_ros/rclpy_private.py`.
 """
 
 from collections.abc import Collection

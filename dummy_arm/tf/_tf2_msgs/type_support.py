@@ -7,8 +7,8 @@ sequence. So the structs of Polygon are copied, and the name, element type, desc
 them are replaced.
 
 The structs contain pointers to functions, which C code calls while a publisher or a subscription
-is created, but not for each message. They point to compiled code, or to a ctypes callback that
-calls a compiled function, so that no Python bytecode runs in them, which Ctrl-C could interrupt.
+is created, but not for each message. Each function is compiled code, or a ctypes callback that
+calls a compiled function. So it runs no Python bytecode, which Ctrl-C could interrupt.
 """
 
 from collections.abc import Callable, Iterable
@@ -50,10 +50,10 @@ _INTROSPECTION = b'rosidl_typesupport_introspection_c'
 
 class _Handle(c_void_p):
     """
-    The first argument of the function by which C asks for the type support of a library.
+    The first argument of `func` of a TypeSupport, as `operator.getitem` receives it.
 
-    C gets the address that `operator.getitem(handle, identifier)` returns; `__getitem__` is set
-    below.
+    C code calls `func(handle, identifier)` to get the address of the type support for one
+    typesupport library. Here `func` is `operator.getitem`; `__getitem__` is set below.
     """
 
     __getitem__: Callable[[bytes], Optional[int]]
@@ -169,8 +169,8 @@ _sources = _array(TypeSources, (
 _hash = TypeHash(1, (c_uint8 * 32)(*_hash_of(_description)))
 _description_functions = [_constant(value) for value in (_hash, _description, _sources)]
 
-# The functions for rmw_fastrtps. Messages are passed to it as bytes, so it calls only one of them:
-# the one that says whether the type is bounded.
+# The functions for rmw_fastrtps. Messages are passed to it as bytes, so it calls only the function
+# that returns whether the type is bounded.
 _callbacks = FastRTPSCallbacks.from_buffer_copy(
     FastRTPSCallbacks.from_address(_polygon_fastrtps.data))
 _expect("Polygon's name", (b'geometry_msgs::msg', b'Polygon'),
@@ -209,6 +209,6 @@ TYPE_SUPPORT = _new_capsule(ctypes.addressof(_handle), None, None)
 CREATE_ROS_MESSAGE = Polygon.__class__._CREATE_ROS_MESSAGE
 DESTROY_ROS_MESSAGE = Polygon.__class__._DESTROY_ROS_MESSAGE
 # This message is only sent and taken as bytes. If rclpy tries to convert an object all the same,
-# this raises a TypeError.
+# these functions raise a TypeError.
 CONVERT_FROM_PY = CONVERT_TO_PY = _new_capsule(
     ctypes.cast(ctypes.pythonapi.PyErr_BadArgument, c_void_p).value, None, None)

@@ -56,7 +56,7 @@ def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
 
 
 #: The fields of one transform: sec, nanosec, frame_id, child_frame_id, pose. In received messages,
-#: nanosec may be more than a second.
+#: nanosec may be 10**9 or more.
 Fields = tuple[int, int, str, str, Pose]
 
 
@@ -188,10 +188,10 @@ def split_stamp(stamp_ns: int) -> tuple[int, int]:
 
 class MessageTemplate:
     """
-    A template for messages that have the same frames, which makes their serialisation fast.
+    A template that makes the serialisation of messages with the same frames fast.
 
-    After the encapsulation, each transform of a message ends at a multiple of 8 bytes. So the rest
-    of the message can be changed as an array of float64.
+    Counted from the end of the encapsulation, each transform ends at a multiple of 8 bytes. So the
+    rest of the message can be changed as an array of float64.
     """
 
     def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
@@ -233,9 +233,9 @@ class MessageTemplate:
 
 def key(data: bytes) -> bytes:
     """
-    Return a key, which is the same for all messages with the same frames.
+    Return a key, which depends on the two names of the first transform only.
 
-    Messages whose first transform has the same frames have the same key, too.
+    So messages with the same frames have the same key, and some others have it, too.
 
     :param data: a little-endian message.
     :returns: the bytes of the first two names; only some of them if a name is longer than 254
@@ -259,9 +259,10 @@ def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     Return the positions of the fields in little-endian messages with certain frames.
 
     :param edges: (frame_id, child_frame_id) of each of the n transforms.
-    :returns: a pair. The first is the format of these fields for the module `struct`: the head,
-        the number of transforms, and for each transform its stamp, its two names and its pose, as
-        bytes. The second is the 2 n names as they are in the message: length, UTF-8 and NUL.
+    :returns: a pair. The first is a format of the module `struct` with these fields: the head; the
+        number of transforms; and for each transform its stamp, its two names and its pose, each as
+        bytes. The second is the list of the 2 n names as they are in the message: length, UTF-8
+        and NUL.
     :raises ValueError: if a frame id contains a NUL or is not valid Unicode.
     """
     struct_format = '<2s2xI'

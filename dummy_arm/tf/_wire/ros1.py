@@ -73,9 +73,9 @@ def _name(data: bytes, position: int) -> tuple[str, int]:
 
 def key(data: bytes) -> bytes:
     """
-    Return a key, which is the same for all messages with the same frames.
+    Return a key, which depends on the two names of the first transform only.
 
-    Messages whose first transform has the same frames have the same key, too.
+    So messages with the same frames have the same key, and some others have it, too.
 
     :param data: a message.
     :returns: the bytes of the first two names; only some of them if a name is longer than 255

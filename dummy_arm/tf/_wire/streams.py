@@ -42,9 +42,9 @@ class Encoding(Protocol):
 
     def key(self, data: bytes) -> bytes:
         """
-        Return a key, which is the same for all messages with the same frames.
+        Return a key, which depends on the two names of the first transform only.
 
-        Messages whose first transform has the same frames have the same key, too.
+        So messages with the same frames have the same key, and some others have it, too.
 
         :param data: a message.
         :returns: the key.
@@ -134,9 +134,9 @@ class MessageReader:
         """
         Read messages.
 
-        Messages with a known layout and a single stamp are joined into batches. The others become
-        rows, and so do static messages: batches keep the order of the transforms of each frame,
-        but the order of static transforms matters across all frames.
+        Messages with a known layout and a single stamp are joined into batches. All others become
+        rows. Static messages become rows, too: their transforms must stay in order across all
+        frames, but batches keep the order only among the transforms of each single frame.
 
         :param messages: the messages, in the order of their arrival.
         :param authority: the name of their publisher.
@@ -162,8 +162,8 @@ class MessageReader:
                 stamp, poses = fields
                 batch = open_batches.get(layout)
                 if batch is None or stamp <= batch.stamps[-1] or len(batch.poses) >= _FULL_BATCH:
-                    # Batches that share a frame with the new one are closed first, so that they
-                    # are inserted before it, and the transforms of each frame stay in order.
+                    # Batches that share a child with the new one are closed first, so that they
+                    # are inserted before it, and the transforms of each child stay in order.
                     for other in tuple(open_batches):
                         if not layout.names.isdisjoint(other.names):
                             result.append(open_batches.pop(other))
@@ -176,13 +176,13 @@ class MessageReader:
         return [*result, *open_batches.values()]
 
     def _learn(self, key: tuple[int, bytes], data: bytes, rows: list[Row]) -> None:
-        """Keep the layout of a message, unless later messages must become rows, too."""
+        """Keep the layout of a message, unless later messages of its kind must become rows."""
         edges = [(row.frame_id, row.child_frame_id) for row in rows]
         if len({row.stamp_ns for row in rows}) != 1 or any(map(is_too_long, chain(*edges))):
             return  # The buffer rejects names that are too long.
         layout = _Layout(self._encoding, edges)
         # A layout does not match big-endian messages. If a child is twice in a message, a batch
-        # would not keep the order of its transforms.
+        # would not keep the order of the transforms of this child.
         if layout.read(data) is not None and len(layout.names) == len(edges):
             if self._size > _MOST_BYTES:
                 self._layouts.clear()
