@@ -96,7 +96,8 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
     :param tick: is called every 0.05 s while graphviz works; an exception that it raises ends
         the drawing and is raised here.
     :returns: the bytes of the file.
-    :raises DrawingError: if pygraphviz cannot be imported, or graphviz fails.
+    :raises DrawingError: if pygraphviz cannot be imported, the process that draws cannot be
+        started, or graphviz fails.
     """
     try:
         import pygraphviz  # noqa: F401  (its error is clearer here than from the process)
@@ -107,8 +108,8 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
     # Graphviz runs in a process of its own, since a signal does not interrupt C code, and in a
     # session of its own, so that Ctrl-C reaches only the process that called `draw`. Before
     # version 2, pygraphviz starts the program dot, which is in that session, too. The graph is
-    # passed as a file: after a timeout, a repeated communicate() does not send the rest of its
-    # input.
+    # passed in a file and not through a pipe, because communicate(), when it is repeated after a
+    # timeout, would not send the rest of the graph.
     try:
         with TemporaryFile() as graph:
             graph.write(dot.encode())

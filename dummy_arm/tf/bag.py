@@ -44,8 +44,9 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
         to 1. An exception that it raises ends the reading and is raised by `read`.
     :returns: a buffer with the transforms of the bag. For a bag of ROS 1, the authority of a
         transform is the node that published it; for a bag of rosbag2, it is 'not recorded'.
-    :raises BagError: if the path is not a bag, or the bag has no transforms; unless `partial`,
-        also if the bag is damaged, or has a chunk or message that is larger than max_bytes.
+    :raises BagError: if the path is not a bag, the bag has no transforms, or a library that reads
+        it is not installed; unless `partial`, also if the bag is damaged, or has a chunk or
+        message that is larger than max_bytes.
     :raises ValueError: if max_bytes, cache_time or max_samples is out of range.
     :raises OSError: if the path does not exist, or is a file that cannot be opened.
     """
@@ -136,7 +137,7 @@ def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
 def _grouped_by_stream(records: Iterable[tuple[Stream, bytes]], in_order: bool
                        ) -> Iterator[dict[Stream, list[bytes]]]:
     """
-    Yield messages in groups of about `_BATCH_BYTES`, each sorted by stream.
+    Yield messages in groups of at most about `_BATCH_BYTES`, each sorted by stream.
 
     Messages of one stream keep their order. A static message also keeps its place among the
     messages of the other streams.

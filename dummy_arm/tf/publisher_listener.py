@@ -21,7 +21,7 @@ from dummy_arm.tf.transform_listener import TransformListener
 UNKNOWN = 'unknown publisher'
 #: The time between two queries for the publishers (s).
 _QUERY_INTERVAL = 0.5
-#: The largest number of publishers whose names are kept, including publishers that are gone.
+#: Above this number of names, the names of publishers that are gone are dropped.
 _MOST_NAMES = 10_000
 #: The name that rmw reports for a publisher whose node is not discovered yet.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
@@ -142,7 +142,8 @@ class _GidSource(SubscriptionSource):
         super().__init__(*args)
         names.topics = {topic.name for topic, _, _ in self._topics}
         self._names = names
-        #: The takers of /tf and /tf_static; None if rcl cannot be called, so that no gid is known.
+        #: What takes the messages of /tf and of /tf_static. Each is None if rcl cannot be called;
+        #: then no gid is known.
         self._takers = [Taker(ReceivedMessage.of) if rcl_take() else None for _ in range(2)]
         self._kept: deque[ReceivedMessage] = deque()
         self._size = self._dropped = 0

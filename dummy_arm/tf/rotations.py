@@ -17,16 +17,17 @@ from transforms3d import euler, quaternions
 
 from dummy_arm.tf._core.pose import Quaternion as Quaternion
 
-#: The code of a convention of Euler angles: first axis (0, 1, 2: x, y, z), parity (0: the second
-#: axis follows the first in the order x, y, z, x; 1: it does not), repetition (1: the third axis
-#: is the first again), frame (0: the axes are static; 1: they rotate with the body, and the other
-#: three numbers describe them from the last to the first).
-#: K. Shoemake, Euler Angle Conversion, Graphics Gems IV (1994).
+#: The code of a convention of Euler angles, as in K. Shoemake, Euler Angle Conversion, Graphics
+#: Gems IV (1994): first axis (0, 1, 2: x, y, z), parity (0: the second axis follows the first in
+#: the cycle x, y, z; 1: it does not), repetition (1: the third axis is the first again), frame
+#: (0: the axes are static; 1: they rotate with the body). If frame is 1, the other three numbers
+#: describe the axes in reverse order: 'rzyx' is (0, 0, 0, 1).
 Code = tuple[int, int, int, int]
 #: A convention of Euler angles: its name, such as 'sxyz', or its code, such as (0, 0, 0, 0).
 Axes = Union[str, Code]
 
-#: A smaller number is zero up to rounding.
+#: A quaternion whose length differs from 1 by less than this counts as a unit quaternion. A length
+#: below this that is computed from unit quaternions counts as zero.
 _ROUNDING = 4.0 * sys.float_info.epsilon
 #: The largest error that is accepted in a matrix, which may have been typed by hand.
 _TOLERANCE = 1e-3
@@ -79,9 +80,9 @@ def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
     Return the Euler angles of a rotation; this is the inverse of `quaternion_from_euler`.
 
     `ai` and `ak` are in (-pi, pi]. `aj` is in [-pi/2, pi/2] if the three axes differ. If the last
-    axis is the first again, `aj` is in [0, pi] if the second axis follows the first in the order
-    x, y, z, x, and in [-pi, 0] otherwise. At gimbal lock, `ak` is 0 for static axes and `ai` is 0
-    for rotating axes.
+    axis is the first again, `aj` is in [0, pi] if the second axis follows the first in the cycle
+    x, y, z, and in [-pi, 0] otherwise. At gimbal lock, which is when the first and the last axis
+    are parallel, `ak` is 0 for static axes and `ai` is 0 for rotating axes.
 
     The method is accurate near gimbal lock, too: E. Bernardes and S. Viollet, Quaternion to Euler
     angles conversion: A direct, general and computationally efficient method, PLoS ONE 17 (2022).
@@ -214,7 +215,7 @@ def quaternion_inverse(quaternion: Iterable[float]) -> Quaternion:
 def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: float,
                      spin: int = 0, shortestpath: bool = True) -> Quaternion:
     """
-    Interpolate between two rotations, at constant angular velocity about a fixed axis.
+    Interpolate between two rotations (slerp), at constant angular velocity about a fixed axis.
 
     K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH 1985. The formula uses the sum
     and the difference of the two quaternions. So it is accurate even if they are nearly equal.
@@ -224,7 +225,8 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
     :param fraction: from 0 (`quat0`) to 1 (`quat1`); other values extrapolate.
     :param spin: the number of whole turns that are added on the way.
     :param shortestpath: whether to take the shorter way. If False, the signs of the quaternions
-        decide: the way is the longer one if their dot product is negative.
+        decide: the way is the longer one if their dot product is negative. If the rotations are
+        equal, there is no axis, and `spin` and `shortestpath` have no effect.
     :returns: the unit quaternion; exactly `quat0` or `quat1`, normalised, at fraction 0 or 1.
     :raises ValueError: if a quaternion is not finite or has length zero, or fraction or spin is
         not finite.
@@ -241,7 +243,7 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
     if min(difference_norm, sum_norm) < _ROUNDING:  # the rotations are equal, so there is no axis
         return begin
     half = math.atan2(difference_norm, sum_norm)
-    angle = fraction * (2.0 * half + turns * math.pi) - half  # from the middle
+    angle = fraction * (2.0 * half + turns * math.pi) - half  # from the rotation halfway
     along, middle = math.sin(angle) / difference_norm, math.cos(angle) / sum_norm
     return _unit([middle * m + along * d for m, d in zip(total, difference)])
 
@@ -250,9 +252,9 @@ def multiply(left: Iterable[float], right: Iterable[float]) -> Quaternion:
     """
     Return the product of two quaternions, without checks: the rotation by `right`, then `left`.
 
-    :param left: x, y, z, w.
-    :param right: x, y, z, w.
-    :returns: the product.
+    :param left: x, y, z, w, of any length.
+    :param right: x, y, z, w, of any length.
+    :returns: the product; its length is the product of both lengths.
     """
     return _xyzw(quaternions.qmult(_wxyz(left), _wxyz(right)))
 
@@ -272,7 +274,7 @@ def matrix(rotation: Iterable[float]) -> NDArray[np.float64]:
     """
     Return the matrix of a rotation, without checks.
 
-    :param rotation: x, y, z, w, of any length; four zeros stand for no rotation.
+    :param rotation: x, y, z, w, of any length; one below about 1e-8 stands for no rotation.
     :returns: (3, 3) float64.
     """
     converted: NDArray[np.float64] = quaternions.quat2mat(_wxyz(rotation))

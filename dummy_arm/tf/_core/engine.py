@@ -67,7 +67,7 @@ Ctrl-C. CPython raises KeyboardInterrupt in the main thread only, and there only
 the start of a function, and when a loop jumps back. Up to Python 3.13, nothing is raised after the
 call of `__enter__` by `with`, so `with` is safe on a lock that is written in C. (Later versions
 must be checked for this.) In `History`, the statements that change several lists follow each other
-directly, and at most the last one contains a call. `Source.take` returns a list that the source
+directly, and only the last one may end with a call. `Source.take` returns a list that the source
 keeps, and `update` clears the list after the insertion. If the insertion is interrupted, the next
 update therefore inserts the same batches again. A sample that is in the history already is not
 inserted again.
@@ -103,10 +103,10 @@ thread ends when the listener is unregistered, when its node is destroyed, when 
 down, or when Python exits. At its end, it removes its source from the buffer and destroys the
 subscriptions.
 
-Fork. The locks of all buffers are held while the process forks, as the module `logging` does with
-its locks. Otherwise a lock of the child could be held by a thread that exists in the parent only.
-The child has the data, but no sources, threads or futures. If the lock of a buffer could not be
-taken in time, the child drops the dynamic transforms of that buffer; see `forking`.
+Fork. The locks of all buffers are held while the process forks. Otherwise a lock of the child
+could be held by a thread that exists in the parent only. The child has the data, but no sources,
+threads or futures. If the lock of a buffer could not be taken in time, the child drops the dynamic
+transforms of that buffer; see `forking`.
 """
 
 from array import array
@@ -547,7 +547,7 @@ class Engine:
         The child process has one thread, and the middleware does not work in it. So lookups use
         the data that the buffer had when the process forked.
 
-        :param was_held: True if the lock was held. If it was not, another thread may have been
+        :param was_held: True if the fork had taken the lock. If not, another thread may have been
             changing the data, so all dynamic transforms are dropped.
         """
         self._sources = ()

@@ -2,8 +2,11 @@
 Forks of a process that has buffers.
 
 The locks of all buffers are taken before a fork, and released after it in the parent and in the
-child, as the module `logging` does with its locks. Otherwise a lock that another thread holds
-during the fork would never be released in the child, which does not have that thread.
+child. Otherwise a lock that another thread holds during the fork would never be released in the
+child, which does not have that thread.
+
+A fork waits about 5 s for these locks, then it goes on. In the child, a buffer whose lock was not
+taken drops its dynamic transforms, because another thread may have been changing them.
 """
 
 from _thread import interrupt_main
@@ -14,7 +17,7 @@ from time import monotonic
 from typing import Protocol
 from weakref import WeakValueDictionary
 
-#: How long a fork waits for the locks of all buffers at most (s).
+#: How long a fork waits for the locks of all buffers, about (s).
 _PATIENCE = 5.0
 #: How long one attempt waits for the lock of one buffer (s).
 _PATIENCE_PER_LOCK = 0.02
@@ -48,7 +51,8 @@ class _Buffer(Protocol):
         """
         Drop the objects that work in the parent process only, such as sources.
 
-        :param was_held: True if the lock was held during the fork.
+        :param was_held: True if the fork had taken the lock, so that no other thread was changing
+            the data.
         """
 
 
@@ -56,7 +60,8 @@ class _Buffer(Protocol):
 _buffers: 'WeakValueDictionary[int, _Buffer]' = WeakValueDictionary()
 #: Held while the process forks.
 _forking = RLock()
-#: The forks that are under way, in the order in which they began.
+#: The forks that are under way, in the order in which they began. There are several only if a
+#: signal handler forks during a fork.
 _forks: list['_Fork'] = []
 
 
@@ -107,6 +112,7 @@ class _Fork:
         :returns: False if a lock could not be had, and `is_last` is False.
         """
         for i, buffer in enumerate(self._buffers):
+            # If this thread holds the lock already, it may be in the middle of an insertion.
             is_nested = buffer.is_held()
             if buffer.hold_for_fork(_PATIENCE_PER_LOCK):
                 self._held.append(buffer)

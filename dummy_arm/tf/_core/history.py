@@ -16,7 +16,7 @@ _pack_pose = struct.Struct('7d').pack
 _read_pose = struct.Struct('7d').unpack_from
 _read_two_poses = struct.Struct('14d').unpack_from
 
-#: The state of a frame: its newest parent, the publisher of the sample that was inserted last,
+#: The state of a frame: its newest parent, the publisher that sent a sample last,
 #: whether it is static, the number of samples, the newest and the oldest stamp (ns).
 State = tuple[str, str, bool, int, int, int]
 
@@ -34,14 +34,15 @@ class History:
 
     The i-th sample has the stamp `stamps[i]` (ns) and the i-th 56 bytes of `poses`. The samples
     before the index `start` have been dropped; they are removed from memory many at a time.
-    `only_parent` is the parent in all samples, or '' while there are several parents or no
-    samples. `parents` is the parent of each sample while there are several, and None otherwise.
-    The keys of the dict `all_parents` are the parents in all samples, and perhaps the parents in
-    some samples that were dropped.
+    If every sample has the same parent, it is `only_parent`, and `parents` is None. Otherwise
+    `only_parent` is '', and `parents` is the parent of each sample; this may stay so for some time
+    after the samples with other parents were dropped. The keys of the dict `all_parents` are all
+    parents that occur in the samples, and perhaps some that occur in dropped samples only.
 
     KeyboardInterrupt can be raised after a call, at the start of a function and when a loop jumps
     back, but nowhere else. Therefore the statements that change several lists together follow each
-    other directly, and only the last of these statements may end with a call.
+    other directly. Each first computes everything, then changes its list without a further call;
+    only the final statement may make its change by a call, such as `stamps.insert`.
     """
 
     __slots__ = ('all_parents', 'authority', 'cache_time', 'only_parent', 'parents', 'poses',
@@ -109,8 +110,9 @@ class History:
         if self.parents is not None or not own_stamps or stamps[0] <= own_stamps[-1]:
             return False
         self.authority = authority
-        # The same samples expire as if each sample was inserted by `insert`, which drops expired
-        # samples before it inserts the new one.
+        # The same samples expire as if `insert` was called for each sample. It drops expired
+        # samples before it adds the new one, so before the last one the newest stamp is
+        # `stamps[-2]`.
         earliest = (own_stamps[-1] if len(stamps) == 1 else stamps[-2]) - self.cache_time
         # If an earlier `extend` raised MemoryError, there are poses without stamps at the end;
         # they are overwritten here.

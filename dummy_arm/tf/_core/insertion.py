@@ -53,11 +53,13 @@ class Insertion:
         #: The largest number of samples of one frame.
         self._max_samples_per_frame = sys.maxsize if max_samples is None else max(
             MAX_SAMPLES_PER_STAMP, _MAX_SAMPLES_PER_SECOND * self._tree.cache_time // SECOND)
-        #: The number of samples that may be inserted before all samples are counted again.
+        #: A lower bound for the number of samples that can be inserted before the buffer is full.
+        #: If it is below 0, `_drop_oldest` may count all samples again.
         self._room = self._max_samples
         #: True if there was no room when the samples were last counted.
         self._is_full = False
-        #: The number of samples that were inserted, while there was no room, since the last count.
+        #: The number of samples that were inserted since the last count, while the buffer was
+        #: full.
         self._uncounted = 0
 
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
@@ -71,7 +73,8 @@ class Insertion:
         :param pose: x, y, z (m) and the quaternion x, y, z, w of any length.
         :param authority: the name of the publisher.
         :param is_static: True if the pose holds at all times.
-        :returns: False if the transform was refused; the reason is in the log.
+        :returns: False if the transform was refused. The log has the reason, but each kind of
+            reason at most once a second, and 'too many frames' only once.
         """
         return self._insert(stamp, frame_id.removeprefix('/'), child_frame_id.removeprefix('/'),
                             pose, authority, is_static)
@@ -173,7 +176,7 @@ class Insertion:
         if self._room >= 0:
             return
         # Counting takes time in proportion to the number of frames. So in a full buffer it is done
-        # only now and then. In between, each new sample replaces an old one.
+        # only now and then. In between, each new sample replaces an old one, if its frame has one.
         self._uncounted += added
         surplus = added
         if not self._is_full or 8 * self._uncounted >= len(self._tree.histories):
@@ -310,9 +313,9 @@ def too_many_frames(child: str, limit: int, authority: str) -> str:
     :returns: the text.
     """
     return (f'TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "{logged(child)}" from '
-            f'authority "{logged(authority)}", and every other with a new frame: max_frames of '
-            f'the buffer allows {limit} frames. Check whether a node publishes a new frame name '
-            'again and again.')
+            f'authority "{logged(authority)}" because max_frames of the buffer allows {limit} '
+            'frames. All other transforms with a new frame are ignored, too. Check whether a node '
+            'publishes a new frame name again and again.')
 
 
 def too_long_name(parent: str, child: str, authority: str) -> str:
@@ -342,10 +345,10 @@ def too_many_samples_of_a_frame(child: str, limit: int, authority: str) -> str:
     """
     return (f'TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
             f'"{logged(child)}" from authority "{logged(authority)}" before the cache time is '
-            f'over, and those of every other such frame: at most {limit} are kept of one frame '
-            f'({_MAX_SAMPLES_PER_SECOND} per second of cache time, at least '
-            f'{MAX_SAMPLES_PER_STAMP}). '
-            'Check whether the stamps of this frame advance too slowly.')
+            f'over: at most {limit} are kept of one frame ({_MAX_SAMPLES_PER_SECOND} per second '
+            f'of cache time, at least {MAX_SAMPLES_PER_STAMP}). The same is done for every other '
+            'frame with too many transforms. Check whether the stamps of this frame advance too '
+            'slowly.')
 
 
 def too_many_samples(child: str, limit: int, authority: str) -> str:
@@ -358,8 +361,9 @@ def too_many_samples(child: str, limit: int, authority: str) -> str:
     :returns: the text.
     """
     return (f'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "{logged(child)}" '
-            f'from authority "{logged(authority)}" before the cache time is over, and those of '
-            f'every other frame that receives new ones: max_samples of the buffer allows '
-            f'{limit} dynamic transforms. Use a shorter cache time, or raise max_samples.')
+            f'from authority "{logged(authority)}" before the cache time is over: max_samples of '
+            f'the buffer allows {limit} dynamic transforms. The same is done for every other '
+            'frame that receives new transforms. Use a shorter cache time, or raise '
+            'max_samples.')
 
 
