@@ -65,7 +65,7 @@ def memory() -> Iterator[Row]:
             (packet.pack(10**18 + number * 10 * MS, poses),), 'bench', False))
         if number in (3_000, 30_000):
             sizes[number // 100] = resident()
-    yield ('resident memory of a listener after 30 s, 100 frames at 100 Hz, cache time 10 s',
+    yield ('resident memory of the process, after 30 s, 100 frames at 100 Hz, cache time 10 s',
            f'{sizes[30]:.1f} MiB', '', f'{sizes[300]:.1f} MiB after 300 s')
 
 
@@ -88,7 +88,7 @@ def measured(role: str, listener: str, topic: str, rate: float, frames: int, sec
 def over_dds() -> Iterator[Row]:
     """Measure the CPU time, the losses and the latency of listening processes."""
     listeners = [
-        ('rclpy subscription, compiled conversion, set_transform', 'Compiled', 'poses'),
+        ('rclpy subscription, compiled conversion, insert', 'Compiled', 'poses'),
         ("rclpy subscription, this package's TFMessage, set_transform", 'Objects', 'tf'),
         ('TransformListener, node spun', 'TransformListener', 'tf'),
         ('TransformListener, node not spun', 'TransformListener unspun', 'tf'),

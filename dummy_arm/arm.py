@@ -1,10 +1,11 @@
 """
-The geometry of the arm, and its motion as a pure function of time.
+The geometry of the arm, and the motion of the arm as a pure function of time.
 
-The frames are base_link, one link for each joint, and end_effector; each is the parent of the
-next. A joint rotates its link about an axis through the origin of the link. The angle of a joint
-is limit * sin(phase), and the phase grows at a constant speed. At phase zero all frames are
-aligned with base_link. Units are m, rad and s; quaternions are x, y, z, w.
+The first frame is base_link. Then follow the frames of the links (there is one link for each
+joint) and the frame end_effector. Each frame is the parent of the next frame. A joint rotates its
+link about an axis through the origin of the frame of the link. The angle of a joint is
+limit * sin(phase), and the phase changes at a constant speed. If all phases are zero, all frames
+are aligned with base_link. Units are m, rad and s; quaternions are x, y, z, w.
 """
 
 from collections.abc import Sequence
@@ -25,10 +26,10 @@ class Joint:
     """
     A joint and the link that it rotates.
 
-    The frame of the link has the name of the joint. Its origin is `offset` (m) along `direction`
-    from the origin of its parent frame, and it rotates about `axis`; `direction` and `axis` are
-    unit vectors in the parent frame. The joint angle is `limit` * sin(phase) (rad), and the phase
-    advances at `speed` (rad/s).
+    The frame of the link has the name of the joint. The origin of this frame is the origin of the
+    parent frame, moved by `offset` (m) along `direction`. The link rotates about `axis`. The
+    vectors `direction` and `axis` are unit vectors in the parent frame. The joint angle is
+    `limit` * sin(phase) (rad), and the phase advances at `speed` (rad/s).
     """
 
     name: str
@@ -49,7 +50,7 @@ _X, _Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Arm:
-    """A chain of joints; the end effector is `tool` (m) away along the x axis of the last link."""
+    """A chain of joints; end_effector is at x = `tool` (m) on the x axis of the last link."""
 
     joints: tuple[Joint, ...] = (
         Joint('joint_1', 0.3, _Z, _Z, 0.3, math.radians(45)),
@@ -59,33 +60,37 @@ class Arm:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The names of the frames from base_link to end_effector, each the parent of the next."""
+        """The names of the frames in the order from parent to child: base_link to end_effector."""
         return ('base_link', *(joint.name for joint in self.joints), 'end_effector')
 
     def angles(self, phases: ArrayLike) -> NDArray[np.float64]:
         """
         Compute the joint angles: limit * sin(phase).
 
-        :param phases: (n,): the phase of each joint (rad).
+        :param phases: (n,): the phase of each of the n joints (rad).
         :returns: (n,) float64: the angle of each joint (rad).
         """
         return np.array([joint.limit for joint in self.joints]) * np.sin(phases)
 
     def poses(self, phases: ArrayLike) -> NDArray[np.float64]:
         """
-        Compute the pose of each frame except base_link in its parent, from the phases.
+        Compute the pose of each frame relative to its parent frame, from the phases.
 
-        :param phases: (n,): the phase of each joint (rad).
-        :returns: (n + 1, 7) float64: x, y, z (m), quaternion x, y, z, w.
+        The frame base_link has no parent in the arm, and is left out.
+
+        :param phases: (n,): the phase of each of the n joints (rad).
+        :returns: (n + 1, 7) float64: for each frame a row: x, y, z (m), quaternion x, y, z, w.
         """
         return self.poses_at(self.angles(phases).tolist())
 
     def poses_at(self, angles: Sequence[float]) -> NDArray[np.float64]:
         """
-        Compute the pose of each frame except base_link in its parent, from the joint angles.
+        Compute the pose of each frame relative to its parent frame, from the joint angles.
+
+        The frame base_link has no parent in the arm, and is left out.
 
         :param angles: n angles, one for each joint (rad).
-        :returns: (n + 1, 7) float64: x, y, z (m), quaternion x, y, z, w.
+        :returns: (n + 1, 7) float64: for each frame a row: x, y, z (m), quaternion x, y, z, w.
         """
         poses = np.zeros((len(self.joints) + 1, 7))
         for pose, joint, angle in zip(poses, self.joints, angles):
@@ -100,11 +105,12 @@ class Arm:
 @dataclass(frozen=True)
 class Wave:
     """
-    The motion of one joint: its angle, limit * sin(phase), as a function of the time t (s).
+    The motion of one joint: the joint angle limit * sin(phase) as a function of the time t (s).
 
-    The phase is `phase_at_change` (rad) at the time `speed_changed` (s) and advances at `speed`
+    The phase is `phase_at_change` (rad) at the time `speed_changed` (s), and advances at `speed`
     (rad/s). The limit goes from `limit_before` to `limit` (rad) in the second that begins at
-    `limit_changed` (s). At the time of a change, the new wave has the angle of the old one.
+    `limit_changed` (s). `with_speed` and `with_limit` return a new wave, which at the time of the
+    change has the same angle as the old wave.
     """
 
     speed: float
@@ -125,7 +131,7 @@ class Wave:
 
     def limit_at(self, t: float) -> float:
         """
-        Compute the limit, which after a change goes smoothly to its new value within a second.
+        Compute the limit; after a change, it goes smoothly to its new value within one second.
 
         :param t: time (s).
         :returns: the limit (rad).
@@ -145,7 +151,7 @@ class Wave:
 
     def with_speed(self, speed: float, t: float) -> 'Wave':
         """
-        Return a wave with another speed from a time on; the phase is continuous.
+        Return this wave with another speed; at the time of the change, the phase stays the same.
 
         :param speed: the new speed (rad/s).
         :param t: time of the change (s).
@@ -155,7 +161,7 @@ class Wave:
 
     def with_limit(self, limit: float, t: float) -> 'Wave':
         """
-        Return a wave whose limit goes smoothly to another value from a time on.
+        Return this wave with another limit, to which the limit goes smoothly within one second.
 
         :param limit: the new limit (rad).
         :param t: time of the change (s).
@@ -164,5 +170,5 @@ class Wave:
         return replace(self, limit=limit, limit_before=self.limit_at(t), limit_changed=t)
 
     def settled(self) -> 'Wave':
-        """Return a wave that has the limit `limit` at every time."""
+        """Return this wave without the transition: the limit is `limit` at every time."""
         return replace(self, limit_changed=-math.inf)

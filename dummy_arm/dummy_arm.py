@@ -1,4 +1,8 @@
-"""The node `dummy_arm`, the final task of the course: an arm that waves, published as TF."""
+"""
+The node `dummy_arm`: publish the transforms of an arm that waves.
+
+This node is the final task of the course.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,7 +24,7 @@ from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
 from dummy_arm.tf.formatting import logged
 
 MAP = 'map'
-#: How long to wait for /clock before a warning (s).
+#: How long to wait for a message on /clock before a warning (s).
 CLOCK_PATIENCE = 5.0
 PREFIX = 'frame_prefix'
 PREFIX_DESCRIPTION = f'prefix for the name of every frame except {MAP}; read-only'
@@ -70,7 +74,7 @@ def number_parameters(arm: Arm) -> dict[str, NumberParameter]:
 
 
 class DummyArm(Node):
-    """A node that publishes map -> base_link once on /tf_static, and the joints on /tf."""
+    """A node that publishes map -> base_link on /tf_static, and the rest of the arm on /tf."""
 
     def __init__(self) -> None:
         """
@@ -178,7 +182,8 @@ class DummyArm(Node):
                 f'publishing {MAP} -> {logged(base)} on /tf_static and {chain} on /tf at '
                 f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
         t = self._seconds(now_ns)
-        if t < self._t:  # time was set back, which must not undo the last change of a limit
+        # If time was set back, the limits would otherwise return to their old values.
+        if t < self._t:
             self._waves = [wave.settled() for wave in self._waves]
         self._t = t
         self._joints.send(now_ns, self._arm.poses_at([wave.angle(t) for wave in self._waves]))
@@ -186,7 +191,7 @@ class DummyArm(Node):
 
 def make_parser() -> Parser:
     """
-    Create the parser, whose help lists the parameters.
+    Create the parser of the command line; the help lists the parameters of the node.
 
     :returns: the parser.
     """

@@ -114,5 +114,5 @@ def test_no_such_frame():
 
 def test_a_single_name_is_an_error():
     """A str is refused, since it would be read as a list of one-letter names."""
-    with pytest.raises(TypeError, match="must be a list of names, got 'map'"):
+    with pytest.raises(TypeError, match="must be names in a list or another iterable, got 'map'"):
         BufferCore().lookup_all('map')

@@ -402,8 +402,8 @@ def test_slerp_from_a_rotation_to_itself(shortestpath, spin):
 
 
 NO_NUMBERS = 'a quaternion must be four finite numbers x, y, z, w, got '
-NO_LENGTH = (r'a quaternion must have a finite length that is not zero; \(0, 0, 0, 1\) is '
-             r'no rotation, got ')
+NO_LENGTH = (r'a quaternion must have a finite length that is not zero; the identity is '
+             r'\(0, 0, 0, 1\), got ')
 WITH_ROTATIONS = [
     euler_from_quaternion, quaternion_matrix, quaternion_inverse,
     lambda q: quaternion_slerp(q, UNIT, 0.5), lambda q: quaternion_slerp(UNIT, q, 0.0)]

@@ -28,11 +28,12 @@ def add_bag_options(parser: ArgumentParser) -> None:
 
 def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[BufferCore]:
     """
-    Read the bag that was given by the options; show a progress bar on a terminal.
+    Read the bag of the option `--bag`; if stderr is a terminal, show a progress bar.
 
     :param bag: path of the bag; None: no bag was given.
-    :param namespace: namespace of the topics /tf and /tf_static; empty: none.
-    :param partial: whether to read what can be read of a damaged bag.
+    :param namespace: namespace of the topics `tf` and `tf_static`; '': /tf and /tf_static.
+    :param partial: True: if the bag is cut off or damaged, read its undamaged parts; False: damage
+        is an error.
     :returns: a buffer with the transforms of the bag; None if no bag was given.
     :raises UsageError: if the path is empty, or if `namespace` or `partial` is set without a bag.
     :raises CommandError: if the bag cannot be read.
@@ -51,7 +52,7 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
         """
         Move the bar, and raise KeyboardInterrupt if Ctrl-C or SIGTERM was received.
 
-        :param done: the part of the bag that has been read, from 0 to 1.
+        :param done: the fraction of the bag that has been read, from 0 to 1.
         """
         check_signals()
         show_progress(done)

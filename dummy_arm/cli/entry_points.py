@@ -1,7 +1,8 @@
 """
 The entry points of the commands.
 
-This module imports little, so that Ctrl-C is handled already during the slow imports of a command.
+This module imports little. Therefore, the handlers of Ctrl-C and SIGTERM are set before the slow
+imports of a command begin.
 """
 
 from importlib import import_module
@@ -53,8 +54,9 @@ def web_view() -> int:
 
 
 def _run(module: str) -> int:
-    """Import a module and run its `main`; Ctrl-C and SIGTERM are normal ends."""
-    record_signals()  # a KeyboardInterrupt in an import may be reported as another error
+    """Import a module, run its `main` and return the exit code; it is 0 after a signal."""
+    # Without this call, a KeyboardInterrupt during an import might be reported as another error.
+    record_signals()
     try:
         main = import_module(module).main
         return 0 if signal_received() else int(main())

@@ -1,7 +1,8 @@
 """
-A workaround for an error of Fast DDS 2.14, by which destroying a node can hang.
+A workaround for an error of Fast DDS 2.14, because of which destroying a node can hang.
 
-It calls functions of Fast DDS that ROS does not expose; test/test_fast_dds.py tests them.
+The workaround calls functions of Fast DDS that ROS does not expose. test/test_fast_dds.py tests
+the behaviour of these functions.
 """
 
 import ctypes
@@ -21,9 +22,9 @@ _TIMEOUT = 1  # s
 
 def destroy(node: Node) -> None:
     """
-    Destroy the last node of this process in its domain, and avoid the hang of Fast DDS 2.14.
+    Destroy a node, and avoid the hang of Fast DDS 2.14.
 
-    :param node: the node.
+    :param node: the node, which must be the last node of this process in its ROS domain.
     """
     detach_discovery_listener(node.context.get_domain_id())
     node.destroy_node()
@@ -33,16 +34,17 @@ def detach_discovery_listener(domain_id: int) -> bool:
     """
     Detach the discovery listener from the Fast DDS participant of this process.
 
-    rmw_fastrtps detaches it when the last node is destroyed, with an infinite timeout. Fast DDS
-    2.14 adds that timeout to now(), and the sum overflows (`DomainParticipant::set_listener`).
-    A callback of the listener may be pending at that time, because another participant has just
-    been found or lost. Then Fast DDS busy-waits for ever, and holds the lock that the callback
-    needs. This can happen when one Ctrl-C ends several nodes. With a timeout of one second, Fast
-    DDS waits as intended.
+    Without this function, rmw_fastrtps detaches the listener when the last node is destroyed, with
+    an infinite timeout. In `DomainParticipant::set_listener`, Fast DDS 2.14 adds this timeout to
+    now(), and the sum overflows. A callback of the listener may be pending at this moment, because
+    another participant has just been found or lost. In this case, Fast DDS busy-waits for ever
+    while it holds the lock that the callback needs. This can happen when one Ctrl-C ends several
+    nodes. This function sets a timeout of one second. With this timeout, the sum does not
+    overflow, and Fast DDS waits as intended.
 
     :param domain_id: the ROS domain of the participant.
     :returns: True if the listener was detached; False if there is no participant of Fast DDS 2.14,
-        as with another middleware or version.
+        for example because ROS uses another middleware or another version of Fast DDS.
     """
     try:
         library = ctypes.CDLL(_LIBRARY, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)

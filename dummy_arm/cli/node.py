@@ -1,4 +1,4 @@
-"""The nodes of the commands: how they are started, spun and destroyed."""
+"""Start, spin and destroy the node of a command."""
 
 from _thread import interrupt_main
 from collections.abc import Callable, Iterator, Sequence
@@ -16,8 +16,8 @@ from dummy_arm.cli.fast_dds import destroy
 from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
 from dummy_arm.cli.signals import begin_cleanup, signal_received
 
-#: The longest wait in the middleware (s). A signal whose handler only records it does not end the
-#: wait.
+#: The longest wait in the middleware (s). A signal does not end this wait, because the signal
+#: handler only records the signal.
 _LONGEST_WAIT = 0.2
 
 
@@ -25,10 +25,11 @@ def run_node(make_node: Callable[[], Node], ros_args: Sequence[str]) -> int:
     """
     Run a node until Ctrl-C, SIGTERM or a shutdown of the context.
 
-    :param make_node: creates the node; may raise a UsageError.
+    :param make_node: a function that creates the node; it may raise a UsageError.
     :param ros_args: the command line, with the name of the command.
-    :returns: the exit code, 0.
-    :raises UsageError: if the node rejects a parameter of the ROS arguments.
+    :returns: the exit code, which is 0.
+    :raises UsageError: if `make_node` raises it, or if the node rejects a parameter that is set in
+        the ROS arguments.
     :raises CommandError: if ROS cannot be initialised.
     """
     with ros_context(ros_args), suppress(ExternalShutdownException):
@@ -41,13 +42,14 @@ def ros_context(ros_args: Sequence[str]) -> Iterator[None]:
     """
     Initialise ROS, and shut it down at the end of the `with` block.
 
-    :param ros_args: as `run_node`.
-    :returns: a context manager; `as` gives None.
-    :raises UsageError: if a node in the block rejects a parameter of the ROS arguments.
+    :param ros_args: as for `run_node`.
+    :returns: a context manager; the target of `as` is None.
+    :raises UsageError: if a node in the block rejects a parameter that is set in the ROS
+        arguments.
     :raises CommandError: if ROS cannot be initialised.
     """
     try:
-        # The signal handlers of rclpy would shut the context down while a node is using it.
+        # The signal handlers of rclpy would shut down the context while a node is using it.
         rclpy.init(args=list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl failed, for example because ROS_DOMAIN_ID is invalid
         raise CommandError(rcl_error_text(error)) from None
@@ -65,11 +67,11 @@ def spinning_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
     Initialise ROS and spin a node in a thread until the end of the `with` block.
 
     :param name: name of the node.
-    :param ros_args: as `run_node`.
-    :returns: a context manager; `as` gives the node.
-    :raises UsageError: if the node rejects a parameter of the ROS arguments.
-    :raises CommandError: if ROS cannot be initialised, or if the executor raises an error, which
-        interrupts the block.
+    :param ros_args: as for `run_node`.
+    :returns: a context manager; the target of `as` is the node.
+    :raises UsageError: if the node rejects a parameter that is set in the ROS arguments.
+    :raises CommandError: if ROS cannot be initialised, or if the executor raises an error. An
+        error of the executor interrupts the block in the same way as Ctrl-C.
     """
     with ros_context(ros_args):
         node, stop_requested = rclpy.create_node(name), Event()
@@ -113,6 +115,6 @@ def _spin_until_signal(node: Node) -> None:
             executor.spin_once(timeout_sec=_LONGEST_WAIT)
     finally:
         begin_cleanup()
-        # An executor that outlives its context complains when it is garbage-collected.
+        # If the context were shut down first, the garbage collection of the executor could fail.
         executor.shutdown()
         destroy(node)

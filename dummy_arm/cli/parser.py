@@ -1,4 +1,4 @@
-"""Arguments, errors and exit codes of the commands; no ROS is needed."""
+"""Arguments, errors and exit codes of the commands; this module works without ROS."""
 
 import argparse
 from collections.abc import Callable, Sequence
@@ -15,11 +15,15 @@ from dummy_arm.tf.formatting import visible
 
 
 class UsageError(ValueError):
-    """An invalid argument of a command or parameter of a node; the text says what is allowed."""
+    """
+    An invalid argument of a command, or an invalid parameter of a node.
+
+    The text of the error says what is allowed.
+    """
 
 
 class CommandError(Exception):
-    """A failure of a command; the text gives the reason and the remedy."""
+    """A failure of a command; the text gives the reason and, if there is one, a remedy."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -36,12 +40,12 @@ class Parser(argparse.ArgumentParser):
         """
         super().__init__(prog=prog, description=description, epilog=epilog, allow_abbrev=False,
                          formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
-        # With the pattern of argparse, -1e-3 and -nan would be options.
+        # With the pattern of argparse, -1e-3 and -nan would be options instead of numbers.
         self._negative_number_matcher = re.compile(r'-(\d|\.\d|inf|nan)', re.IGNORECASE)
 
     def error(self, message: str) -> NoReturn:
         """
-        Print an error and the usage in one line, and exit with code 2.
+        Print an error and the usage in one line on stderr, and exit with code 2.
 
         :param message: the error.
         :raises SystemExit: always.
@@ -65,7 +69,7 @@ def number(text: str) -> float:
     :raises argparse.ArgumentTypeError: if the text is not a number, or the number is not finite.
     """
     try:
-        value = float(text.replace('_', '?'))  # float('1_0') is 10
+        value = float(text.replace('_', '?'))  # without this, '1_0' would be 10
     except ValueError:
         raise argparse.ArgumentTypeError(f'{text!r} is not a number') from None
     if not isfinite(value):
@@ -76,15 +80,16 @@ def number(text: str) -> float:
 def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         args: Optional[Sequence[str]] = None) -> int:
     """
-    Parse the arguments and run a command; Ctrl-C and SIGTERM are normal ends.
+    Parse the arguments and run a command; Ctrl-C and SIGTERM end the command normally.
 
     :param parser: the parser of the arguments.
-    :param command: called with the parsed arguments and with `ros_args`, the command line with the
-        name of the command, all by keyword. It returns the exit code, and may raise a UsageError
-        or a CommandError.
+    :param command: the function that does the work. All its arguments are passed by keyword: the
+        parsed arguments, and `ros_args`, which is the command line with the name of the command.
+        The function returns the exit code, and may raise a UsageError or a CommandError.
     :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code: that of the command, or 0 after a signal. After an error, which is
-        printed on stderr in one line: 2 if the command was used incorrectly, otherwise 1.
+    :returns: the exit code that `command` returns; 0 if a signal ended the command, or if the
+        program that reads its output has ended; 2 after a UsageError; 1 after a CommandError or an
+        OSError. These errors are printed on stderr in one line.
     :raises SystemExit: if the arguments cannot be parsed (code 2), or after `--help` (code 0).
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
@@ -95,7 +100,7 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         return command(ros_args=arguments, **vars(options))
     except KeyboardInterrupt:
         return 0
-    except BrokenPipeError:  # as when the output is piped to `head`
+    except BrokenPipeError:  # for example, `head` read the output and has ended
         _close_stdout()
         return 0
     except (UsageError, CommandError) as error:
@@ -114,8 +119,8 @@ def _make_writable() -> None:
     """
     Make stdout and stderr usable.
 
-    A closed stream is replaced by os.devnull. Each line is flushed, and characters that cannot be
-    encoded are escaped.
+    A stream that the parent process has closed is replaced by os.devnull. In both streams, each
+    line is flushed when it is complete, and characters that cannot be encoded are escaped.
     """
     for name in 'stdout', 'stderr':
         if getattr(sys, name) is None:  # the parent process has closed it
@@ -124,7 +129,7 @@ def _make_writable() -> None:
 
 
 def _close_stdout() -> None:
-    """Send the unwritten output to os.devnull, so that the flush at exit does not fail."""
+    """Redirect stdout to os.devnull, so that the flush of unwritten output at exit cannot fail."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -144,7 +149,7 @@ def _without_ros_args(arguments: list[str]) -> list[str]:
 
 
 def _without_ros_args_by_hand(arguments: list[str]) -> list[str]:
-    """Remove the arguments from each --ros-args to the next --, or to the end."""
+    """Remove each --ros-args and all arguments after it, up to and including the next `--`."""
     rest, is_for_ros = [], False
     for argument in arguments:
         if argument == '--ros-args':
@@ -158,7 +163,7 @@ def _without_ros_args_by_hand(arguments: list[str]) -> list[str]:
 
 def rcl_error_text(error: Exception) -> str:
     """
-    Return the first line of an error of rcl, without the locations in its source code.
+    Return the first line of the text of an rcl error, without locations in the source code of rcl.
 
     :param error: the error.
     :returns: the line.

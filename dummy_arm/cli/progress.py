@@ -1,4 +1,4 @@
-"""Progress bars on a terminal, and a wait that shows one."""
+"""Progress bars on a terminal, and a wait with a progress bar."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,7 +19,7 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
 
     Nothing is shown if stderr is not a terminal or tqdm is not installed.
 
-    :param total: value at which the bar is full.
+    :param total: the value at which the bar is full.
     :param kwargs: further arguments of tqdm, the library for progress bars, such as `desc` and
         `bar_format`.
     :returns: a context manager. In `with progress(10) as show:`, `show(3)` sets the bar to 3.
@@ -37,10 +37,10 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
             """
             Move the bar.
 
-            :param done: the value, at most `total`.
+            :param done: the new value of the bar, at most `total`.
             """
             nonlocal shown
-            if done != shown:  # to draw the same bar again and again would be slow
+            if done != shown:  # drawing an unchanged bar would only cost time
                 shown = done
                 bar.update(done - bar.n)
 
@@ -53,8 +53,9 @@ def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False)
 
     :param seconds: how long to wait at most (s).
     :param what: the text beside the bar.
-    :param until: returns whether the condition holds; called every 0.05 s.
-    :returns: True if the condition holds, False if the time is over.
+    :param until: a function that returns whether the condition holds. It is called at once, and
+        then every 0.05 s. The default is a condition that never holds.
+    :returns: True if the condition holds; False if the time is over and it does not hold.
     :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received; see `dummy_arm.cli.signals`.
     """
     start = time.monotonic()

@@ -1,9 +1,9 @@
 """
-Ctrl-C and SIGTERM as normal ends of a command.
+Let Ctrl-C and SIGTERM end a command normally.
 
-The signal handler only records the first signal. The command checks for it where it can stop
-without leaving anything half done. The second signal raises KeyboardInterrupt at once, but not
-during the cleanup.
+At the first signal, the signal handler raises no exception; it only records the signal. The
+command checks for a recorded signal where it can stop without leaving anything half done. The
+second signal raises KeyboardInterrupt at once, except during the cleanup at the end of a command.
 """
 
 import signal
@@ -11,12 +11,12 @@ import time
 from typing import Any
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
-#: The longest `time.sleep` (s). The first signal does not end a `time.sleep`, because its handler
-#: raises no exception (PEP 475).
+#: The longest single `time.sleep` (s). The first signal does not end a `time.sleep`, because the
+#: signal handler raises no exception then (PEP 475).
 _STEP = 0.05
 
 _received: list[int] = []
-#: The number of signals that are recorded before the next one raises KeyboardInterrupt.
+#: The number of signals that are only recorded; the next signal raises KeyboardInterrupt.
 _recorded = 1
 
 
@@ -24,8 +24,8 @@ def record_signals() -> dict[int, Any]:
     """
     Record SIGINT and SIGTERM from now on; the second signal raises KeyboardInterrupt.
 
-    :returns: the previous handler of each signal. If signals are recorded already, nothing changes
-        and the result is empty.
+    :returns: the previous handlers, by signal number. If this function was called before and its
+        handlers are still set, nothing changes and the result is empty.
     """
     global _recorded
     if signal.getsignal(signal.SIGINT) is _record:
@@ -37,10 +37,10 @@ def record_signals() -> dict[int, Any]:
 
 def begin_cleanup() -> None:
     """
-    Record a second signal, too: from now on, only the third one raises KeyboardInterrupt.
+    Make the third signal raise KeyboardInterrupt from now on, not the second one.
 
-    A terminal and make may both send a signal at Ctrl-C. The second one must not interrupt the
-    cleanup that the first one has caused.
+    At Ctrl-C, a command that make has started may receive one signal from the terminal and another
+    one from make. The second signal must not interrupt the cleanup that the first signal caused.
     """
     global _recorded
     _recorded = 2

@@ -5,9 +5,9 @@ from typing import NamedTuple, Optional
 
 from dummy_arm.tf import Frame
 
-#: A line shows the branches of at most this many levels. A deeper line begins with the number of
-#: its level, and shows the innermost branches. Otherwise the text of a long chain of frames would
-#: grow with the square of its length.
+#: A line shows the branches of at most this many levels. The line of a deeper level begins with
+#: the number of the level, followed by the innermost branches only. Without this limit, the text
+#: of a chain of n frames would grow with the square of n.
 _DEEPEST = 100
 
 
@@ -16,7 +16,7 @@ class TreeLine(NamedTuple):
 
     branches: str  #: the box-drawing characters before the name; '' for a root
     name: str  #: the name of the frame
-    frame: Optional[Frame]  #: the frame with its parent; None for a root
+    frame: Optional[Frame]  #: the state of the frame; None for a root
 
 
 class Forest:
@@ -37,8 +37,8 @@ class Forest:
             self._children.setdefault(frame.parent, []).append(frame.name)
         #: The names of the frames without a parent in this forest.
         self.roots = [name for name in self._children if name not in self.frames]
-        #: The names of the frames of each loop: each is the parent of the next one, and the last
-        #: frame is the parent of the first.
+        #: For each loop, the names of its frames: each frame is the parent of the next frame, and
+        #: the last frame is the parent of the first.
         self.loops = list(self._find_loops())
 
     @property
@@ -69,7 +69,12 @@ class Forest:
         return Forest(found.values(), root)
 
     def _find_loops(self) -> Iterator[list[str]]:
-        """Yield each loop once, by walking from every frame to its parent, and so on."""
+        """
+        Yield each loop once.
+
+        From each frame, go to its parent, then to the parent of that frame, and so on. If this
+        leads back to a frame of the same path, there is a loop.
+        """
         seen = set(self.roots)
         for start in self.frames:
             path: dict[str, None] = {}
@@ -105,11 +110,11 @@ class Forest:
         """
         Return the lines of the children of a frame, the last child first.
 
-        The caller pops the lines from the end.
+        The caller pops the lines from the end of the list, so the first child comes first.
 
-        :param indent: the branches that the lines of all children begin with.
-        :param level: the level of the children; 1 below a root.
-        :returns: for each child its line, and the indent and the level of its own children.
+        :param indent: the branches with which the line of every child begins.
+        :param level: the level of the children; 1: they are children of a root.
+        :returns: for each child: its line, and the `indent` and the `level` of its own children.
         """
         lines = []
         children = self._children.get(parent, [])

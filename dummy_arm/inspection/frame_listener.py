@@ -1,4 +1,4 @@
-"""The listener of the commands: frames, their publishers, and why a frame is missing."""
+"""The listener of the commands: it knows frames, their publishers, and why a frame is missing."""
 
 from difflib import SequenceMatcher
 import os
@@ -14,8 +14,8 @@ from dummy_arm.tf.publisher_listener import PublisherListener
 
 #: The largest number of known frames that a message lists.
 _SHOWN = 20
-#: For this time (s) after the start, the text of `why_no_frames` is not added to other texts: the
-#: publishers may not have been discovered yet.
+#: For this time (s) after the start, `why_no_transform` does not add the text of `why_no_frames`,
+#: since the publishers may not have been discovered yet.
 _DISCOVERY = 1.0
 
 
@@ -26,7 +26,7 @@ class FrameListener:
         """
         Subscribe to /tf and /tf_static.
 
-        :param node: the node of the subscriptions.
+        :param node: the node that subscribes.
         :param seconds: how long the buffer keeps transforms (s).
         """
         self.node, self._start, self._has_explained = node, monotonic(), False
@@ -67,8 +67,8 @@ class FrameListener:
         """
         Return why there is no transform, and which frames exist.
 
-        While no frame exists at all, the first call after the time for discovery also returns the
-        text of `why_no_frames`; later calls do not repeat this text.
+        If no frame exists at all, the text of `why_no_frames` is added once: by the first call at
+        least one second after the start.
 
         :param target: the frame in which the transform is expressed.
         :param source: the frame whose pose is looked up.
@@ -85,7 +85,7 @@ class FrameListener:
                 return why
             self._has_explained = True
             return f'{why} {self.why_no_frames()}'
-        for name in (target, source):  # the longer list below replaces these suggestions
+        for name in (target, source):  # the list below replaces these suggestions
             why = why.replace(f' {suggest_names(name, tuple(known))}', '')
         missing = [name for name in (target, source) if name not in known]
         if len(missing) == 2:

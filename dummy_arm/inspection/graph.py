@@ -14,14 +14,14 @@ from dummy_arm.tf.formatting import display_time, dot_quoted, in_seconds, visibl
 
 #: The interval (s) at which `draw` calls `tick`.
 _STEP = 0.05
-#: The program of the process that draws. It takes over sys.path from this process: by default,
-#: `python -c` would look for modules in the working directory first.
+#: The program of the process that draws. Its sys.path is that of this process, since by default,
+#: `python -c` looks for modules in the working directory first.
 _DRAWING = """
 import sys
 file_format, *sys.path = sys.argv[1:]
 if sys.platform == 'linux':
     import ctypes
-    ctypes.CDLL(None).prctl(1, 9)  # PR_SET_PDEATHSIG: SIGKILL, if the parent is killed
+    ctypes.CDLL(None).prctl(1, 9)  # PR_SET_PDEATHSIG: SIGKILL, when the parent has ended
 from pygraphviz import AGraph
 dot = sys.stdin.buffer.read().decode()
 sys.stdout.buffer.write(AGraph(string=dot).draw(format=file_format, prog='dot'))
@@ -45,7 +45,7 @@ def as_dot(forest: Forest, now: int) -> str:
     lines = ['digraph G {',
              f'label="view_frames Result\\nRecorded at time: {display_time(now)}";',
              'labelloc=t;',
-             # Other fonts draw ff as one character: a search for "end_effector" would fail.
+             # Some other fonts draw ff as one character, so a search for "end_effector" fails.
              'fontname=monospace;',
              'node [fontname=monospace];',
              'edge [fontname=monospace, fontsize=10];']
@@ -59,8 +59,8 @@ def _id(name: str) -> str:
     """
     Return the DOT identifier of a frame.
 
-    Control characters in it are escaped: graphviz copies the identifier into an SVG file, which
-    must not contain them.
+    Control characters in the name are escaped, since graphviz copies the identifier into an SVG
+    file, which must not contain control characters.
     """
     return dot_quoted(name if name.isprintable() else repr(name))
 
@@ -93,23 +93,23 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
 
     :param dot: the graph, in the DOT language.
     :param file_format: pdf, svg or png.
-    :param tick: is called every 0.05 s while graphviz works; an exception that it raises ends
-        the drawing and is raised here.
+    :param tick: a function that is called every 0.05 s while graphviz works. If `tick` raises an
+        exception, the drawing ends, and `draw` raises this exception.
     :returns: the bytes of the file.
     :raises DrawingError: if pygraphviz cannot be imported, the process that draws cannot be
         started, or graphviz fails.
     """
     try:
-        import pygraphviz  # noqa: F401  (its error is clearer here than from the process)
+        import pygraphviz  # noqa: F401  (an error is clearer here than from the process)
     except ImportError as error:
         raise DrawingError(
             f'drawing needs pygraphviz, which cannot be imported ({error}): pip install '
             'pygraphviz; or with ROS on Ubuntu: apt install python3-pygraphviz') from None
-    # Graphviz runs in a process of its own, since a signal does not interrupt C code, and in a
-    # session of its own, so that Ctrl-C reaches only the process that called `draw`. Before
-    # version 2, pygraphviz starts the program dot, which is in that session, too. The graph is
-    # passed in a file and not through a pipe, because communicate(), when it is repeated after a
-    # timeout, would not send the rest of the graph.
+    # Graphviz runs in a process of its own, since a signal does not interrupt C code. This process
+    # has a session of its own, so that Ctrl-C reaches only the process that called `draw`. (Before
+    # version 2, pygraphviz starts the program dot as another process of the same session.) The
+    # graph is passed in a file, since a pipe does not work: if communicate() times out before it
+    # has sent all its input, a second communicate() does not send the rest.
     try:
         with TemporaryFile() as graph:
             graph.write(dot.encode())
@@ -126,7 +126,7 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
             _kill(process)
             raise
     if process.returncode or not drawing:
-        # The last line is the error; fontconfig may have written warnings before it.
+        # The last line is the error; the lines before it may be warnings of fontconfig.
         lines = errors.decode(errors='replace').strip().splitlines()
         raise DrawingError('graphviz cannot draw this: '
                            f'{lines[-1] if lines else f"exit code {process.returncode}"}')

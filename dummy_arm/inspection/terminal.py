@@ -1,4 +1,4 @@
-"""Text output: lines that are redrawn in place on a terminal, columns and numbers."""
+"""Text output: columns, numbers, and lines that are redrawn in place on a terminal."""
 
 from collections.abc import Iterable, Sequence
 import shutil
@@ -14,13 +14,14 @@ _HOME_AND_CLEAR = '\x1b[H\x1b[2J'
 
 def show(lines: Sequence[str], count: Optional[int] = None) -> None:
     """
-    Show lines in place of the previous ones on a terminal; print all of them elsewhere.
+    Show lines: on a terminal, in place of the earlier text; elsewhere, print all lines.
 
-    A terminal shows as many lines as fit, cut off at its width, and how many more there are.
+    On a terminal, each line is cut off at the width of the terminal. If not all lines fit, the
+    last line says how many more lines there are.
 
-    :param lines: the lines; for a terminal, the first `height()` of them are enough.
-    :param count: the number of all lines, including those that `lines` leaves out; None: `lines`
-        leaves out none.
+    :param lines: the lines; for a terminal, the first `height()` lines are enough.
+    :param count: the number of all lines, if `lines` has only the first of them; None: `lines` has
+        all lines.
     """
     if sys.stdout.isatty():
         columns, rows = shutil.get_terminal_size()
@@ -38,7 +39,7 @@ def height() -> Optional[int]:
     """
     Return the number of lines of the terminal.
 
-    :returns: the number; None if stdout is not a terminal and takes any number of lines.
+    :returns: the number; None if stdout is not a terminal, so that there is no limit.
     """
     return shutil.get_terminal_size().lines if sys.stdout.isatty() else None
 
@@ -76,10 +77,10 @@ def column_width(widths: Iterable[int]) -> int:
     """
     Return the width to which the cells of a table column are padded.
 
-    This is the width of the widest cell that has fewer than 100 columns, the width of an
-    abbreviated name. A wider cell makes only its own line longer.
+    This is the width of the widest cell among those that are narrower than 100 columns, the
+    length of an abbreviated name. A wider cell makes only its own line longer.
 
-    :param widths: the widths of the cells.
+    :param widths: the widths of the cells, in columns of the terminal.
     :returns: the width; 0 if no cell is narrower than 100.
 
     >>> column_width([3, 4, 2000])
@@ -96,7 +97,7 @@ def padded(text: str, columns: int) -> str:
 
     :param text: the text.
     :param columns: the width that the text should have on a terminal.
-    :returns: the padded text; the unchanged text if it is at least as wide already.
+    :returns: the padded text; the unchanged text if this is wide enough already.
 
     >>> padded('map', 5)
     'map  '
@@ -114,7 +115,7 @@ def cut(line: str, columns: int) -> str:
 
     :param line: the line.
     :param columns: the largest width that the result may have on a terminal.
-    :returns: the beginning of the line; a wide character is not split.
+    :returns: the beginning of the line. If only half of a wide character fits, it is left out.
 
     >>> cut('base_link', 4)
     'base'

@@ -13,10 +13,10 @@ from dummy_arm.tf.formatting import in_seconds, SECOND
 if TYPE_CHECKING:
     from dummy_arm.tf.publisher_listener import ReceivedMessage
 
-#: Statistics cover this many whole seconds of the clock, and the current one.
+#: Statistics cover this many whole seconds of the clock, and the current second.
 WINDOW = 10
-#: For this time (ns) after the first message of a publisher, its messages are not counted: they
-#: may be late because they waited until the publisher had discovered the subscription.
+#: The messages of a publisher are not counted for this time (ns) after its first message, since
+#: they may be late: they may have waited until the publisher had discovered the subscription.
 _SETTLING = SECOND // 5
 #: The largest number of pairs of a frame and a publisher for which statistics are kept.
 _MOST = 100_000
@@ -25,15 +25,15 @@ _MOST_PUBLISHERS = 10_000
 
 
 class Summary(NamedTuple):
-    """The rate and the delays of the transforms within the window."""
+    """The rate and the delays of the transforms that arrived within the window."""
 
-    rate: Optional[float]  #: Hz; None if all of them arrived at the same time
+    rate: Optional[float]  #: Hz; None if all transforms arrived at the same time
     average_delay: float  #: s
     maximum_delay: float  #: s
 
 
 class _Second:
-    """The arrivals within one second of the clock; times in ns."""
+    """The arrivals within one second of the clock; all times are in ns."""
 
     __slots__ = ('count', 'first', 'greatest', 'last', 'number', 'total')
 
@@ -51,7 +51,7 @@ class Delays:
     def __init__(self) -> None:
         """Create the statistics, without an arrival."""
         self._seconds: deque[_Second] = deque(maxlen=WINDOW + 1)
-        #: The time of the last arrival (ns); 0: none.
+        #: The time of the last arrival (ns); 0 if nothing has arrived.
         self.last = 0
 
     def add(self, arrival: int, delay: int) -> None:
@@ -108,19 +108,20 @@ def summarize(delays: Collection[Delays], now: int) -> Optional[Summary]:
 
 
 class Stream(NamedTuple):
-    """The transforms that a node publishes, of one frame or of all its frames."""
+    """The transforms that a node publishes, either of one frame or of all frames of the node."""
 
     frame: str  #: the child frame; '': all frames of the node
     node: str  #: the full name of the node
-    is_static: bool  #: none of the transforms was received on /tf
-    is_present: bool  #: the node still publishes on /tf or /tf_static
-    summary: Optional[Summary]  #: of dynamic transforms; None if none was counted in the window
-    #: Time since the last dynamic transform that was counted (s); None if none was counted.
+    is_static: bool  #: True if no transform was received on /tf, only on /tf_static
+    is_present: bool  #: True if the node still publishes on /tf or /tf_static
+    #: The rate and the delays of dynamic transforms; None if none was counted within the window.
+    summary: Optional[Summary]
+    #: The time since the last dynamic transform that was counted (s); None if none was counted.
     silence: Optional[float]
 
 
 class _Arrivals:
-    """The transforms that were received from a publisher, of one frame or of all its frames."""
+    """The transforms received from a publisher, either of one frame or of all its frames."""
 
     __slots__ = ('delays', 'is_dynamic')
 
@@ -136,7 +137,7 @@ class Traffic:
         """
         Create the statistics, without a message.
 
-        :param now: returns the time of the clock that stamps refer to (ns); 0: no /clock message
+        :param now: returns the time of the clock that stamps refer to (ns); 0 if no /clock message
             has arrived.
         :param only: the only child frame that is counted; '': all frames.
         :param system_clock: returns the time of the clock that reception times refer to (ns).
@@ -144,13 +145,14 @@ class Traffic:
         self._system_clock = system_clock
         self._now, self._only, self._bytes_of_name = now, only, only.encode()
         self._lock = Lock()
-        #: By frame and gid of the publisher; the frame '' stands for all frames of the publisher.
+        #: By the frame and the gid of the publisher; the frame '' means all frames of the
+        #: publisher.
         self._arrivals: dict[tuple[str, str], _Arrivals] = {}
         #: By gid: the reception time of the first dynamic message of the publisher (ns).
         self._since: dict[str, int] = {}
         #: The time that `now` returned last (ns).
         self._latest = 0
-        #: The system time at which a backward jump of time was last noticed (ns).
+        #: The system time (ns) at which `_read_clocks` last noticed a jump back in time; 0: never.
         self._set_back = 0
 
     def observe(self, messages: 'Iterable[ReceivedMessage]') -> None:
@@ -162,7 +164,7 @@ class Traffic:
         with self._lock:
             now, system = self._read_clocks()
             for message in messages:
-                # A fast check, before the message is decoded.
+                # Skip messages without the bytes of the name, since decoding them is slow.
                 if message.find(self._bytes_of_name) < 0:
                     continue
                 with suppress(ValueError):  # the listener logs this error
@@ -205,7 +207,7 @@ class Traffic:
             arrivals.delays.add(arrival, arrival - row.stamp_ns)
 
     def _arrivals_of(self, frame: str, gid: str) -> _Arrivals:
-        """Return the arrivals of a frame and publisher; new ones are kept up to the limit."""
+        """Return the arrivals of a frame and publisher; at most `_MOST` pairs are kept."""
         arrivals = self._arrivals.get((frame, gid))
         if arrivals is None:
             arrivals = _Arrivals()
@@ -220,8 +222,8 @@ class Traffic:
 
         :param names_of: returns the full names of nodes by the gids of their publishers.
         :param present: the gids of the publishers that still exist.
-        :returns: a stream for each frame and node, sorted by their names; then, for each node, a
-            stream for all its frames.
+        :returns: a stream for each pair of a frame and a node, sorted by the two names; then, for
+            each node, a stream for all its frames.
         """
         with self._lock:
             gids = {gid for _, gid in self._arrivals}

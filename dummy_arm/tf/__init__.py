@@ -1,7 +1,8 @@
 """
 TF of ROS 2 in pure Python, with the names of tf2_ros.
 
-Each name is imported on its first use. So names that do not need rclpy can be used without rclpy.
+Each name is imported on its first use. So the names that do not need rclpy can be used even if
+rclpy is not installed.
 """
 
 from importlib import import_module

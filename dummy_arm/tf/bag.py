@@ -17,12 +17,12 @@ from dummy_arm.tf.buffer_core import BufferCore
 __all__ = ['BagError', 'read']
 
 _ALL_TIME = 2**63 - 1  # ns
-#: The size of the messages that are inserted at once (bytes).
+#: The approximate total size of the messages that are inserted at once (bytes).
 _BATCH_BYTES = 500_000
-#: The memory that a message takes in addition to its bytes (bytes).
+#: The memory that a message takes in addition to its data (bytes).
 _OVERHEAD = 100
-#: Messages longer than this (bytes) are inserted one transform at a time: a list of all their
-#: transforms could fill the memory.
+#: A message longer than this (bytes) is inserted one transform at a time, because a list of all
+#: its transforms could fill the memory.
 _LONG = 2**22
 
 
@@ -32,21 +32,25 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     """
     Read the transforms of a bag.
 
-    :param path: a rosbag2 bag (its directory, or a .mcap or .db3 file), or a .bag file of ROS 1.
-    :param cache_time: how long transforms are kept, as in `BufferCore`; None: all are kept.
-    :param namespace: the namespace of the topics `tf` and `tf_static`; '': `/tf`, `/tf_static`.
-    :param partial: True: if the bag was cut off or is damaged, read its undamaged parts and log a
-        warning; False: damage is an error.
-    :param max_bytes: the largest size of a chunk or a message after decompression (bytes). It
-        bounds the memory that a damaged or malicious bag can take.
-    :param max_samples: how many dynamic transforms are kept, as in `BufferCore`; None: all.
+    :param path: the path of a bag. For rosbag2: its directory, or a .mcap or .db3 file. For ROS 1:
+        a .bag file.
+    :param cache_time: how long transforms are kept (ns), as in `BufferCore`; None: no limit.
+    :param namespace: the namespace of the topics `tf` and `tf_static`. If it is '', the topics are
+        `/tf` and `/tf_static`.
+    :param partial: what to do if the bag is cut off or damaged. True: read the undamaged parts and
+        log a warning. False: raise a BagError.
+    :param max_bytes: the largest size of a chunk or a message after decompression (bytes). This
+        limits the memory that decompression can take.
+    :param max_samples: the largest number of dynamic transforms that are kept, as in `BufferCore`;
+        None: no limit.
     :param on_progress: called repeatedly with the fraction of the bag that has been read, from 0
-        to 1. An exception that it raises ends the reading and is raised by `read`.
-    :returns: a buffer with the transforms of the bag. For a bag of ROS 1, the authority of a
-        transform is the node that published it; for a bag of rosbag2, it is 'not recorded'.
-    :raises BagError: if the path is not a bag, the bag has no transforms, or a library that reads
-        it is not installed; unless `partial`, also if the bag is damaged, or has a chunk or
-        message that is larger than max_bytes.
+        to 1. If on_progress raises an exception, `read` ends and raises this exception.
+    :returns: a buffer with the transforms of the bag. The authority of a transform from a bag of
+        ROS 1 is the name of the node that published the transform. The authority of a transform
+        from a bag of rosbag2 is 'not recorded'.
+    :raises BagError: if the path is not a bag, if the bag has no transforms, or if a library that
+        is needed to read the bag is not installed. If `partial` is False, also if the bag is cut
+        off or damaged, or has a chunk or a message that is larger than max_bytes.
     :raises ValueError: if max_bytes, cache_time or max_samples is out of range.
     :raises OSError: if the path does not exist, or is a file that cannot be opened.
     """
@@ -96,7 +100,7 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
 def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
                  on_malformed: Callable[[MalformedMessage], None], tick: Callable[[], None]
                  ) -> None:
-    """Insert messages one transform at a time; skip a malformed message as a whole."""
+    """Insert long messages, one transform at a time; skip a malformed message as a whole."""
     for data in messages:
         try:
             for _ in stream.encoding.rows(data):
@@ -113,7 +117,8 @@ def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
     """
     Yield the stream and the bytes of each TF message of a bag.
 
-    :raises BagError: if the path is not a bag, or the bag is damaged and not read as partial.
+    :raises BagError: if the path is not a bag, if a library that reads bags cannot be imported,
+        or if the bag is damaged and is not read as partial.
     :raises OSError: if the path does not exist, or is a file that cannot be opened.
     """
     kind = kind_of(path)
@@ -137,12 +142,15 @@ def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
 def _grouped_by_stream(records: Iterable[tuple[Stream, bytes]], in_order: bool
                        ) -> Iterator[dict[Stream, list[bytes]]]:
     """
-    Yield messages in groups of at most about `_BATCH_BYTES`, each sorted by stream.
+    Yield groups of messages; a group is a dict that maps streams to lists of messages.
 
-    Messages of one stream keep their order. A static message also keeps its place among the
-    messages of the other streams.
+    A group has about `_BATCH_BYTES` bytes at most.
 
-    :param in_order: True: dynamic messages of different streams keep their order, too.
+    The messages of one stream keep their order. Static messages also keep their order relative to
+    the messages of other streams.
+
+    :param in_order: True: dynamic messages also keep their order relative to the messages of other
+        streams. False: they may lose this order within a group.
     """
     groups: defaultdict[Stream, list[bytes]] = defaultdict(list)
     messages: list[bytes] = []

@@ -30,8 +30,9 @@ class Buffer(MessageBufferCore, BufferInterface):
     """
     A buffer with the API of tf2_ros.Buffer: it waits for transforms, and transforms objects.
 
-    Timeouts run on the wall clock, also when the node uses simulated time. A lookup in a block of
-    `with buffer.fetched()` does not wait.
+    An edge connects a frame with its parent; a path is the edges between two frames. Timeouts run
+    on the wall clock, even if the node uses simulated time. In a block of
+    `with buffer.fetched():`, a lookup does not wait.
     """
 
     def __init__(self, cache_time: Optional[Duration] = None, node: Optional[Node] = None, *,
@@ -39,11 +40,12 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Create an empty buffer.
 
-        :param cache_time: how long samples are kept; None: 10 s.
-        :param node: a node, or None. The executor of the node is woken when a future is done. The
-            buffer is cleared when the clock of the node jumps back by 1 s or more, or switches
-            between system time and simulated time. If tf2_msgs is installed, the node gets the
-            service `tf2_frames`, which returns all frames. None: the default context is used.
+        :param cache_time: how long samples are kept, as in `BufferCore`; None: 10 s.
+        :param node: the node of the buffer. When a future of the buffer is done, the executor of
+            the node is woken. When the clock of the node jumps back by 1 s or more, or switches
+            between system time and simulated time, the buffer is cleared. If tf2_msgs is
+            installed, the node gets the service `tf2_frames`, which returns all frames. None: the
+            buffer has no node, and uses rclpy's default context.
         :param max_frames: the largest number of frames; see `BufferCore`.
         :param max_samples: the largest number of samples; see `BufferCore`.
         :raises TypeError: if the cache time is not a duration.
@@ -72,9 +74,9 @@ class Buffer(MessageBufferCore, BufferInterface):
 
     def after_insertion(self) -> bool:
         """
-        Log rejected transforms, and complete the futures whose transforms are available now.
+        Log refused transforms, and complete the futures whose transforms are available now.
 
-        Call this without the lock, if possible.
+        Call this without holding the lock of the buffer, if possible.
 
         :returns: whether a future was completed.
         """
@@ -82,14 +84,14 @@ class Buffer(MessageBufferCore, BufferInterface):
         return len(self._futures) > 0 and self._futures.check()
 
     def _liveness(self) -> tuple[bool, ...]:
-        """Return the flags of `Engine`, and whether the context is valid."""
+        """Return the flags of `Engine`, and a flag that is True while the context is valid."""
         return (*super()._liveness(), self._context is not None and bool(self._context.ok()))
 
     def after_fork_in_child(self, was_held: bool) -> None:
         """
         Drop the sources, futures, context and logger, which work in the parent process only.
 
-        :param was_held: whether the lock was held during the fork; see `Engine`.
+        :param was_held: True if the fork had taken the lock of the buffer; see `Engine`.
         """
         super().after_fork_in_child(was_held)
         self._context = None
@@ -107,10 +109,10 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: the transform from the source frame to the target frame. Its stamp is `time`;
-            if that is zero, the latest time described above.
-        :raises TransformException: if there is no such transform; its subclass says why.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :returns: the transform from the source frame to the target frame. Its stamp is `time`, or
+            the latest time described above if `time` is zero.
+        :raises TransformException: if there is no such transform; the class of the error says why.
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         if timeout is NO_WAIT:
             return self.lookup_transform_core(target_frame, source_frame, time)
@@ -123,19 +125,21 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Return the pose of the source frame at one time in the target frame at another time.
 
-        Each of the two frames is located in the fixed frame at its own time.
+        The source frame is located in the fixed frame at the source time, and the target frame at
+        the target time.
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
-            which every edge between it and the fixed frame has data.
+            which every edge between the target frame and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: as for `target_time`.
+        :param source_time: time of the source frame; a zero Time: the latest time for
+            which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: the transform from the source frame to the target frame, stamped with the target
-            time.
-        :raises TransformException: if there is no such transform; its subclass says why.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :returns: the transform from the source frame to the target frame. Its stamp is
+            `target_time`, or the latest time described above if `target_time` is zero.
+        :raises TransformException: if there is no such transform; the class of the error says why.
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         return message(target_frame, source_frame, self._wait(
             _seconds(timeout), self._lookups.pose_full, target_frame, nanoseconds(target_time),
@@ -144,15 +148,17 @@ class Buffer(MessageBufferCore, BufferInterface):
     async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                      timeout: Optional[Duration] = None) -> TransformStamped:
         """
-        Wait for a transform in a coroutine, and return it.
+        Wait for a transform, and return the transform.
+
+        This method is a coroutine: it does not block the thread.
 
         :param target_frame: as in `lookup_transform`.
         :param source_frame: as in `lookup_transform`.
         :param time: as in `lookup_transform`.
-        :param timeout: how long to wait at most, on the wall clock; None: without a limit.
+        :param timeout: how long to wait at most, on the wall clock; None: no limit.
         :returns: the transform from the source frame to the target frame.
-        :raises TimeoutException: if the transform is not available after the timeout.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :raises TimeoutException: if the transform is still not available after the timeout.
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         return await self.wait_for_transform_async(target_frame, source_frame, time, timeout)
 
@@ -160,17 +166,19 @@ class Buffer(MessageBufferCore, BufferInterface):
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
             fixed_frame: str, timeout: Optional[Duration] = None) -> TransformStamped:
         """
-        Wait for a transform between two times in a coroutine, and return it.
+        Wait for a transform between two times, and return the transform.
+
+        This method is a coroutine: it does not block the thread.
 
         :param target_frame: as in `lookup_transform_full`.
         :param target_time: as in `lookup_transform_full`.
         :param source_frame: as in `lookup_transform_full`.
         :param source_time: as in `lookup_transform_full`.
         :param fixed_frame: as in `lookup_transform_full`.
-        :param timeout: how long to wait at most, on the wall clock; None: without a limit.
+        :param timeout: how long to wait at most, on the wall clock; None: no limit.
         :returns: the transform from the source frame to the target frame.
-        :raises TimeoutException: if the transform is not available after the timeout.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :raises TimeoutException: if the transform is still not available after the timeout.
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         return await self.wait_for_transform_full_async(
             target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
@@ -186,10 +194,10 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :param return_debug_tuple: whether to return the text of the error, too.
-        :returns: True if the transform is available; with `return_debug_tuple`, a tuple of this
-            bool and the text of the error, which is '' if there is no error.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :param return_debug_tuple: True: return the text of the error, too.
+        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of this
+            bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         error = self._why_not(_seconds(timeout), self._lookups.check, target_frame, source_frame,
                               nanoseconds(time))
@@ -204,15 +212,16 @@ class Buffer(MessageBufferCore, BufferInterface):
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
-            which every edge between it and the fixed frame has data.
+            which every edge between the target frame and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: as for `target_time`.
+        :param source_time: time of the source frame; a zero Time: the latest time for
+            which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :param return_debug_tuple: whether to return the text of the error, too.
-        :returns: True if the transform is available; with `return_debug_tuple`, a tuple of this
-            bool and the text of the error, which is '' if there is no error.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :param return_debug_tuple: True: return the text of the error, too.
+        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of this
+            bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         error = self._why_not(
             _seconds(timeout), self._lookups.check_full, target_frame, nanoseconds(target_time),
@@ -224,17 +233,17 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Return a future that is completed when a transform is available.
 
-        To stop waiting, cancel the future, or drop the last reference to it if it has no done
-        callback.
+        To stop waiting, cancel the future. A future without a done callback also stops waiting
+        when nothing refers to it any more.
 
         :param target_frame: as in `lookup_transform`.
         :param source_frame: as in `lookup_transform`.
         :param time: as in `lookup_transform`.
-        :param timeout: after how long, on the wall clock, the future gets a TimeoutException;
-            None: never.
-        :returns: the future; its result is the TransformStamped. It is done already if the
-            transform is available now.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :param timeout: the time, on the wall clock, after which the future ends with a
+            TimeoutException; None: no limit.
+        :returns: a future whose result is the TransformStamped. If the transform is available
+            now, the future is already done.
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         return self._create_future(
             partial(self.lookup_transform_core, target_frame, source_frame, time), timeout,
@@ -252,8 +261,8 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param source_time: as in `lookup_transform_full`.
         :param fixed_frame: as in `lookup_transform_full`.
         :param timeout: as in `wait_for_transform_async`.
-        :returns: the future, as in `wait_for_transform_async`.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :returns: a future, as in `wait_for_transform_async`.
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         return self._create_future(
             partial(self.lookup_transform_full_core, target_frame, target_time, source_frame,
@@ -261,7 +270,7 @@ class Buffer(MessageBufferCore, BufferInterface):
 
     def _create_future(self, lookup: Callable[[], TransformStamped], timeout: Optional[Duration],
                        source_frame: str, target_frame: str) -> Future:
-        """Create a future of a lookup; wake the sources if the future is not done at once."""
+        """Create a future for a lookup, and wake the sources if the future is not done yet."""
         future = self._futures.add(
             lookup, None if timeout is None else _seconds(timeout),
             f"the transform from '{source_frame}' to '{target_frame}'")
@@ -275,17 +284,17 @@ def _seconds(timeout: Duration) -> float:
     return nanoseconds(timeout, 'timeout') / SECOND
 
 
-# The callbacks of the node and of its clock. They hold weak references to the buffer, so that
-# neither the node nor the clock keeps the buffer alive.
+# The callbacks of the node and of its clock. The callbacks hold weak references to the buffer, so
+# that neither the node nor the clock keeps the buffer alive.
 
 
 def _create_jump_handle(clock: Clock, buffer: Buffer) -> JumpHandle:
-    """Make a clock call `time_jump_callback` if it jumps back by 1 s or more or changes source."""
+    """Register `time_jump_callback` for jumps back by 1 s or more, and for changes of source."""
     handle = clock.create_jump_callback(
         JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1), on_clock_change=True),
         post_callback=partial(_on_time_jump, ref(buffer)))
-    # rcl stores the address of the handle without a reference, so the handle must be unregistered
-    # before it is freed.
+    # rcl stores the address of the handle, but does not keep the handle alive. Therefore the
+    # handle must be unregistered before its memory is freed.
     finalize(buffer, _unregister, handle).atexit = False
     return handle
 
@@ -309,5 +318,5 @@ def _on_frames_request(buffer_ref: ref[Buffer], _: Any, response: Any) -> Any:
 
 
 def _unregister(handle: JumpHandle) -> None:
-    with suppress(InvalidHandle):  # the clock was destroyed before
+    with suppress(InvalidHandle):  # if the clock was destroyed before
         handle.unregister()

@@ -16,10 +16,15 @@ class BufferCore(Engine):
     path is the edges between two frames. In a lookup, time 0 means the latest time for which every
     edge on the path has data. All methods may be called in any thread.
 
-    A lookup raises a subclass of TransformException: LookupException if a frame does not exist or
-    the tree has a loop, InvalidArgumentException if a frame id is empty or has a leading slash,
-    ConnectivityException if the frames are in two trees, ExtrapolationException if an edge on the
-    path has no data for the time. `lookup_transform` from a frame to itself returns the identity,
+    A lookup that fails raises a subclass of TransformException:
+
+    - LookupException: a frame does not exist, or the tree has a loop or a path of more than 1000
+      edges.
+    - InvalidArgumentException: a frame id is empty or has a leading slash.
+    - ConnectivityException: the frames are in different trees.
+    - ExtrapolationException: an edge on the path has no data for the time.
+
+    If the target frame and the source frame are the same, `lookup_transform` returns the identity,
     even if the frame does not exist.
     """
 
@@ -28,14 +33,15 @@ class BufferCore(Engine):
         """
         Create an empty buffer.
 
-        :param cache_time: how long samples are kept (ns), counted back from the newest sample of
-            their frame. A sample is the pose of a frame in its parent at one stamp.
+        :param cache_time: how long samples are kept (ns). A sample is the pose of a frame in its
+            parent at one stamp. A sample is dropped when it is older than the newest sample of the
+            same frame by more than `cache_time`.
         :param max_frames: the largest number of frames; a transform that would add another frame
-            is rejected.
-        :param max_samples: the largest number of samples of all dynamic frames together; a sample
-            takes 60 to 100 bytes. At the limit, a new sample replaces the oldest sample of its
-            frame. In addition, one frame keeps at most 10 000 samples per second of cache time.
-            None: neither of these two limits applies.
+            is refused.
+        :param max_samples: the largest number of dynamic samples of all frames together; a sample
+            takes 60 to 100 bytes. At this limit, a new sample replaces the oldest sample of the
+            same frame. A second limit is that one frame keeps at most 10 000 samples for each
+            second of the cache time. None: neither of these two limits applies.
         :raises TypeError: if the cache time is not a duration.
         :raises ValueError: if the cache time is negative, or max_samples is less than 1.
         """
@@ -45,25 +51,29 @@ class BufferCore(Engine):
         """
         Insert a dynamic transform: the pose of a frame at the transform's stamp.
 
-        One leading slash is removed from both frame ids.
+        One leading slash is removed from each frame id.
 
         :param transform: the transform; its rotation is normalised.
         :param authority: the name of the publisher, shown by `frames`.
-        :returns: False if the transform was rejected; the log says why.
-        :raises TypeError: if it is not a Transform, or one of its fields has another type.
-        :raises ValueError: if its translation and rotation do not have seven numbers in total.
-        :raises OverflowError: if its stamp does not fit an int64.
+        :returns: False if the transform was refused, otherwise True. The log says why a transform
+            was refused.
+        :raises TypeError: if `transform` is not a Transform, or if a field of it has a wrong type.
+        :raises ValueError: if the translation and the rotation do not have seven numbers in total.
+        :raises OverflowError: if the stamp does not fit an int64.
         """
         return self._set(transform, authority, False)
 
     def set_transform_static(self, transform: Transform, authority: str = 'default_authority'
                              ) -> bool:
         """
-        Insert a static transform: the pose of a frame at all times. Its stamp is ignored.
+        Insert a static transform: the pose of a frame at all times.
+
+        The stamp of the transform is not used.
 
         :param transform: as in `set_transform`.
         :param authority: as in `set_transform`.
-        :returns: False if the transform was rejected; the log says why.
+        :returns: False if the transform was refused, otherwise True. The log says why a transform
+            was refused.
         :raises TypeError: as `set_transform`.
         :raises ValueError: as `set_transform`.
         :raises OverflowError: as `set_transform`.
@@ -87,10 +97,10 @@ class BufferCore(Engine):
         :param time: time of the transform (ns); 0: the latest time for which every edge on the
             path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :returns: the transform from the source frame to the target frame. Its stamp is `time`;
-            if that is 0, the latest time described above.
-        :raises TransformException: if there is no such transform; its subclass says why.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :returns: the transform from the source frame to the target frame. Its stamp is `time`, or
+            the latest time described above if `time` is 0.
+        :raises TransformException: if there is no such transform; the class of the error says why.
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         stamp, pose = self._wait(_seconds(timeout), self._lookups.pose, target_frame, source_frame,
                                  nanoseconds_or_int(time))
@@ -101,19 +111,21 @@ class BufferCore(Engine):
         """
         Return the pose of the source frame at one time in the target frame at another time.
 
-        Each of the two frames is located in the fixed frame at its own time.
+        The source frame is located in the fixed frame at the source time, and the target frame at
+        the target time.
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame (ns); 0: the latest time for
-            which every edge between it and the fixed frame has data.
+            which every edge between the target frame and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame (ns); 0: as for `target_time`.
+        :param source_time: time of the source frame (ns); 0: the latest time for
+            which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :returns: the transform from the source frame to the target frame, stamped with the target
-            time.
-        :raises TransformException: if there is no such transform; its subclass says why.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :returns: the transform from the source frame to the target frame. Its stamp is
+            `target_time`, or the latest time described above if `target_time` is 0.
+        :raises TransformException: if there is no such transform; the class of the error says why.
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         stamp, pose = self._wait(
             _seconds(timeout), self._lookups.pose_full, target_frame,
@@ -132,10 +144,10 @@ class BufferCore(Engine):
         :param time: time of the transform (ns); 0: the latest time for which every edge on the
             path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :param return_debug_tuple: whether to return the text of the error, too.
-        :returns: True if the transform is available; with `return_debug_tuple`, a tuple of this
-            bool and the text of the error, which is '' if there is no error.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :param return_debug_tuple: True: return the text of the error, too.
+        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of this
+            bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         error = self._why_not(_seconds(timeout), self._lookups.check, target_frame, source_frame,
                               nanoseconds_or_int(time))
@@ -149,15 +161,16 @@ class BufferCore(Engine):
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame (ns); 0: the latest time for
-            which every edge between it and the fixed frame has data.
+            which every edge between the target frame and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame (ns); 0: as for `target_time`.
+        :param source_time: time of the source frame (ns); 0: the latest time for
+            which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :param return_debug_tuple: whether to return the text of the error, too.
-        :returns: True if the transform is available; with `return_debug_tuple`, a tuple of this
-            bool and the text of the error, which is '' if there is no error.
-        :raises TypeError: if a frame is not a str, or a time or the timeout is of another type.
+        :param return_debug_tuple: True: return the text of the error, too.
+        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of this
+            bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
         """
         error = self._why_not(
             _seconds(timeout), self._lookups.check_full, target_frame,
@@ -171,9 +184,9 @@ class BufferCore(Engine):
 
         :param target_frame: the frame at one end of the path.
         :param source_frame: the frame at the other end.
-        :returns: time (ns); 0 if all edges are static. If both frames are the same, the stamp of
-            the newest sample of that frame.
-        :raises TransformException: if there is no path; its subclass says why.
+        :returns: the latest time (ns); 0 if all edges are static. If both frames are the same:
+            the stamp of the newest sample of this frame, or 0 if it has none.
+        :raises TransformException: if there is no path; the class of the error says why.
         :raises TypeError: if a frame is not a str.
         """
         return self._pull_and_call(self._lookups.latest_common_time, target_frame, source_frame)

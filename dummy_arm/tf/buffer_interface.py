@@ -1,4 +1,4 @@
-"""The base class of buffers that transform objects, and the registries of object types."""
+"""The base class of buffers that transform objects, and the functions for each object type."""
 
 from collections.abc import Callable
 from copy import deepcopy
@@ -15,7 +15,7 @@ PyKDLType = Any
 TransformableObject = Any
 TransformableObjectType = Any
 
-#: The default timeout: do not wait. `Buffer.lookup_transform` recognises it by its identity.
+#: The default timeout: do not wait. `Buffer.lookup_transform` tests for this object by `is`.
 NO_WAIT = Duration()
 
 
@@ -42,7 +42,11 @@ class NotImplementedException(Exception):
 
 
 class BufferInterface:
-    """Base class of buffers: transforms objects by lookups that a subclass implements."""
+    """
+    Base class of buffers: it transforms objects, and a subclass implements the lookups.
+
+    An edge connects a frame with its parent; a path is the edges between two frames.
+    """
 
     def __init__(self) -> None:
         """Create the attribute `registration`, the registry of transform functions."""
@@ -54,17 +58,19 @@ class BufferInterface:
         """
         Transform an object from the frame and time in its header to another frame.
 
-        PointStamped, Vector3Stamped, PoseStamped, PoseWithCovarianceStamped, PolygonStamped and
-        PointCloud2 are registered; see `TransformRegistration` for other types.
+        The types PointStamped, Vector3Stamped, PoseStamped, PoseWithCovarianceStamped,
+        PolygonStamped and PointCloud2 are registered. Register other types with
+        `TransformRegistration`.
 
         :param object_stamped: an object with a header, of a registered type. A zero stamp means
             the latest time for which every edge on the path has data.
         :param target_frame: the frame in which the result is expressed.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :param new_type: the type to which the result is converted; None: no conversion.
-        :returns: the object in the target frame, of the same type or of `new_type`.
-        :raises TypeException: if the type, or a conversion to `new_type`, is not registered.
-        :raises TransformException: if there is no such transform; its subclass says why.
+        :returns: the object in the target frame; its type is `new_type`, if given.
+        :raises TypeException: if no function is registered that transforms the type of the object,
+            or that converts to `new_type`.
+        :raises TransformException: if there is no such transform; the class of the error says why.
         """
         do_transform = self.registration.get(type(object_stamped))
         header = object_stamped.header
@@ -78,16 +84,19 @@ class BufferInterface:
         """
         Transform an object from the frame and time in its header to another frame and time.
 
-        :param object_stamped: as in `transform`.
+        :param object_stamped: an object with a header, of a registered type. A zero stamp means
+            the latest time for which every edge between the frame of the object and the fixed
+            frame has data.
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for which every
-            edge between it and the fixed frame has data.
+            edge between the target frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :param new_type: as in `transform`.
-        :returns: the object in the target frame, of the same type or of `new_type`.
-        :raises TypeException: if the type, or a conversion to `new_type`, is not registered.
-        :raises TransformException: if there is no such transform; its subclass says why.
+        :returns: the object in the target frame; its type is `new_type`, if given.
+        :raises TypeException: if no function is registered that transforms the type of the object,
+            or that converts to `new_type`.
+        :raises TransformException: if there is no such transform; the class of the error says why.
         """
         do_transform = self.registration.get(type(object_stamped))
         header = object_stamped.header
@@ -107,8 +116,8 @@ class BufferInterface:
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :returns: the transform from the source frame to the target frame.
-        :raises TransformException: if there is no such transform; its subclass says why.
-        :raises NotImplementedException: if the subclass does not implement it.
+        :raises TransformException: if there is no such transform; the class of the error says why.
+        :raises NotImplementedException: if the subclass does not implement this method.
         """
         raise NotImplementedException
 
@@ -122,14 +131,15 @@ class BufferInterface:
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
-            which every edge between it and the fixed frame has data.
+            which every edge between the target frame and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: as for `target_time`.
+        :param source_time: time of the source frame; a zero Time: the latest time for
+            which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :returns: the transform from the source frame to the target frame.
-        :raises TransformException: if there is no such transform; its subclass says why.
-        :raises NotImplementedException: if the subclass does not implement it.
+        :raises TransformException: if there is no such transform; the class of the error says why.
+        :raises NotImplementedException: if the subclass does not implement this method.
         """
         raise NotImplementedException
 
@@ -143,9 +153,9 @@ class BufferInterface:
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: whether the transform is available; or a tuple of this bool and the text of the
-            error.
-        :raises NotImplementedException: if the subclass does not implement it.
+        :returns: whether the transform is available. A subclass may return a tuple of this bool
+            and the text of the error instead.
+        :raises NotImplementedException: if the subclass does not implement this method.
         """
         raise NotImplementedException
 
@@ -159,14 +169,15 @@ class BufferInterface:
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
-            which every edge between it and the fixed frame has data.
+            which every edge between the target frame and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: as for `target_time`.
+        :param source_time: time of the source frame; a zero Time: the latest time for
+            which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: whether the transform is available; or a tuple of this bool and the text of the
-            error.
-        :raises NotImplementedException: if the subclass does not implement it.
+        :returns: whether the transform is available. A subclass may return a tuple of this bool
+            and the text of the error instead.
+        :raises NotImplementedException: if the subclass does not implement this method.
         """
         raise NotImplementedException
 
@@ -195,8 +206,8 @@ def register_default(message_type: type, transform: Callable[..., Any]) -> None:
     """
     Register the functions of a message type, except those that a user has already registered.
 
-    :param message_type: the type; it needs no conversion to or from a message.
-    :param transform: a function as in `TransformRegistration.add`.
+    :param message_type: the type. Its objects are messages, so they need no conversion.
+    :param transform: the function that transforms the objects; see `TransformRegistration.add`.
     """
     _transforms.setdefault(message_type, transform)
     _to_messages.setdefault(message_type, to_msg_msg)
@@ -205,7 +216,7 @@ def register_default(message_type: type, transform: Callable[..., Any]) -> None:
 
 def to_msg_msg(msg: Any) -> Any:
     """
-    Convert an object that is a message to a message: return it unchanged.
+    Return a message unchanged: an object that is a message needs no conversion to a message.
 
     :param msg: the message.
     :returns: the same message.
@@ -215,7 +226,7 @@ def to_msg_msg(msg: Any) -> Any:
 
 def from_msg_msg(msg: Any) -> Any:
     """
-    Convert a message to an object that is a message: return it unchanged.
+    Return a message unchanged: an object that is a message needs no conversion from a message.
 
     :param msg: the message.
     :returns: the same message.
@@ -224,7 +235,7 @@ def from_msg_msg(msg: Any) -> Any:
 
 
 def _find_function(functions: dict[Any, Callable[..., Any]], key: Any) -> Callable[..., Any]:
-    """Return the registered function of a key, or raise a TypeException."""
+    """Return the function that is registered for a key; raise a TypeException if there is none."""
     if key not in functions:
         import_module('dummy_arm.tf.geometry')  # registers the built-in types
     if key not in functions:
@@ -233,7 +244,7 @@ def _find_function(functions: dict[Any, Callable[..., Any]], key: Any) -> Callab
 
 
 class TransformRegistration:
-    """The registry of the functions that transform objects, shared by all buffers."""
+    """The registry of the functions that transform objects; all buffers share one registry."""
 
     def print_me(self) -> None:
         """Print the registered functions."""
@@ -245,9 +256,9 @@ class TransformRegistration:
         """
         Register the function that transforms objects of a type.
 
-        :param key: the type.
-        :param callback: is called with the object and a TransformStamped from the object's frame
-            to the target frame, and returns the transformed object.
+        :param key: the type of the objects.
+        :param callback: the function. It is called with the object and with a TransformStamped
+            from the object's frame to the target frame, and returns the transformed object.
         """
         _transforms[key] = callback
 
@@ -256,23 +267,28 @@ class TransformRegistration:
         """
         Return the function that transforms objects of a type.
 
-        :param key: the type.
+        :param key: the type of the objects.
         :returns: the function, as in `add`.
-        :raises TypeException: if none is registered.
+        :raises TypeException: if no function is registered for `key`.
         """
         return _find_function(_transforms, key)
 
 
 class ConvertRegistration:
-    """The registry of the functions that convert between types, and to and from messages."""
+    """
+    The registry of the functions that convert objects.
+
+    There are three kinds of functions: from a message to an object, from an object to a message,
+    and from an object of one type to an object of another type.
+    """
 
     def add_from_msg(self, key: TransformableObjectType,
                      callback: Callable[[MsgStamped], TransformableObject]) -> None:
         """
         Register the function that creates an object of a type from a message.
 
-        :param key: the type.
-        :param callback: is called with the message and returns the object.
+        :param key: the type of the object.
+        :param callback: the function; it is called with the message and returns the object.
         """
         _from_messages[key] = callback
 
@@ -281,8 +297,8 @@ class ConvertRegistration:
         """
         Register the function that creates a message from an object of a type.
 
-        :param key: the type.
-        :param callback: is called with the object and returns the message.
+        :param key: the type of the object.
+        :param callback: the function; it is called with the object and returns the message.
         """
         _to_messages[key] = callback
 
@@ -291,8 +307,8 @@ class ConvertRegistration:
         """
         Register the function that converts objects of one type to another type.
 
-        :param key: the type of the objects, and the type of the results.
-        :param callback: is called with the object and returns the result.
+        :param key: a pair: the type of the objects, and the type of the results.
+        :param callback: the function; it is called with an object and returns the result.
         """
         _conversions[key] = callback
 
@@ -301,9 +317,9 @@ class ConvertRegistration:
         """
         Return the function that creates an object of a type from a message.
 
-        :param key: the type.
+        :param key: the type of the object.
         :returns: the function, as in `add_from_msg`.
-        :raises TypeException: if none is registered.
+        :raises TypeException: if no function is registered for `key`.
         """
         return _find_function(_from_messages, key)
 
@@ -312,9 +328,9 @@ class ConvertRegistration:
         """
         Return the function that creates a message from an object of a type.
 
-        :param key: the type.
+        :param key: the type of the object.
         :returns: the function, as in `add_to_msg`.
-        :raises TypeException: if none is registered.
+        :raises TypeException: if no function is registered for `key`.
         """
         return _find_function(_to_messages, key)
 
@@ -323,25 +339,25 @@ class ConvertRegistration:
         """
         Return the function that converts objects of one type to another type.
 
-        :param key: the type of the objects, and the type of the results.
+        :param key: a pair: the type of the objects, and the type of the results.
         :returns: the function, as in `add_convert`.
-        :raises TypeException: if none is registered.
+        :raises TypeException: if no function is registered for `key`.
         """
         return _find_function(_conversions, key)
 
 
 def convert(a: TransformableObject, b_type: TransformableObjectType) -> TransformableObject:
     """
-    Convert an object to a type.
+    Convert an object to another type.
 
-    The registered conversion between the two types is used. If there is none, an object that
-    already has the type is copied. Any other object is converted to a message, and the message is
-    converted to the type.
+    If a conversion from the type of the object to `b_type` is registered, this conversion is used.
+    Otherwise, an object that already has the type `b_type` is copied. Any other object is
+    converted to a message, and the message is converted to `b_type`.
 
     :param a: the object.
     :param b_type: the type of the result.
-    :returns: an object of that type.
-    :raises TypeException: if a function that this needs is not registered.
+    :returns: an object of the type `b_type`.
+    :raises TypeException: if a function that the conversion needs is not registered.
     """
     registration = ConvertRegistration()
     try:

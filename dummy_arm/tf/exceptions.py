@@ -1,4 +1,4 @@
-"""The exceptions of tf2. The text of a lookup error is tf2's own; a hint may follow it."""
+"""The exceptions of tf2. A lookup error has the text of tf2, and a hint may follow the text."""
 
 
 from collections.abc import Callable
@@ -15,13 +15,14 @@ class TransformException(Exception):
     @classmethod
     def with_hint(cls: type[_Error], words: str, hint: Callable[[], str]) -> _Error:
         """
-        Create an error whose text ends with a hint, computed when the text is first read.
+        Create an error whose text ends with a hint.
 
-        A lookup or a future that waits raises and discards many errors whose text is never read.
+        The hint is computed only when the text is first read, because many texts are never read:
+        a lookup or a future that waits for a transform raises and discards many errors.
 
         :param words: the text of tf2.
-        :param hint: returns the text that follows `words`; may be called in any thread, without
-            the lock of the buffer.
+        :param hint: a function that returns the hint, which is appended to `words`. The function
+            may be called in any thread, by a caller that does not hold the lock of the buffer.
         :returns: the error.
         """
         error = cls(words)
@@ -47,11 +48,11 @@ class ConnectivityException(TransformException):
 
 
 class LookupException(TransformException):
-    """A frame does not exist, or the tree has a loop or a path of more than 1000 edges."""
+    """A frame does not exist, the tree has a loop, or a frame has more than 1000 ancestors."""
 
 
 class ExtrapolationException(TransformException):
-    """An edge on the path has no data for the requested time."""
+    """An edge on the path between the two frames has no data for the requested time."""
 
 
 class InvalidArgumentException(TransformException):
@@ -59,4 +60,4 @@ class InvalidArgumentException(TransformException):
 
 
 class TimeoutException(TransformException):
-    """The timeout of a future passed before its transform was available."""
+    """The timeout of a future has expired, and the transform is not available."""

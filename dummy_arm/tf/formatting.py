@@ -1,5 +1,5 @@
 """
-Functions that format frame ids and times for output, as the errors of this package show them.
+Functions that format frame ids and times for output, as in the error texts of this package.
 
 Frame ids are received from other programs and may contain control characters. Print
 `visible(name)`, or `shortened(name)` where there is little room, so that none of these characters

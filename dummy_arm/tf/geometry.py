@@ -1,11 +1,11 @@
 """
 Transform messages with points, vectors, poses and clouds.
 
-The functions have the same names and results as in tf2_geometry_msgs, and `do_transform_cloud` as
-in tf2_sensor_msgs.
+The functions have the same names and results as those of tf2_geometry_msgs. `do_transform_cloud`
+has the name and the results of the function of tf2_sensor_msgs.
 
 Each function takes a transform whose child frame is the frame of the data. The result is expressed
-in the frame of the transform; a stamped result has the header of the transform.
+in the parent frame of the transform. A stamped result has the same header as the transform.
 """
 
 from array import array
@@ -38,10 +38,12 @@ from dummy_arm.tf.buffer_interface import from_msg_msg as from_msg_msg
 from dummy_arm.tf.buffer_interface import register_default
 from dummy_arm.tf.buffer_interface import to_msg_msg as to_msg_msg
 
-#: A quaternion with a smaller squared norm counts as no rotation, as in tf2_geometry_msgs.
+#: A quaternion whose squared norm is less than this counts as no rotation, as in
+#: tf2_geometry_msgs.
 _NO_ROTATION = 2.0 ** -52
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
-#: For each datatype that x, y and z of a cloud may have: numpy's name of it, and its size (bytes).
+#: The datatypes that x, y and z of a cloud may have: each with its name in numpy and its size
+#: (bytes).
 _TYPES = {PointField.FLOAT32: ('f4', 4), PointField.FLOAT64: ('f8', 8)}
 
 
@@ -51,7 +53,7 @@ def do_transform_point(point: PointStamped, transform: TransformStamped) -> Poin
 
     :param point: the point, in the child frame of the transform; its header is ignored.
     :param transform: the transform.
-    :returns: the point in the frame of the transform.
+    :returns: the point in the parent frame of the transform.
     """
     x, y, z = _transform_xyz(point.point, _pose_of(transform))
     return PointStamped(header=_header(transform), point=Point(x=x, y=y, z=z))
@@ -63,7 +65,7 @@ def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -
 
     :param vector3: the vector, in the child frame of the transform; its header is ignored.
     :param transform: the transform.
-    :returns: the vector in the frame of the transform.
+    :returns: the vector in the parent frame of the transform.
     """
     rotation_only = (0.0, 0.0, 0.0, *_rotation(transform.transform.rotation))
     x, y, z = _transform_xyz(vector3.vector, rotation_only)
@@ -76,7 +78,7 @@ def do_transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
 
     :param pose: the pose, in the child frame of the transform.
     :param transform: the transform.
-    :returns: the pose in the frame of the transform, its quaternion with w >= 0.
+    :returns: the pose in the parent frame of the transform; its quaternion has w >= 0.
     """
     x, y, z, *rotation = compose(_pose_of(transform), _pose(pose.position, pose.orientation))
     qx, qy, qz, qw = rotation if rotation[3] >= 0.0 else [-number for number in rotation]
@@ -89,7 +91,7 @@ def do_transform_pose_stamped(pose: PoseStamped, transform: TransformStamped) ->
 
     :param pose: the pose, in the child frame of the transform; its header is ignored.
     :param transform: the transform.
-    :returns: the pose in the frame of the transform, its quaternion with w >= 0.
+    :returns: the pose in the parent frame of the transform; its quaternion has w >= 0.
     """
     return PoseStamped(header=_header(transform), pose=do_transform_pose(pose.pose, transform))
 
@@ -102,7 +104,7 @@ def do_transform_pose_with_covariance_stamped(
 
     :param pose: the pose, in the child frame of the transform; its header is ignored.
     :param transform: the transform.
-    :returns: the pose in the frame of the transform, with the covariance rotated into it.
+    :returns: the pose and its covariance, in the parent frame of the transform.
     """
     result = PoseWithCovarianceStamped(header=_header(transform))
     result.pose.pose = do_transform_pose(pose.pose.pose, transform)
@@ -117,7 +119,7 @@ def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformSt
 
     :param polygon: the polygon, in the child frame of the transform; its header is ignored.
     :param transform: the transform.
-    :returns: the polygon in the frame of the transform.
+    :returns: the polygon in the parent frame of the transform.
     """
     result, pose = PolygonStamped(header=_header(transform)), _pose_of(transform)
     for point in polygon.polygon.points:
@@ -130,13 +132,16 @@ def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDAr
     """
     Rotate the covariance matrix of a pose.
 
-    The result is R C R^T with R = diag(rotation, rotation): A. Leon-Garcia, Probability,
-    Statistics, and Random Processes for Electrical Engineering, 3rd ed., 2008, section 6.3.
+    The result is R C R^T, where C is the given matrix and R = diag(rotation, rotation). See A.
+    Leon-Garcia, Probability, Statistics, and Random Processes for Electrical Engineering, 3rd ed.,
+    2008, section 6.3.
 
-    :param cov_in: (36,): the rows of C, the covariance of x, y, z (m) and of the rotations about
-        the x, y and z axes (rad), in the child frame of the transform.
+    :param cov_in: (36,): the six rows of C, one after the other. C is the covariance of x, y, z
+        (m) and of the rotations about the x, y and z axes (rad), in the child frame of the
+        transform.
     :param transform: the transform.
-    :returns: (36,) float64: the rows of the covariance in the frame of the transform.
+    :returns: (36,) float64: the six rows of the result, one after the other. The result is the
+        covariance in the parent frame of the transform.
     """
     rotation = np.kron(np.eye(2), rotations.matrix(_rotation(transform.transform.rotation)))
     rotated: NDArray[np.float64] = rotation @ np.reshape(cov_in, (6, 6)) @ rotation.T
@@ -144,7 +149,7 @@ def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDAr
 
 
 def _header(transform: TransformStamped) -> Header:
-    """Return a copy of the header, so that the result and the transform do not share it."""
+    """Return a copy of the header, so that a result does not share the transform's header."""
     header = transform.header
     return Header(stamp=copy(header.stamp), frame_id=header.frame_id)
 
@@ -175,10 +180,12 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
     """
     Transform x, y and z of the points of a cloud; all other fields are copied.
 
-    :param cloud: a cloud of any layout, with fields x, y, z of FLOAT32 or FLOAT64. NaN stays NaN.
+    :param cloud: a cloud of any layout, with fields x, y, z of FLOAT32 or FLOAT64. If a coordinate
+        of a point is NaN, the three coordinates of this point are NaN in the result.
     :param transform: a transform whose child frame is the frame of the cloud.
-    :returns: a new cloud, whose data are not shared with the given cloud. Its header is that of
-        the transform; for a Transform, which has no header, it is that of the given cloud.
+    :returns: a new cloud, which does not share its data with the given cloud. The new cloud has
+        the header of the transform. A Transform has no header; then the new cloud has the header
+        of the given cloud.
     :raises ValueError: if one of the fields x, y, z is missing or has another datatype, or if the
         layout does not fit the data.
     """
@@ -200,7 +207,7 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
 
 
 def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.floating[Any]]:
-    """Return a view of one field of all points in the data: (height, width)."""
+    """Return a view into `data`, of shape (height, width): one field of all points."""
     field = next((field for field in cloud.fields if field.name == name), None)
     if field is None or field.datatype not in _TYPES:
         names = ', '.join(f'{field.name} (datatype {field.datatype})' for field in cloud.fields)

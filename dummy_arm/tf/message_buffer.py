@@ -17,10 +17,11 @@ _LATEST = Time()
 
 class MessageBufferCore(Engine):
     """
-    A buffer with the API of tf2_py.BufferCore: rclpy's times and TransformStamped messages.
+    A buffer with the API of tf2_py.BufferCore, for rclpy's times and TransformStamped messages.
 
     A time is any object with `nanoseconds` (rclpy's Time) or with `sec` and `nanosec` (a Time
-    message). Lookups raise the same exceptions as those of `BufferCore`.
+    message). An edge connects a frame with its parent; a path is the edges between two frames. A
+    lookup raises the same exceptions as a lookup of `dummy_arm.tf.BufferCore`.
     """
 
     def __init__(self, cache_time: Optional[Duration] = None, *, max_frames: int = 100_000,
@@ -28,9 +29,9 @@ class MessageBufferCore(Engine):
         """
         Create an empty buffer.
 
-        :param cache_time: how long samples are kept; None: 10 s.
-        :param max_frames: the largest number of frames; see `BufferCore`.
-        :param max_samples: the largest number of samples; see `BufferCore`.
+        :param cache_time: how long samples are kept; None: 10 s; see `dummy_arm.tf.BufferCore`.
+        :param max_frames: the largest number of frames; see `dummy_arm.tf.BufferCore`.
+        :param max_samples: the largest number of samples; see `dummy_arm.tf.BufferCore`.
         :raises TypeError: if the cache time is not a duration.
         :raises ValueError: if the cache time is negative, or max_samples is less than 1.
         """
@@ -42,19 +43,22 @@ class MessageBufferCore(Engine):
         """
         Insert a dynamic transform: the pose of a frame at the transform's stamp.
 
-        A transform that tf2 rejects is rejected here, too; the log says why.
+        A transform that tf2 refuses is refused here, too; the log says why.
 
         :param transform: the transform; its rotation is normalised.
         :param authority: the name of the publisher, shown by `all_frames_as_yaml`.
-        :raises TypeError: if it is not a TransformStamped.
-        :raises ValueError: if one of its fields has a value of another type or range.
+        :raises TypeError: if `transform` is not a TransformStamped.
+        :raises ValueError: if a field of the transform has a value of a wrong type, or a number
+            that does not fit the field.
         """
         self._set(transform, authority, False)
 
     def set_transform_static(self, transform: TransformStamped,
                              authority: str = 'default_authority') -> None:
         """
-        Insert a static transform: the pose of a frame at all times. Its stamp is ignored.
+        Insert a static transform: the pose of a frame at all times.
+
+        The stamp of the transform is not used.
 
         :param transform: as in `set_transform`.
         :param authority: as in `set_transform`.
@@ -77,8 +81,8 @@ class MessageBufferCore(Engine):
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
         :returns: the transform from the source frame to the target frame.
-        :raises TransformException: if there is no such transform; its subclass says why.
-        :raises TypeError: if a frame is not a str, or the time is of another type.
+        :raises TransformException: if there is no such transform; the class of the error says why.
+        :raises TypeError: if a frame is not a str, or the time has a wrong type.
         """
         return message(target_frame, source_frame, self._pull_and_call(
             self._lookups.pose, target_frame, source_frame, nanoseconds(time)))
@@ -88,18 +92,20 @@ class MessageBufferCore(Engine):
         """
         Return the pose of the source frame at one time in the target frame at another time.
 
-        It does not wait. Each of the two frames is located in the fixed frame at its own time.
+        This method does not wait. The source frame is located in the fixed frame at the source
+        time, and the target frame at the target time.
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
-            which every edge between it and the fixed frame has data.
+            which every edge between the target frame and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: as for `target_time`.
+        :param source_time: time of the source frame; a zero Time: the latest time for
+            which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
-        :returns: the transform from the source frame to the target frame, stamped with the target
-            time.
-        :raises TransformException: if there is no such transform; its subclass says why.
-        :raises TypeError: if a frame is not a str, or a time is of another type.
+        :returns: the transform from the source frame to the target frame. Its stamp is
+            `target_time`, or the latest time described above if `target_time` is zero.
+        :raises TransformException: if there is no such transform; the class of the error says why.
+        :raises TypeError: if a frame is not a str, or a time has a wrong type.
         """
         return message(target_frame, source_frame, self._pull_and_call(
             self._lookups.pose_full, target_frame, nanoseconds(target_time), source_frame,
@@ -114,9 +120,9 @@ class MessageBufferCore(Engine):
         :param source_frame: the frame whose pose is looked up.
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
-        :returns: whether the transform is available, and the text of the error, which is '' if
-            there is no error.
-        :raises TypeError: if a frame is not a str, or the time is of another type.
+        :returns: two values: whether the transform is available, and the text of the error ('' if
+            there is no error).
+        :raises TypeError: if a frame is not a str, or the time has a wrong type.
         """
         return debug_tuple(self._why_not(
             0.0, self._lookups.check, target_frame, source_frame, nanoseconds(time)))
@@ -128,13 +134,14 @@ class MessageBufferCore(Engine):
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
-            which every edge between it and the fixed frame has data.
+            which every edge between the target frame and the fixed frame has data.
         :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame; a zero Time: as for `target_time`.
+        :param source_time: time of the source frame; a zero Time: the latest time for
+            which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
-        :returns: whether the transform is available, and the text of the error, which is '' if
-            there is no error.
-        :raises TypeError: if a frame is not a str, or a time is of another type.
+        :returns: two values: whether the transform is available, and the text of the error ('' if
+            there is no error).
+        :raises TypeError: if a frame is not a str, or a time has a wrong type.
         """
         return debug_tuple(self._why_not(
             0.0, self._lookups.check_full, target_frame, nanoseconds(target_time), source_frame,
@@ -146,9 +153,9 @@ class MessageBufferCore(Engine):
 
         :param target_frame: the frame at one end of the path.
         :param source_frame: the frame at the other end.
-        :returns: that time; a zero Time if all edges are static. If both frames are the same, the
-            stamp of the newest sample of that frame.
-        :raises TransformException: if there is no path; its subclass says why.
+        :returns: the latest time; a zero Time if all edges are static. If both frames are the
+            same: the stamp of the newest sample of this frame, or zero if it has none.
+        :raises TransformException: if there is no path; the class of the error says why.
         :raises TypeError: if a frame is not a str.
         """
         return Time(nanoseconds=self._pull_and_call(
@@ -156,12 +163,12 @@ class MessageBufferCore(Engine):
 
     def _chain(self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
                fixed_frame: str) -> list[str]:
-        """Return the frames from the source frame through the fixed frame to the target frame."""
+        """Return the frames on the path from the source via the fixed to the target frame."""
         return self._pull_and_call(self._lookups.chain, target_frame, nanoseconds(target_time),
                           source_frame, nanoseconds(source_time), fixed_frame)
 
     def _allFramesAsDot(self, time: Time = _LATEST) -> str:  # noqa: N802
-        """Return tf2's DOT graph of all frames; a nonzero time adds the ages at that time."""
+        """Return tf2's DOT graph of all frames; a nonzero time adds the ages of transforms."""
         return as_dot(self.frames(), self.frame_names(), nanoseconds(time))
 
     def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
@@ -178,8 +185,9 @@ def message(target_frame: str, source_frame: str, answer: tuple[int, Pose]) -> T
     Convert the result of a lookup to a message.
 
     :param target_frame: the frame in which the pose is expressed; the `frame_id` of the message.
-    :param source_frame: the frame whose pose it is; the `child_frame_id` of the message.
-    :param answer: the time (ns), and the pose: x, y, z (m) and the quaternion x, y, z, w.
+    :param source_frame: the frame whose pose was looked up; the `child_frame_id` of the message.
+    :param answer: the result of the lookup: the time (ns) and the pose. The pose is x, y, z (m)
+        and the quaternion x, y, z, w.
     :returns: the message.
     """
     return message_of(Row(answer[0], target_frame, source_frame, answer[1]))

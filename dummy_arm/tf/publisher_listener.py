@@ -1,4 +1,4 @@
-"""A listener that knows the publisher of each transform, by the gid that rcl reports."""
+"""A listener that knows the publisher of each transform, by the publisher's gid (identifier)."""
 
 from collections import deque
 from collections.abc import Iterable
@@ -19,9 +19,9 @@ from dummy_arm.tf.transform_listener import TransformListener
 
 #: The name of a publisher whose node is not known.
 UNKNOWN = 'unknown publisher'
-#: The time between two queries for the publishers (s).
+#: The time between two regular queries for the publishers (s).
 _QUERY_INTERVAL = 0.5
-#: Above this number of names, the names of publishers that are gone are dropped.
+#: If there are more names than this, the oldest names of publishers that are gone are dropped.
 _MOST_NAMES = 10_000
 #: The name that rmw reports for a publisher whose node is not discovered yet.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
@@ -31,11 +31,11 @@ _MOST_MESSAGES, _MOST_BYTES = 10_000, 2**24
 
 
 class ReceivedMessage(bytes):
-    """The bytes of a TFMessage, with its publisher, topic and time of arrival."""
+    """The bytes of a TFMessage, with the publisher's gid, the time of arrival and the topic."""
 
-    gid = ''  #: the gid of its publisher, in hex; '' if it is not known
-    reception_time = 0  #: the time of its arrival, on the system clock (ns)
-    is_static = False  #: True if it is from /tf_static
+    gid = ''  #: the gid of the publisher, in hex; '' if the gid is not known
+    reception_time = 0  #: the time of arrival, on the system clock (ns)
+    is_static = False  #: True if the message is from /tf_static
 
     @classmethod
     def of(cls, data: bytes, gid: str = '', reception_time: int = 0) -> 'ReceivedMessage':
@@ -43,8 +43,8 @@ class ReceivedMessage(bytes):
         Create a message.
 
         :param data: the bytes of a TFMessage.
-        :param gid: the gid of its publisher, in hex; '': not known.
-        :param reception_time: the time of its arrival, on the system clock (ns); 0: now.
+        :param gid: the gid of the publisher, in hex; '': not known.
+        :param reception_time: the time of arrival, on the system clock (ns); 0: now.
         :returns: the message.
         """
         message = cls(data)
@@ -55,8 +55,8 @@ class ReceivedMessage(bytes):
         """
         Return the transforms of the message, unchanged: names may have a leading slash.
 
-        :returns: tuples with `stamp_ns`, `frame_id`, `child_frame_id` and `pose`: x, y, z (m) and
-            the quaternion x, y, z, w, which may have any norm.
+        :returns: for each transform, a tuple of `stamp_ns`, `frame_id`, `child_frame_id` and
+            `pose`. The pose is x, y, z (m) and the quaternion x, y, z, w, which may have any norm.
         :raises ValueError: if the bytes are not those of a TFMessage.
         """
         return cdr.unpack(self)
@@ -65,16 +65,16 @@ class ReceivedMessage(bytes):
 class Received(NamedTuple):
     """The messages that have arrived since the last call of `PublisherListener.received`."""
 
-    messages: list[ReceivedMessage]  #: in the order of their arrival on each topic
+    messages: list[ReceivedMessage]  #: those of one topic in the order of their arrival
     dropped: int  #: the number of older messages that were dropped, to limit the memory
 
 
 class _NodeNames:
-    """The names of the publishers' nodes, by the gids of the publishers."""
+    """A table from the gid of each publisher to the name of the publisher's node."""
 
     def __init__(self, node: Node) -> None:
         """
-        Create an empty table; names are found once `topics` is set.
+        Create an empty table; no name is found before `topics` is set.
 
         :param node: the node that queries the ROS graph.
         """
@@ -88,9 +88,10 @@ class _NodeNames:
 
     def query_if_due(self) -> None:
         """
-        Query the ROS graph, unless the last query was less than half a second ago.
+        Query the ROS graph if this method has not queried it in the last half second.
 
-        With regular queries, a name is known even if its node ends before `names_of` is called.
+        Because of these regular queries, the name of a node is known even if the node ends before
+        `names_of` is called.
         """
         if (now := monotonic()) >= self._next_query:
             self._next_query = now + _QUERY_INTERVAL
@@ -101,7 +102,7 @@ class _NodeNames:
         Return the full names of the publishers' nodes.
 
         :param gids: the gids of the publishers, in hex.
-        :returns: the names by gid; `UNKNOWN` if the node is not known.
+        :returns: a dict from each gid to the name of the node, or to `UNKNOWN`.
         """
         requested = set(gids)
         if not requested <= self._names.keys():
@@ -112,8 +113,8 @@ class _NodeNames:
         """
         Query the ROS graph for the publishers and the names of their nodes.
 
-        The names of publishers that are gone are kept, too. If there are more than `_MOST_NAMES`
-        names, the oldest names of publishers that are gone are dropped.
+        The table also keeps the names of publishers that are gone. If there are more than
+        `_MOST_NAMES` names, the oldest names of such publishers are dropped.
         """
         present = set()
         for topic in self.topics:
@@ -130,7 +131,11 @@ class _NodeNames:
 
 
 class _GidSource(SubscriptionSource):
-    """A source that passes gids as authorities, and keeps the messages for `received`."""
+    """
+    A source that passes the gid of the publisher as the authority of the transforms.
+
+    The source also keeps the newest messages for `received`.
+    """
 
     def __init__(self, *args: Any, names: _NodeNames) -> None:
         """
@@ -142,8 +147,8 @@ class _GidSource(SubscriptionSource):
         super().__init__(*args)
         names.topics = {topic.name for topic, _, _ in self._topics}
         self._names = names
-        #: What takes the messages of /tf and of /tf_static. Each is None if rcl cannot be called;
-        #: then no gid is known.
+        #: The takers of the messages of /tf and of /tf_static. Both are None if rcl cannot be
+        #: called; then no gid is known.
         self._takers = [Taker(ReceivedMessage.of) if rcl_take() else None for _ in range(2)]
         self._kept: deque[ReceivedMessage] = deque()
         self._size = self._dropped = 0
@@ -162,7 +167,7 @@ class _GidSource(SubscriptionSource):
                 without_gids: list[Any] = []
                 topic.take(without_gids)
                 arrived += [ReceivedMessage.of(data) for data, _ in without_gids]
-        except (InvalidHandle, RCLError):  # another thread ends the listener
+        except (InvalidHandle, RCLError):  # if another thread ends the listener
             pass
         for topic, reader, arrived in self._topics:
             if arrived:
@@ -177,15 +182,15 @@ class _GidSource(SubscriptionSource):
 
     def end_round(self) -> float:
         """
-        Update the names of the nodes; otherwise as `SubscriptionSource.end_round`.
+        Update the names of the nodes; then do the same as `SubscriptionSource.end_round`.
 
-        :returns: how long messages may stay in the queue (s).
+        :returns: the pause: how long messages may stay in the queue (s).
         """
         self._names.query_if_due()
         return super().end_round()
 
     def _keep(self, messages: list[Any], is_static: bool) -> None:
-        """Move decoded messages to `_kept`, and drop its oldest messages if it has too many."""
+        """Move decoded messages to `_kept`; if there are too many there, drop the oldest ones."""
         for message in messages:
             message.is_static = is_static
         size = sum(map(len, messages))
@@ -199,7 +204,7 @@ class _GidSource(SubscriptionSource):
 
     def received(self) -> Received:
         """
-        Return the kept messages, and keep them no longer; the caller holds the buffer's lock.
+        Return the kept messages and remove them from `_kept`; the caller holds the buffer's lock.
 
         :returns: the messages since the last call.
         """
@@ -237,7 +242,7 @@ class PublisherListener(TransformListener):
 
     @property
     def present(self) -> frozenset[str]:
-        """The gids of the existing publishers, in hex; updated every half second."""
+        """The gids of the publishers that exist, in hex; updated every half second."""
         return self._names.present
 
     def received(self) -> Received:
@@ -253,9 +258,10 @@ class PublisherListener(TransformListener):
 
     def frames(self) -> list[Frame]:
         """
-        Return the frames of the buffer, with the full names of nodes as their authorities.
+        Return the frames of the buffer; the authority of a frame is the full name of a node.
 
-        :returns: the frames that have a parent, as `buffer.frames()` returns them.
+        :returns: the frames that have a parent, as `buffer.frames()` returns them, but with the
+            full name of the publisher's node as `authority`.
         """
         frames: list[Frame] = self.buffer.frames()
         names = self.names_of(frame.authority for frame in frames)
@@ -266,6 +272,6 @@ class PublisherListener(TransformListener):
         Return the full names of the publishers' nodes.
 
         :param gids: the gids of the publishers, in hex.
-        :returns: the names by gid; `UNKNOWN` if the node is not known.
+        :returns: a dict from each gid to the name of the node, or to `UNKNOWN`.
         """
         return self._names.names_of(gids)

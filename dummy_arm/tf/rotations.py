@@ -1,8 +1,9 @@
 """
 Rotations as quaternions x, y, z, w; the functions are named as in tf_transformations.
 
-Angles are in rad. A quaternion as an argument may have either sign, and any length (norm) except
-zero. Quaternions that are returned have length 1. Functions that differ from this say so.
+Angles are in rad. A quaternion that is given as an argument may have either sign, and any length
+(norm) except zero. A quaternion that is returned has length 1. The docstring of a function says so
+if the function differs from these rules.
 """
 
 from collections.abc import Iterable
@@ -18,20 +19,27 @@ from transforms3d import euler, quaternions
 from dummy_arm.tf._core.pose import Quaternion as Quaternion
 
 #: The code of a convention of Euler angles, as in K. Shoemake, Euler Angle Conversion, Graphics
-#: Gems IV (1994): first axis (0, 1, 2: x, y, z), parity (0: the second axis follows the first in
-#: the cycle x, y, z; 1: it does not), repetition (1: the third axis is the first again), frame
-#: (0: the axes are static; 1: they rotate with the body). If frame is 1, the other three numbers
-#: describe the axes in reverse order: 'rzyx' is (0, 0, 0, 1).
+#: Gems IV (1994). A code has four numbers:
+#:
+#: - first axis: 0 for x, 1 for y, 2 for z;
+#: - parity: 0 if the second axis follows the first axis in the cycle x, y, z, x; otherwise 1;
+#: - repetition: 1 if the third axis is the same as the first axis; otherwise 0;
+#: - frame: 0 if the axes are static; 1 if the axes rotate with the body.
+#:
+#: If frame is 1, the other three numbers describe the axes in reverse order, from the last axis to
+#: the first. For example, the code of 'rzyx' is (0, 0, 0, 1): in reverse order, its axes are
+#: x, y, z.
 Code = tuple[int, int, int, int]
 #: A convention of Euler angles: its name, such as 'sxyz', or its code, such as (0, 0, 0, 0).
 Axes = Union[str, Code]
 
-#: A quaternion whose length differs from 1 by less than this counts as a unit quaternion. A length
-#: below this that is computed from unit quaternions counts as zero.
+#: The largest error by rounding. A quaternion counts as a unit quaternion if its length differs
+#: from 1 by less than this error. Two unit quaternions count as the same rotation if the length of
+#: their sum, or of their difference, is less than this error.
 _ROUNDING = 4.0 * sys.float_info.epsilon
 #: The largest error that is accepted in a matrix, which may have been typed by hand.
 _TOLERANCE = 1e-3
-_NEEDED = 'a quaternion must have a finite length that is not zero; (0, 0, 0, 1) is no rotation'
+_NEEDED = 'a quaternion must have a finite length that is not zero; the identity is (0, 0, 0, 1)'
 
 
 def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') -> Quaternion:
@@ -41,9 +49,9 @@ def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') 
     :param ai: the angle about the first axis (rad).
     :param aj: the angle about the second axis (rad).
     :param ak: the angle about the third axis (rad).
-    :param axes: the convention: 's' if the axes are static or 'r' if they rotate with the body,
-        and the names of the three axes, such as 'sxyz' for roll, pitch, yaw, or 'rzyx' for yaw,
-        pitch, roll; or the code of a convention, a `Code`.
+    :param axes: the convention: its name, or its `Code`. A name begins with 's' if the axes are
+        static, or with 'r' if the axes rotate with the body; then come the names of the three
+        axes. Examples are 'sxyz' for roll, pitch, yaw and 'rzyx' for yaw, pitch, roll.
     :returns: the unit quaternion.
     :raises ValueError: if an angle is not finite, or the convention does not exist.
 
@@ -80,12 +88,13 @@ def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
     Return the Euler angles of a rotation; this is the inverse of `quaternion_from_euler`.
 
     `ai` and `ak` are in (-pi, pi]. `aj` is in [-pi/2, pi/2] if the three axes differ. If the last
-    axis is the first again, `aj` is in [0, pi] if the second axis follows the first in the cycle
-    x, y, z, and in [-pi, 0] otherwise. At gimbal lock, which is when the first and the last axis
-    are parallel, `ak` is 0 for static axes and `ai` is 0 for rotating axes.
+    axis is the same as the first axis, as in 'sxyx', the range of `aj` depends on the first two
+    axes: the range is [0, pi] for xy, yz and zx, and [-pi, 0] for xz, yx and zy.
 
-    The method is accurate near gimbal lock, too: E. Bernardes and S. Viollet, Quaternion to Euler
-    angles conversion: A direct, general and computationally efficient method, PLoS ONE 17 (2022).
+    At gimbal lock, the first and the last axis are parallel. Then `ak` is 0 for static axes, and
+    `ai` is 0 for rotating axes. The method is accurate near gimbal lock, too. See E. Bernardes and
+    S. Viollet, Quaternion to Euler angles conversion: A direct, general and computationally
+    efficient method, PLoS ONE 17 (2022).
 
     :param quaternion: x, y, z, w.
     :param axes: the convention, as in `quaternion_from_euler`.
@@ -93,8 +102,8 @@ def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
     :raises ValueError: if the quaternion is not finite or has length zero, or the convention does
         not exist.
 
-    A rotation by 180 degrees about z is the third angle of 'sxyz' and the first of 'rzyx', whose
-    code is (0, 0, 0, 1):
+    A rotation by 180 degrees about z is the third angle of 'sxyz', and the first angle of 'rzyx'.
+    The code of 'rzyx' is (0, 0, 0, 1):
 
     >>> euler_from_quaternion((0.0, 0.0, 1.0, 0.0), 'sxyz')
     (0.0, 0.0, 3.141592653589793)
@@ -154,7 +163,7 @@ def quaternion_matrix(quaternion: Iterable[float]) -> NDArray[np.float64]:
 
 def quaternion_from_matrix(matrix: ArrayLike) -> Quaternion:
     """
-    Return the rotation in a matrix.
+    Return the rotation that a matrix describes.
 
     :param matrix: a (3, 3) rotation matrix, or a (4, 4) homogeneous matrix, whose translation is
         ignored.
@@ -182,7 +191,7 @@ def quaternion_multiply(quaternion1: Iterable[float], quaternion0: Iterable[floa
 
     :param quaternion1: x, y, z, w; of any length.
     :param quaternion0: x, y, z, w; of any length.
-    :returns: the product; its length is the product of both lengths.
+    :returns: the product; its length is the product of the two lengths.
     :raises ValueError: if a quaternion is not four finite numbers.
     """
     return multiply(_quaternion(quaternion1), _quaternion(quaternion0))
@@ -190,7 +199,9 @@ def quaternion_multiply(quaternion1: Iterable[float], quaternion0: Iterable[floa
 
 def quaternion_conjugate(quaternion: Iterable[float]) -> Quaternion:
     """
-    Return a quaternion with the signs of x, y, z changed: the inverse of a unit quaternion.
+    Return a quaternion with the signs of x, y, z changed.
+
+    The conjugate of a unit quaternion is its inverse.
 
     :param quaternion: x, y, z, w; of any length.
     :returns: the conjugate, of the same length.
@@ -201,10 +212,10 @@ def quaternion_conjugate(quaternion: Iterable[float]) -> Quaternion:
 
 def quaternion_inverse(quaternion: Iterable[float]) -> Quaternion:
     """
-    Return the inverse of a quaternion: the product of both is (0, 0, 0, 1).
+    Return the inverse of a quaternion: the product of the two quaternions is (0, 0, 0, 1).
 
     :param quaternion: x, y, z, w.
-    :returns: the inverse, whose length is one divided by that of the quaternion.
+    :returns: the inverse. Its length is 1 divided by the length of the given quaternion.
     :raises ValueError: if the quaternion is not finite or has length zero.
     """
     q = _quaternion(quaternion)
@@ -217,17 +228,19 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
     """
     Interpolate between two rotations (slerp), at constant angular velocity about a fixed axis.
 
-    K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH 1985. The formula uses the sum
-    and the difference of the two quaternions. So it is accurate even if they are nearly equal.
+    See K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH 1985. The formula here
+    uses the sum and the difference of the two quaternions. So the result is accurate even if the
+    quaternions are nearly equal.
 
     :param quat0: x, y, z, w of the first rotation.
     :param quat1: x, y, z, w of the second rotation.
     :param fraction: from 0 (`quat0`) to 1 (`quat1`); other values extrapolate.
-    :param spin: the number of whole turns that are added on the way.
-    :param shortestpath: whether to take the shorter way. If False, the signs of the quaternions
-        decide: the way is the longer one if their dot product is negative. If the rotations are
-        equal, there is no axis, and `spin` and `shortestpath` have no effect.
-    :returns: the unit quaternion; exactly `quat0` or `quat1`, normalised, at fraction 0 or 1.
+    :param spin: the number of whole turns that are added between the two rotations.
+    :param shortestpath: True: rotate by the smaller angle. False: if the dot product of the
+        quaternions is negative, rotate by the larger angle, in the opposite direction. If the two
+        rotations are equal, there is no axis, and `spin` and `shortestpath` have no effect.
+    :returns: the unit quaternion; at fraction 0 `quat0`, and at fraction 1 `quat1`, both
+        normalised.
     :raises ValueError: if a quaternion is not finite or has length zero, or fraction or spin is
         not finite.
     """
@@ -243,18 +256,19 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
     if min(difference_norm, sum_norm) < _ROUNDING:  # the rotations are equal, so there is no axis
         return begin
     half = math.atan2(difference_norm, sum_norm)
-    angle = fraction * (2.0 * half + turns * math.pi) - half  # from the rotation halfway
+    # The angle is measured from the mean of the two rotations.
+    angle = fraction * (2.0 * half + turns * math.pi) - half
     along, middle = math.sin(angle) / difference_norm, math.cos(angle) / sum_norm
     return _unit([middle * m + along * d for m, d in zip(total, difference)])
 
 
 def multiply(left: Iterable[float], right: Iterable[float]) -> Quaternion:
     """
-    Return the product of two quaternions, without checks: the rotation by `right`, then `left`.
+    Return the product of two quaternions: the rotation by `right`, then by `left`; no checks.
 
     :param left: x, y, z, w, of any length.
     :param right: x, y, z, w, of any length.
-    :returns: the product; its length is the product of both lengths.
+    :returns: the product; its length is the product of the two lengths.
     """
     return _xyzw(quaternions.qmult(_wxyz(left), _wxyz(right)))
 
@@ -263,7 +277,7 @@ def conjugate(rotation: Quaternion) -> Quaternion:
     """
     Return the inverse of a unit quaternion, without checks.
 
-    :param rotation: x, y, z, w.
+    :param rotation: x, y, z, w; of length 1.
     :returns: the quaternion with the signs of x, y, z changed.
     """
     x, y, z, w = rotation
@@ -274,7 +288,7 @@ def matrix(rotation: Iterable[float]) -> NDArray[np.float64]:
     """
     Return the matrix of a rotation, without checks.
 
-    :param rotation: x, y, z, w, of any length; one below about 1e-8 stands for no rotation.
+    :param rotation: x, y, z, w, of any length. A length below about 1e-8 gives the identity.
     :returns: (3, 3) float64.
     """
     converted: NDArray[np.float64] = quaternions.quat2mat(_wxyz(rotation))
@@ -282,19 +296,19 @@ def matrix(rotation: Iterable[float]) -> NDArray[np.float64]:
 
 
 def _wxyz(rotation: Iterable[float]) -> Quaternion:
-    """Return x, y, z, w in the order of transforms3d."""
+    """Return a quaternion x, y, z, w in the order of transforms3d, w, x, y, z."""
     x, y, z, w = map(float, rotation)
     return w, x, y, z
 
 
 def _xyzw(rotation: NDArray[np.float64]) -> Quaternion:
-    """Return x, y, z, w of a quaternion of transforms3d, whose order is w, x, y, z."""
+    """Return a quaternion of transforms3d, w, x, y, z, in the order x, y, z, w."""
     w, x, y, z = rotation.tolist()
     return x, y, z, w
 
 
 def _numbers(given: Iterable[float], count: int, needed: str) -> list[float]:
-    """Return `count` finite numbers; raise a ValueError that begins with `needed` otherwise."""
+    """Return the numbers as floats; raise a ValueError if they are not `count` finite numbers."""
     try:
         numbers = [float(number) for number in given]
     except (TypeError, ValueError):
@@ -317,7 +331,7 @@ def _length(vector: tuple[float, ...], needed: str) -> float:
 
 
 def _unit(given: Iterable[float]) -> Quaternion:
-    """Return a quaternion normalised; one of unit length is returned unchanged."""
+    """Return a quaternion normalised; a quaternion of unit length is returned unchanged."""
     q = _quaternion(given)
     length = _length(q, _NEEDED)
     return q if abs(length - 1.0) < _ROUNDING else _divided(q, length)
@@ -335,7 +349,7 @@ def _wrapped(angle: float) -> float:
 
 
 def _all_codes() -> dict[Axes, Code]:
-    """Return the codes of all conventions, by their names and by the codes themselves."""
+    """Return a dict of the codes of all conventions; the keys are both the names and the codes."""
     codes: dict[Axes, Code] = {}
     for i, parity, repetition, frame in product(range(3), range(2), range(2), range(2)):
         j = (i + 1 + parity) % 3
@@ -358,14 +372,15 @@ def _code_of(axes: Axes) -> Code:
     >>> _code_of('sxyz')
     (0, 0, 0, 0)
 
-    For rotating axes, the code counts the axes from the last to the first:
+    For rotating axes, the code describes the axes from the last to the first:
 
     >>> _code_of('rzyx')
     (0, 0, 0, 1)
     >>> _code_of('RZYX')
     (0, 0, 0, 1)
 
-    The first axis of 'szxz' is z; x follows z in the order x, y, z, x; the third axis is z again:
+    In 'szxz', the first axis is z (2), the second axis x follows z in the cycle x, y, z, x (0),
+    the third axis is the same as the first axis (1), and the axes are static (0):
 
     >>> _code_of('szxz')
     (2, 0, 1, 0)

@@ -18,10 +18,10 @@ class StaticTransformBroadcaster:
     """
     A publisher of transforms on /tf_static, with the API of tf2_ros.StaticTransformBroadcaster.
 
-    Each message contains the newest transform of every child frame that this broadcaster has sent.
-    Unless `qos` says otherwise, the last message is latched: DDS keeps it for later subscribers.
-    If a TransformStamped object is modified after it was sent, the change has no effect until the
-    object is sent again.
+    The broadcaster remembers the newest transform that it has sent for each child frame. Each
+    message contains all of these transforms. By default, the last message is latched: DDS keeps
+    this message for subscribers that are created later. If a TransformStamped object is modified
+    after it was sent, the change has no effect until the object is sent again.
     """
 
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None) -> None:
@@ -29,8 +29,8 @@ class StaticTransformBroadcaster:
         Create the publisher.
 
         :param node: the node that publishes; its remappings apply.
-        :param qos: QoS profile of the publisher, used as it is; or a depth, for a publisher that
-            is reliable and transient local; None: depth 1.
+        :param qos: the QoS profile of the publisher. An int is the depth of a reliable, transient
+            local profile. None: the same profile with depth 1.
         """
         self.pub_tf = node.create_publisher(
             TFMessage, '/tf_static',
@@ -41,9 +41,10 @@ class StaticTransformBroadcaster:
     def sendTransform(  # noqa: N802
             self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:
         """
-        Send one or several transforms, and again the newest transform of each other child.
+        Send one or several transforms, together with the newest one of each other child frame.
 
-        If a transform is refused, nothing is sent, and the earlier transforms stay in effect.
+        If a transform is invalid, nothing is sent, and the transforms that were sent before stay
+        in effect.
 
         :param transform: one transform, or an iterable of transforms.
         :raises TypeError: if an element is not a TransformStamped.

@@ -16,14 +16,15 @@ class Transform(NamedTuple):
     """
     The pose of the frame `child_frame_id` in the frame `frame_id`.
 
-    It transforms points from the child frame to `frame_id`. In the result of a lookup, `frame_id`
-    is the target frame and `child_frame_id` the source frame. A variable for such a result is best
-    named `target_from_source`: then `a_from_b @ b_from_c` is `a_from_c`.
+    The transform converts the coordinates of points from the child frame to `frame_id`. In the
+    result of a lookup, `frame_id` is the target frame and `child_frame_id` is the source frame. A
+    variable for such a result is best named `target_from_source`, because `a_from_b @ b_from_c` is
+    then `a_from_c`.
     """
 
     stamp: int  #: time (ns)
     frame_id: str  #: the parent frame
-    child_frame_id: str  #: the frame whose pose this is
+    child_frame_id: str  #: the child frame
     translation: Vector = (0.0, 0.0, 0.0)  #: x, y, z (m)
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)  #: quaternion x, y, z, w
 
@@ -34,7 +35,7 @@ class Transform(NamedTuple):
 
         :param message: a geometry_msgs/TransformStamped, or an object with the same fields.
         :returns: the transform, with all values as they are in the message.
-        :raises TypeError: if its stamp has no `nanoseconds`, and not both `sec` and `nanosec`.
+        :raises TypeError: if the stamp has neither `nanoseconds` nor both `sec` and `nanosec`.
         """
         stamp, transform = message.header.stamp, message.transform
         t, r = transform.translation, transform.rotation
@@ -45,8 +46,8 @@ class Transform(NamedTuple):
         """
         Return the transform as a matrix.
 
-        :returns: (4, 4) float64: the homogeneous matrix, which transforms columns (x, y, z, 1), in
-            m, from the child frame to `frame_id`.
+        :returns: (4, 4) float64: the homogeneous matrix, which transforms column vectors
+            (x, y, z, 1) from the child frame to `frame_id`; x, y and z are in m.
         """
         result = np.eye(4)
         result[:3, :3] = rotations.matrix(self.rotation)
@@ -82,8 +83,9 @@ class Transform(NamedTuple):
         Compose two transforms: a_from_b @ b_from_c is a_from_c.
 
         :param other: the right transform (b_from_c).
-        :returns: the composed transform, with the stamp of the left one.
-        :raises ValueError: if the child frame of the left is not the `frame_id` of the right.
+        :returns: the composed transform, with the stamp of the left transform.
+        :raises ValueError: if the child frame of the left transform is not the `frame_id` of the
+            right transform.
         """
         if not isinstance(other, Transform):
             return NotImplemented

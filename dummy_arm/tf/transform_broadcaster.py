@@ -26,8 +26,8 @@ class TransformBroadcaster:
     """
     A publisher of transforms on /tf, with the API of tf2_ros.TransformBroadcaster.
 
-    Transforms are checked before they are sent: an invalid one raises an error that names its
-    frames, and nothing is sent.
+    Transforms are checked before they are sent. If a transform is invalid, the call raises an
+    error that names the frames of this transform, and nothing is sent.
     """
 
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None) -> None:
@@ -35,8 +35,8 @@ class TransformBroadcaster:
         Create the publisher.
 
         :param node: the node that publishes; its remappings apply.
-        :param qos: QoS profile of the publisher, or its depth; None: reliable, volatile, depth
-            100.
+        :param qos: the QoS profile of the publisher. An int is the depth of a reliable, volatile
+            profile. None: the same profile with depth 100.
         """
         self.pub_tf = node.create_publisher(
             TFMessage, '/tf', QoSProfile(depth=100) if qos is None else qos)
@@ -49,8 +49,9 @@ class TransformBroadcaster:
         :param transform: one transform, or an iterable of transforms.
         :raises TypeError: if an element is not a TransformStamped.
         :raises ValueError: if a frame id is empty, contains a NUL character or is not valid
-            Unicode, if a frame is its own parent, if a number is not finite, if a quaternion
-            cannot be normalised, or if a field has a value of another type or range.
+            Unicode; if a frame is its own parent; if a number is not finite; if a quaternion
+            cannot be normalised; or if the value of a field has a wrong type or does not fit the
+            field.
         """
         transforms = as_list(transform)
         with explain_bad_fields(transforms):
@@ -58,12 +59,13 @@ class TransformBroadcaster:
 
     def prepare(self, edges: Sequence[tuple[str, str]]) -> 'PreparedTransforms':
         """
-        Prepare a message whose frames stay the same, so that sending it again costs less.
+        Prepare a message that is sent many times with the same frames, so that sending is fast.
 
         :param edges: n >= 1 pairs (frame_id, child_frame_id).
-        :returns: the prepared message; its `send` takes the stamp and the poses.
+        :returns: the prepared message; its method `send` takes the stamp and the poses.
         :raises TypeError: if an edge is not a pair of str.
-        :raises ValueError: if there is no edge, or if a name is invalid as in `sendTransform`.
+        :raises ValueError: if there is no edge, or if the names of an edge are invalid; see
+            `sendTransform`.
         """
         return PreparedTransforms(self.pub_tf, edges)
 
@@ -75,7 +77,7 @@ class PreparedTransforms:
         """
         Create a prepared message.
 
-        :param publisher: the publisher that sends the message; its type is TFMessage.
+        :param publisher: the publisher that sends the message, of the message type TFMessage.
         :param edges: n >= 1 pairs (frame_id, child_frame_id).
         :raises TypeError: see `TransformBroadcaster.prepare`.
         :raises ValueError: see `TransformBroadcaster.prepare`.
@@ -94,15 +96,15 @@ class PreparedTransforms:
 
     def send(self, stamp: Any, poses: ArrayLike) -> None:
         """
-        Send a pose for every frame, in one message and with one stamp.
+        Send one pose for each edge, in one message; all poses have the same stamp.
 
-        :param stamp: time (ns), or an object with `nanoseconds` (rclpy's Time) or with `sec` and
+        :param stamp: an int (ns), or an object with `nanoseconds` (rclpy's Time) or with `sec` and
             `nanosec` (a Time message).
-        :param poses: (n, 7) float64: x, y, z (m), quaternion x, y, z, w of each child frame in its
-            parent, in the order of the edges.
-        :raises TypeError: if the stamp is of another type.
-        :raises ValueError: if the poses have another shape, if a number is not finite, if a
-            quaternion cannot be normalised, or if the seconds of the stamp do not fit an int32.
+        :param poses: (n, 7) float64: one row for each edge, in the order of `edges`. A row is the
+            pose of the child frame in its parent: x, y, z (m) and the quaternion x, y, z, w.
+        :raises TypeError: if the stamp has another type.
+        :raises ValueError: if the poses have another shape; if a number is not finite; if a
+            quaternion cannot be normalised; or if the seconds of the stamp do not fit an int32.
         """
         values = np.asarray(poses, np.float64)
         data = self._packet.pack(nanoseconds_or_int(stamp), values)

@@ -29,25 +29,30 @@ from dummy_arm.tf.transform import Transform
 
 class _CallbackSource:
     """
-    A source without messages, for a buffer whose listener passes messages to callbacks.
+    A source without messages, for a buffer whose listener passes the messages to callbacks.
 
-    When the last source of a buffer is removed, its waiting lookups end. This source is removed
-    when the listener ends. A lookup wakes the source. So if a subclass overrides the
-    callbacks, the thread that calls them starts when the constructor of the subclass has returned,
-    or earlier if that constructor looks up or waits for a transform.
+    This source has two purposes:
+
+    - It ends the lookups that wait in the buffer. This source is removed when the listener ends,
+      and waiting lookups end when the last source of the buffer is removed.
+    - It can start the listener's thread early, if a subclass of TransformListener overrides a
+      callback. In this case, the thread normally starts when the constructor of the subclass has
+      returned. If the constructor looks up or waits for a transform, the buffer calls `take` or
+      `wake`, and the thread starts then.
     """
 
     def __init__(self, start: Callable[[], None]) -> None:
         """
         Create the source in the thread that creates the listener.
 
-        :param start: starts the listener's thread, unless it was started before.
+        :param start: a function that starts the listener's thread, unless the thread was started
+            before.
         """
         self._start, self._thread_id = start, get_ident()
 
     def take(self) -> list[BatchOrRows]:
         """
-        Call `wake`; the buffer calls `take` at the start of each lookup.
+        Call `wake`, because the buffer calls `take` at the start of each lookup.
 
         :returns: an empty list.
         """
@@ -55,7 +60,7 @@ class _CallbackSource:
         return []
 
     def wake(self) -> None:
-        """Start the listener's thread, if the caller is the thread that created the listener."""
+        """Start the listener's thread, if the calling thread has created the listener."""
         if get_ident() == self._thread_id:
             self._start()
 
@@ -64,20 +69,21 @@ class TransformListener:
     """
     A subscriber to /tf and /tf_static that fills a buffer, like tf2_ros.TransformListener.
 
-    The listener has its own thread, which receives messages even while a callback of the node
-    runs or waits, and whether or not the node is spun. The messages are taken as bytes and
-    inserted without conversion to message objects. A lookup uses every message that has arrived.
-    New data wake the executor that spins the node, but at most 10 times a second, because each
-    wake-up costs 0.1 to 0.3 ms. When a future is completed, the executor is woken at once.
+    The listener has its own thread. So it receives messages even if the node is not spun, and even
+    while a callback of the node runs or waits. The messages are taken as bytes and inserted
+    without conversion to message objects. A lookup uses every message that has arrived. New data
+    wake the executor that spins the node, but at most 10 times a second, because each wake-up
+    costs 0.1 to 0.3 ms. When a future of the buffer is completed, the executor is woken at once.
 
     The listener ends at `unregister()`, `node.destroy_node()`, `rclpy.shutdown()` or Ctrl-C.
 
-    A subclass may override `callback` and `static_callback`. The thread calls them after the
-    constructor of the subclass has returned, or as soon as that constructor looks up or waits for
-    a transform in the buffer.
+    A subclass may override `callback` and `static_callback`. If it overrides one of them, the
+    thread calls `callback` for each message of /tf, and `static_callback` for each message of
+    /tf_static. The calls begin when the constructor of the subclass has returned, or as soon as
+    this constructor looks up or waits for a transform in the buffer.
     """
 
-    #: The wrapped constructor of a subclass, which starts the thread at its end.
+    #: The wrapper of a subclass's constructor: it calls the constructor, then starts the thread.
     _starting_constructor: Optional[Callable[..., None]] = None
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -98,7 +104,7 @@ class TransformListener:
             :param kwargs: the keyword arguments of the constructor.
             """
             construct = partial(own_init, self) if own_init else super(cls, self).__init__
-            if type(self) is not cls:  # the constructor of a further subclass starts the thread
+            if type(self) is not cls:  # the constructor of a subclass of `cls` starts the thread
                 construct(*args, **kwargs)
                 return
             try:
@@ -107,7 +113,7 @@ class TransformListener:
                 if hasattr(self, '_thread'):
                     self.unregister()
                 raise
-            if hasattr(self, '_thread'):  # False if the base constructor was not called
+            if hasattr(self, '_thread'):  # False if `TransformListener.__init__` was not called
                 self._thread.start()
 
         cls.__init__ = cls._starting_constructor = construct_and_start  # type: ignore
@@ -119,20 +125,21 @@ class TransformListener:
         """
         Subscribe, and start the thread.
 
-        If a subclass overrides a callback, the thread starts later; see the class.
+        If a subclass overrides a callback, the thread starts later; see the class docstring.
 
         :param buffer: the buffer that is filled: a Buffer, MessageBufferCore or BufferCore, or any
-            object with `set_transform` and `set_transform_static`. The thread calls these two
-            methods for each transform if a subclass of a buffer overrides one of them, or if the
-            object is not a buffer of this package.
+            object with `set_transform` and `set_transform_static`. The thread calls one of these
+            two methods for each transform in two cases: if the object is not a buffer of this
+            package, or if its class is a subclass that overrides `set_transform`,
+            `set_transform_static` or `insert`.
         :param node: the node that subscribes; its remappings apply.
-        :param spin_thread: ignored: there is a thread in any case, and it never spins the node.
-        :param qos: the QoS profile of the subscription to /tf; or its depth, for a subscription
-            that is reliable and volatile; None: depth 100.
-        :param static_qos: the QoS profile of the subscription to /tf_static; or its depth, for a
-            subscription that is reliable and transient local; None: depth 100.
-        :param source: for this package only: creates the object that takes messages from the
-            subscriptions.
+        :param spin_thread: ignored: the listener always has a thread, which never spins the node.
+        :param qos: the QoS profile of the subscription to /tf. An int is the depth of a reliable,
+            volatile profile. None: the same profile with depth 100.
+        :param static_qos: the QoS profile of the subscription to /tf_static. An int is the depth
+            of a reliable, transient local profile. None: the same profile with depth 100.
+        :param source: a function that creates the object that takes messages from the
+            subscriptions; for use inside this package only.
         """
         self.node = node
         self.group = ReentrantCallbackGroup()
@@ -144,15 +151,15 @@ class TransformListener:
         #: The buffer to which this listener has added a source, and that source; None: there is
         #: no such buffer.
         self._attached: Optional[tuple[Engine, Source]] = None
-        #: The generation of the attached buffer after the last update by this listener. It is a
-        #: number that grows with each insertion.
+        #: The generation of the attached buffer after the last update by this listener. A
+        #: generation is a number that grows with each insertion. -1: there was no update yet.
         self._generation = -1
-        #: True if messages are passed to the callbacks, because a callback or a method of the
-        #: buffer is overridden, or the buffer is not an `Engine`.
+        #: True if messages are passed to the callbacks. That is so if the buffer is not an
+        #: `Engine`, or if a callback of the listener or a setter of the buffer is overridden.
         self._calls_back = False
-        #: Held only while `_attached` is replaced; no other lock is taken meanwhile. It is
+        #: Held only while `_attached` is replaced; no other lock is taken meanwhile. The lock is
         #: reentrant, because a signal handler or the garbage collector may interrupt the thread
-        #: that holds it, and end the listener.
+        #: that holds the lock, and may end the listener in this thread.
         self._attach_lock = RLock()
         self.tf_sub = subscribe(
             node, TFMessage, '/tf', self.callback, profile(qos, 100), self.group)
@@ -173,7 +180,7 @@ class TransformListener:
             self._thread.start()
 
     def unregister(self) -> None:
-        """Stop listening for good: end the thread. At its end, it destroys the subscriptions."""
+        """Stop listening for good: end the thread, which destroys the subscriptions at its end."""
         try:
             self._attach(None)
         finally:
@@ -198,9 +205,9 @@ class TransformListener:
 
     def _attach(self, attached: Optional[tuple[Engine, Source]]) -> None:
         """
-        Remove the current source from its buffer, then add a new source to its buffer.
+        Remove the current source from the current buffer, then add a source to a new buffer.
 
-        :param attached: the buffer and its new source; None: no buffer.
+        :param attached: the new buffer and its source; None: no new buffer.
         """
         with self._attach_lock:
             if self._thread.has_ended:
@@ -211,7 +218,7 @@ class TransformListener:
         if attached is not None:
             buffer, source = attached
             buffer.add_source(source)
-            # Meanwhile, another thread may have replaced `_attached`, or ended the listener.
+            # Another thread may have replaced `_attached` or ended the listener meanwhile.
             if self._attached is not attached or self._thread.has_ended:
                 _detach(buffer, source)
 
@@ -250,7 +257,7 @@ class TransformListener:
         return message
 
     def _work(self) -> Round:
-        """Insert new messages, or pass them to the callbacks; the thread calls this."""
+        """Insert new messages, or pass them to the callbacks; the listener's thread calls this."""
         for monitor in self._qos_monitors:
             monitor.check()
         attached, result = self._attached, Round(False, False, 0.0)
@@ -263,7 +270,7 @@ class TransformListener:
                 self._generation = generation
                 try:
                     is_urgent = buffer.after_insertion()
-                except BaseException as error:  # raised by a done callback
+                except BaseException as error:  # raised by a done callback of a future
                     self._on_fault(error)
             pause = self._messages.end_round()
             result = Round(has_news, is_urgent, 0.0 if buffer.has_waiters else pause)
@@ -285,7 +292,12 @@ class TransformListener:
         return has_news
 
     def _on_fault(self, error: BaseException) -> None:
-        """Count malformed messages and log each kind once; log other errors once a second."""
+        """
+        Log an error, and count it if it is a malformed message.
+
+        Each kind of malformed message is logged once. Other errors are logged at most once a
+        second.
+        """
         if isinstance(error, cdr.MalformedMessage):
             self.malformed += 1
             self._log.warn_once(str(error).partition(':')[0], (
@@ -295,14 +307,14 @@ class TransformListener:
             self._log.warn(''.join(format_exception(error)))
 
     def _close(self) -> None:
-        """Remove the sources and destroy the subscriptions; the thread calls this at its end."""
+        """Remove the sources and destroy the subscriptions; called when the listener ends."""
         buffer = self._buffer
         try:
             self._attach(None)
             if isinstance(buffer, Engine):  # Ctrl-C may have interrupted `unregister`
                 for source in self._messages, self._callbacks:
                     buffer.remove_source(source)
-        except BaseException as error:  # raised by a done callback
+        except BaseException as error:  # raised by a done callback of a future
             self._on_fault(error)
         self._log.flush()
         for monitor in self._qos_monitors:
@@ -318,7 +330,7 @@ def _detach(buffer: Engine, source: Source) -> None:
 
 
 def _overrides_setters(buffer: Any) -> bool:
-    """Return True if `insert`, `set_transform` or `set_transform_static` is overridden."""
+    """Return True if a buffer overrides `insert`, `set_transform` or `set_transform_static`."""
     own = {Engine.insert, *(getattr(kind, name) for kind in (BufferCore, MessageBufferCore)
                             for name in ('set_transform', 'set_transform_static'))}
     return not all(getattr(method, '__func__', None) in own for method in (

@@ -1,15 +1,17 @@
 """
-The command `dynamic_tf_publisher`: a frame that moves on a circle around map.
+The command `dynamic_tf_publisher`: publish a frame that moves on a circle around map.
 
-Ten times a second, the node publishes the pose of moving_frame in map on /tf. The parameter
-`rotation` selects the orientation of moving_frame:
+Ten times a second, the node publishes on /tf the pose of the frame moving_frame in the frame map.
+The parameter `rotation` selects the orientation of moving_frame:
 
 - identity: the axes of moving_frame are parallel to those of map.
-- quaternion: moving_frame is rotated about z by its angle on the circle.
-- euler: the same rotation, computed from Euler angles, of which yaw is the angle on the circle.
-  The parameters `roll`, `pitch` and `yaw` are added to the three angles.
+- quaternion: moving_frame is rotated about the z axis by its angle on the circle.
+- euler: the rotation is computed from three Euler angles. The roll angle is the parameter `roll`,
+  the pitch angle is the parameter `pitch`, and the yaw angle is the angle on the circle plus the
+  parameter `yaw`. By default, these parameters are 0; the result is the same as for quaternion.
 
-The functions `run_node` and `run` create and spin the node, and end it at Ctrl-C.
+The function `run` parses the command line. The function `run_node` creates and spins the node, and
+destroys it at Ctrl-C.
 """
 
 from collections.abc import Sequence
@@ -28,11 +30,11 @@ from dummy_arm.tf.rotations import quaternion_from_euler
 
 #: The values of the parameter `rotation`.
 ROTATIONS = ('identity', 'quaternion', 'euler')
-#: The parameters that are added to the Euler angles (rad).
+#: The parameters that are added to the Euler angles of the same names (rad).
 OFFSETS = ('roll', 'pitch', 'yaw')
 #: Time between two messages (s).
 PERIOD = 0.1
-#: Angle on the circle between two messages (rad).
+#: Change of the angle on the circle from one message to the next (rad).
 STEP = 0.1
 
 
@@ -46,7 +48,7 @@ class DynamicTfPublisher(Node):
         :raises UsageError: if the value of a parameter is invalid.
         """
         super().__init__('dynamic_tf_publisher')
-        # Without dynamic typing, ROS would reject the integer in roll:=1.
+        # Without dynamic typing, ROS would reject roll:=1, because 1 is an integer.
         any_type = ParameterDescriptor(dynamic_typing=True)
         self.declare_parameter('rotation', 'identity', any_type)
         for name in OFFSETS:
@@ -55,7 +57,7 @@ class DynamicTfPublisher(Node):
             if reason := problem(self.get_parameter(name)):
                 raise UsageError(reason)
         self.add_on_set_parameters_callback(self.check)
-        self.angle = 0.0  # of moving_frame on the circle (rad)
+        self.angle = 0.0  # angle of moving_frame on the circle (rad)
         self.broadcaster = TransformBroadcaster(self)
         self.timer = self.create_timer(PERIOD, self.publish)
         self.get_logger().info(f'publishing map -> moving_frame at {1 / PERIOD:g} Hz, rotation: '
@@ -66,7 +68,7 @@ class DynamicTfPublisher(Node):
         Accept or reject new values of parameters, before they are set.
 
         :param parameters: the parameters with their new values.
-        :returns: whether the values are accepted, and if not, the reason.
+        :returns: whether all values are accepted, and if not, the reasons.
         """
         reasons = [reason for parameter in parameters if (reason := problem(parameter))]
         return SetParametersResult(successful=not reasons, reason='; '.join(reasons))
@@ -94,10 +96,10 @@ class DynamicTfPublisher(Node):
         """Return the current rotation of moving_frame as a quaternion x, y, z, w."""
         kind = self.get_parameter('rotation').value
         if kind == 'quaternion':
-            # A rotation by an angle about z: z = sin(angle / 2), w = cos(angle / 2).
+            # x, y, z, w of a rotation about the z axis are 0, 0, sin(angle / 2), cos(angle / 2).
             return 0.0, 0.0, sin(self.angle / 2), cos(self.angle / 2)
         if kind == 'euler':
-            # Rotations about the fixed axes x, y and z of map, in this order.
+            # Roll, pitch and yaw are rotations about the fixed axes x, y and z, in this order.
             roll, pitch, yaw = (float(self.get_parameter(name).value) for name in OFFSETS)
             return quaternion_from_euler(roll, pitch, self.angle + yaw)
         return 0.0, 0.0, 0.0, 1.0

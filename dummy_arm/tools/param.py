@@ -19,7 +19,7 @@ from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import sleep
 from dummy_arm.tf.formatting import suggest_names
 
-#: The longest wait for the node, for its services and for a response (s).
+#: The longest wait for the node, then for its services, and then for each response (s).
 PATIENCE = 5.0
 #: How long to wait for a response before the request is sent again (s). A node that has just been
 #: discovered may not respond to the first request.
@@ -71,8 +71,8 @@ class Parameters:
 
         :param names: the names of the parameters.
         :returns: their values, in the order of `names`.
-        :raises CommandError: if one of the names is not a parameter of the node, or the node does
-            not respond.
+        :raises CommandError: if one of the names is not a parameter of the node, or if the node
+            does not respond.
         """
         values = list(self._response(lambda: self._client.get_parameters(names)).values)
         if len(values) < len(names) or any(
@@ -92,7 +92,7 @@ class Parameters:
         :param text: the value, as YAML; see `read`.
         :raises UsageError: if the text is not a valid parameter value.
         :raises CommandError: if there is no such parameter, if the node refuses the value, or if
-            it does not respond.
+            the node does not respond.
         """
         (current,) = self.get([name])
         message = parameter(name, text, current.type)
@@ -118,8 +118,8 @@ def parameter(name: str, text: str, current_type: int) -> Any:
 
     :param name: name of the parameter.
     :param text: the value, as YAML; see `read`.
-    :param current_type: see `read`.
-    :returns: the rcl_interfaces/msg/Parameter.
+    :param current_type: type of the current value; see `read`.
+    :returns: the message, an rcl_interfaces/msg/Parameter.
     :raises UsageError: if the text is not a valid parameter value.
     """
     try:
@@ -133,17 +133,18 @@ def read(text: str, current_type: int) -> Any:
     """
     Convert a YAML text to a value of a parameter.
 
-    The value of a STRING is the text itself. For a DOUBLE and a DOUBLE_ARRAY, integers become
-    floats. A number with an exponent but no point, such as 1e-3, becomes a float, although PyYAML
-    reads it as text.
+    The type of the current value decides how the text is read. If the current value is a STRING,
+    the result is the text itself. If the current value is a DOUBLE or a DOUBLE_ARRAY, integers in
+    the text become floats. A number with an exponent but no point, such as 1e-3, becomes a float,
+    although PyYAML reads such a number as text.
 
     :param text: the text.
     :param current_type: type of the current value, a constant of rcl_interfaces/msg/ParameterType.
     :returns: the value.
     :raises OverflowError: if an integer does not fit into int64.
     :raises argparse.ArgumentTypeError: if the current value is a DOUBLE and the text is an integer
-        in a notation that `number` does not accept, such as 0x10; or if an element of a
-        DOUBLE_ARRAY is not a number.
+        in a notation that `number` does not accept, such as 0x10; or if the current value is a
+        DOUBLE_ARRAY and an element of the list in the text is not a number.
     :raises ValueError: if the text has the form of a YAML date, but no such date exists.
     :raises yaml.YAMLError: if the text is not valid YAML.
     """
@@ -151,7 +152,7 @@ def read(text: str, current_type: int) -> Any:
         return text
     value = safe_load(text)
     if isinstance(value, str):
-        with suppress(ArgumentTypeError):  # 1e-3 is text for PyYAML, 1.0e-3 is a number
+        with suppress(ArgumentTypeError):  # PyYAML reads 1e-3 as text
             return number(text)
     if isinstance(value, bool) or value is None:
         return text if value is None else value
@@ -178,16 +179,16 @@ def _value_text(value: ParameterValue) -> str:
 def command(node: str, name: Optional[str] = None, value: Optional[str] = None, *,
             ros_args: Sequence[str] = ()) -> int:
     """
-    Print the parameters of a node, or set one and print it.
+    Print the parameters of a node, or set one parameter and print its new value.
 
     :param node: name of the node, with its namespace.
     :param name: name of the parameter; None: all parameters are printed.
     :param value: the new value, as YAML; None: the value is not changed.
     :param ros_args: the command line, with the name of the command.
-    :returns: the exit code, 0.
-    :raises UsageError: if the text is not a valid parameter value.
+    :returns: the exit code, which is 0.
+    :raises UsageError: if the text `value` is not a valid parameter value.
     :raises CommandError: if there is no such node or parameter, if the node refuses the value, or
-        if it does not respond.
+        if the node does not respond.
     """
     with spinning_node('param', ros_args) as local_node:
         parameters = Parameters(local_node, f'/{node.removeprefix("/")}')

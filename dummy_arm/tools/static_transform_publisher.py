@@ -19,19 +19,21 @@ from dummy_arm.tf.rotations import quaternion_from_euler
 TRANSLATION = ('x', 'y', 'z')
 QUATERNION = ('qx', 'qy', 'qz', 'qw')
 EULER = ('roll', 'pitch', 'yaw')
-#: The arguments of the old style before the frames; tf2 has the angles in this order.
+#: The old-style arguments that come before the two frames; the order of the angles is that of
+#: tf2.
 OLD_EULER = (*TRANSLATION, 'yaw', 'pitch', 'roll')
 OLD_QUATERNION = (*TRANSLATION, *QUATERNION)
-#: The squared length of a quaternion must differ from 1 by less than this, as in tf2.
+#: The squared length of a quaternion must differ from 1 by less than this value, as in tf2.
 _TOLERANCE = 0.01
 _CHARACTERS = string.ascii_letters + string.digits
 
 
 class StaticTransformPublisher(Node):
     """
-    A node that publishes one latched transform.
+    A node that publishes one static transform.
 
-    Its read-only parameters are the numbers and the frames of the transform.
+    The read-only parameters of the node are the translation, the rotation and the frames of the
+    transform.
     """
 
     def __init__(self, translation: Sequence[float], rotation: Sequence[float], frame_id: str,
@@ -79,10 +81,11 @@ def command(translation: Sequence[float], rotation: Sequence[float], frame_id: s
             child_frame_id: str, *, is_old_style: bool = False, ros_args: Sequence[str] = ()
             ) -> int:
     """
-    Publish the pose of a child frame in its parent until Ctrl-C or SIGTERM.
+    Publish the pose of a child frame in its parent frame, until Ctrl-C or SIGTERM.
 
     :param translation: x, y, z (m).
-    :param rotation: quaternion x, y, z, w; normalised if its length is nearly 1.
+    :param rotation: quaternion x, y, z, w. Its length must be close to 1; the node publishes it
+        with length 1.
     :param frame_id: the parent frame.
     :param child_frame_id: the child frame.
     :param is_old_style: whether to warn that old-style arguments are deprecated.
@@ -114,14 +117,15 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
     """
     Call `command` with the values of the flags or of the old-style arguments.
 
-    :param old_style: the arguments without a flag.
+    :param old_style: the arguments that are given without a flag; empty: none.
     :param ros_args: the command line, with the name of the command.
-    :param frame_id: the parent frame; None: not given by a flag.
-    :param child_frame_id: the child frame; None: not given by a flag.
-    :param flags: the values of x, y, z (m), qx, qy, qz, qw, roll, pitch and yaw (rad); None: not
-        given by a flag.
+    :param frame_id: the parent frame; None: the flag is not given.
+    :param child_frame_id: the child frame; None: the flag is not given.
+    :param flags: the values of the other flags: x, y and z (m); qx, qy, qz and qw; roll, pitch and
+        yaw (rad). None: the flag is not given.
     :returns: the exit code.
-    :raises UsageError: as `command`, or if the arguments are incomplete or contradict each other.
+    :raises UsageError: in the cases of `command`, or if arguments are missing or exclude each
+        other.
     """
     given = [name for name, value in flags.items() if value is not None]
     if old_style:

@@ -1,4 +1,4 @@
-"""The command `tf2_echo`: the transform between two frames, printed repeatedly."""
+"""The command `tf2_echo`: print the transform between two frames repeatedly."""
 
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
@@ -18,7 +18,8 @@ from dummy_arm.tf.rotations import euler_from_quaternion
 RATE = 1.0  # Hz
 PRECISION = 3
 _MAX_DIGITS = 17
-#: The intervals of log lines and of lookups while the transform is not available (s).
+#: While the transform is not available: the interval between two log lines, and the interval
+#: between two lookups (s).
 _LOG_PERIOD, _LOOKUP_PERIOD = 1.0, 0.05
 #: Decimal arithmetic that raises an exception instead of rounding.
 _EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
@@ -28,12 +29,12 @@ def format_transform(transform: Transform, precision: int = PRECISION) -> str:
     """
     Format a transform as tf2_echo of tf2_ros prints it.
 
-    Three things differ: nanoseconds have leading zeros, angles are right at gimbal lock, and zeros
-    are not negative.
+    The text differs from that of tf2_ros in three ways: nanoseconds have leading zeros, the angles
+    are correct at gimbal lock, and a zero never has a minus sign.
 
     :param transform: the transform.
     :param precision: the number of digits after the point.
-    :returns: the lines.
+    :returns: the text, which has several lines.
     """
     roll_pitch_yaw = euler_from_quaternion(transform.rotation)
     lines = [
@@ -59,28 +60,28 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
     """
     Print the pose of the target frame in the source frame.
 
-    tf2_echo names the frames the other way round than lookup_transform: the transform takes data
-    from `target_frame` to `source_frame`.
+    Compared with `lookup_transform`, the names of the two frames are swapped: the transform takes
+    data from `target_frame` to `source_frame`.
 
     :param source_frame: the frame in which the pose is expressed.
     :param target_frame: the frame whose pose is printed.
     :param echo_rate: how often the transform is printed (Hz), given as a positional argument.
-    :param rate: the same, given as an option. At most one of the two may be set; if both are None,
-        the transform is printed once a second.
+    :param rate: the same rate, given as an option. At most one of `echo_rate` and `rate` may be
+        set; if both are None, the transform is printed once a second.
     :param time: time of the transform (ns); 0: the latest time for which every edge on the path
         has data.
     :param precision: the number of digits after the point, from 0 to 17.
-    :param once: end after the transform was printed once.
-    :param bag: the bag from which the transform is read and printed once; None: subscribe to /tf
-        and /tf_static.
+    :param once: True: print the transform once, then end.
+    :param bag: path of a bag. The transform is read from the bag and printed once. None: subscribe
+        to /tf and /tf_static.
     :param namespace: the namespace of the topics in the bag.
-    :param partial: read a damaged bag as far as possible.
+    :param partial: True: if the bag is damaged, read its undamaged parts.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
         `--ros-args`.
     :returns: the exit code.
-    :raises UsageError: if a frame has no name, a number is out of range, or the rate is given
-        twice or together with a bag.
-    :raises CommandError: if the bag cannot be read, or does not contain the transform.
+    :raises UsageError: if the name of a frame is empty, if a number is out of range, or if the
+        rate is given twice or together with a bag; also in the cases of `read_bag`.
+    :raises CommandError: if the bag cannot be read, or if the bag does not contain the transform.
     """
     source_frame, target_frame = (name.removeprefix('/') for name in (source_frame, target_frame))
     if not source_frame or not target_frame:
@@ -142,7 +143,8 @@ def seconds(text: str) -> int:
 
     :param text: the time (s).
     :returns: the time (ns).
-    :raises argparse.ArgumentTypeError: if the text is not a time, or is not a whole number of ns.
+    :raises argparse.ArgumentTypeError: if the text is not a time, or the time is not a whole
+        number of ns.
     """
     try:
         time = _EXACT.multiply(_EXACT.create_decimal(text.replace('_', '?')), SECOND)
@@ -159,7 +161,7 @@ def digits(text: str) -> int:
     Convert a command-line argument to a number of digits.
 
     :param text: the number.
-    :returns: the number; it may be out of range.
+    :returns: the number. This function does not check that the number is in the allowed range.
     :raises argparse.ArgumentTypeError: if the text is not a whole number.
     """
     value = number(text)

@@ -1,4 +1,4 @@
-"""The command `tf2_monitor`: rates and delays of received transforms, printed repeatedly."""
+"""The command `tf2_monitor`: print the rates and delays of received transforms repeatedly."""
 
 from collections.abc import Iterator, Sequence
 from typing import Optional, TYPE_CHECKING
@@ -13,12 +13,16 @@ from dummy_arm.tf.formatting import SECOND, shortened, visible
 if TYPE_CHECKING:
     from dummy_arm.inspection.frame_listener import FrameListener
 
-#: The interval of outputs (s), and how often messages are collected in it.
+#: The interval between two outputs (s), and how many times messages are collected in an interval.
 _REFRESH, _SAMPLES = 1.0, 20
 
 
 class Chain:
-    """The path between two frames, and the age of its newest transform over time."""
+    """
+    The path between two frames, and the delay of this path over time.
+
+    The delay is the age of the newest transform between the two frames.
+    """
 
     def __init__(self, frame_listener: 'FrameListener', ends: tuple[str, str]) -> None:
         """
@@ -31,17 +35,19 @@ class Chain:
         self._ages = Delays()
         #: The time of the last sample (ns).
         self._latest = 0
-        #: The latest time for which every transform on the path has data (ns), at the last sample;
-        #: 0 if all of them are static.
+        #: The latest time for which every transform on the path had data when the last sample was
+        #: taken (ns); 0 if all transforms on the path are static.
         self._common = 0
-        #: From a jump back in time until the buffer is cleared: `_common` before the jump; else 0.
+        #: After a jump back in time, until the buffer is cleared: the value that `_common` had
+        #: before the jump (ns). Otherwise: 0.
         self._stale = 0
 
     def sample(self) -> None:
         """
-        Add the age of the newest transform between the ends to the statistics.
+        Add the current age of the newest transform between the ends to the statistics.
 
-        Nothing is added if all transforms on the path are static.
+        Nothing is added if the ends are not connected, if all transforms on the path are static,
+        or if the time is not known.
         """
         now, before = self._frame_listener.now(), self._latest
         self._latest = now
@@ -51,19 +57,20 @@ class Chain:
         try:
             buffer = self._frame_listener.buffer
             self._common = buffer.get_latest_common_time(*self.ends).nanoseconds
-        except TransformException:  # `lines` reports it
+        except TransformException:  # `lines` reports the error
             return
         if self._stale and self._common >= self._stale:  # the buffer is not cleared yet
             return
         self._stale = 0
-        if self._common and now:  # the time is 0 until a message has arrived on /clock
+        if self._common and now:  # now is 0 while no message has arrived on /clock
             self._ages.add(now, now - self._common)
 
     def frames(self) -> list[str]:
         """
         Return the names of the frames on the path.
 
-        :returns: the names, from the first to the last; none while the ends are not connected.
+        :returns: the names, from the first to the last; an empty list if the ends are not
+            connected.
         """
         first, last = self.ends
         try:
@@ -73,7 +80,7 @@ class Chain:
 
     def lines(self) -> list[str]:
         """
-        Return the text about the path: its frames and its delay, or why it does not exist.
+        Return the text about the path: its frames and its delay, or why there is no path.
 
         :returns: the lines.
         """
@@ -89,7 +96,9 @@ class Chain:
 
 def format_streams(streams: Sequence[Stream]) -> list[str]:
     """
-    Format the tables of frames and nodes, and the warnings about frames with several publishers.
+    Format the warnings, the table of frames and the table of nodes.
+
+    There is a warning for each frame that has several publishers.
 
     :param streams: the streams, in the order of `Traffic.streams`.
     :returns: the lines.
@@ -118,7 +127,7 @@ def _table(title: str, node_title: str, streams: Sequence[Stream]) -> Iterator[s
 
 
 def _rate_and_delays(stream: Stream) -> str:
-    """Return the cells between the first and the last of a line: 41 columns or more."""
+    """Return the middle cells of a table line; together, they have 41 columns or more."""
     if stream.is_static:
         return f'{"static":>11}{"":30}'
     if stream.summary is None:
@@ -134,12 +143,12 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
     """
     Print the rates and delays of received transforms every second, until Ctrl-C.
 
-    :param source_frame: the first frame of the path that is monitored; None: all frames.
-    :param target_frame: the last frame of this path.
+    :param source_frame: the first frame of the path to monitor; None: monitor all frames.
+    :param target_frame: the last frame of the path; None if `source_frame` is None.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
         `--ros-args`.
     :returns: the exit code.
-    :raises UsageError: if only one frame is given, or a name is empty.
+    :raises UsageError: if only one frame is given, or if the name of a frame is empty.
     """
     ends = tuple(name.removeprefix('/') for name in (source_frame, target_frame)
                  if name is not None)

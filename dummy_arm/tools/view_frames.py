@@ -1,4 +1,4 @@
-"""The command `view_frames`: the tree of all frames, drawn to a file or in the terminal."""
+"""The command `view_frames`: draw the tree of all frames to a file or in the terminal."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -23,10 +23,11 @@ if TYPE_CHECKING:
 
 #: The formats of drawings.
 FORMATS = ('.pdf', '.svg', '.png')
-#: Endings that are refused. A name with any other ending, such as `v1.2`, gets .pdf appended.
+#: File name endings that are refused. If a name has none of these endings and none of `FORMATS`,
+#: such as `v1.2`, .pdf is appended.
 OTHER_FORMATS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
-#: The largest number of frames in a drawing. A larger drawing is not legible, and can
-#: take minutes.
+#: The largest number of frames in a drawing. A drawing of more frames is not legible, and can
+#: take minutes to compute.
 MAX_FRAMES = 2000
 #: The default and the largest time to listen (s).
 DEFAULT_WAIT, _LONGEST = 5.0, 1e9
@@ -40,7 +41,7 @@ def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> li
 
     :param forest: the frames.
     :param now: the time to which ages are relative (ns).
-    :param max_lines: the largest number of lines; None: all.
+    :param max_lines: the largest number of lines to return; None: return all lines.
     :returns: the lines.
     """
     rows = []
@@ -62,25 +63,27 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
             partial: bool = False, root: Optional[str] = None, *,
             ros_args: Sequence[str] = ()) -> int:
     """
-    Listen to transforms for some time or read a bag, and draw the tree of frames.
+    Listen to transforms for some time, or read a bag; then draw the tree of frames.
 
-    :param output: the file of the drawing. Its ending says the format: .pdf, .svg or .png; .pdf is
-        appended to other names. The graph is written to a .gv file beside the drawing.
+    :param output: path of the drawing. The ending of the path gives the format: .pdf, .svg or
+        .png; for other endings, see `output_path`. The graph is also written, in the DOT language,
+        to a .gv file in the same directory.
     :param wait_time: how long to listen (s); None: 5 s.
-    :param text: print the tree instead of drawing it.
-    :param watch: print the tree every second, until Ctrl-C.
-    :param bag: the bag that is read; None: listen. Ages are relative to the newest transform of
-        the bag.
+    :param text: True: print the tree instead of drawing it.
+    :param watch: True: print the tree every second, until Ctrl-C.
+    :param bag: path of the bag to read; None: listen. With a bag, ages are relative to the newest
+        transform of the bag.
     :param namespace: the namespace of the topics in the bag.
-    :param partial: read a damaged bag as far as possible.
+    :param partial: True: if the bag is damaged, read its undamaged parts.
     :param root: draw or print only this frame and its descendants; None: all frames.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
         `--ros-args`.
     :returns: the exit code.
-    :raises UsageError: if the time is out of range, the name of the file or the root is invalid,
-        or `watch` or `wait_time` is set for a bag.
-    :raises CommandError: if no transform was received, the bag cannot be read, the root does not
-        exist, or a file cannot be drawn or written.
+    :raises UsageError: if `wait_time` is out of range, if `output` is not a valid file name, if
+        `root` is empty, or if `watch` or `wait_time` is set together with `bag`; also in the
+        cases of `read_bag`.
+    :raises CommandError: if no transform was received, if the bag cannot be read, if the root does
+        not exist, if the tree cannot be drawn, or if a file cannot be written.
     """
     if bag is not None and (watch or wait_time is not None):
         raise UsageError(
@@ -115,7 +118,12 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
 
 def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str]
             ) -> tuple[list[Frame], int]:
-    """Listen for some time; return the frames, and the time of the node's clock (ns)."""
+    """
+    Listen for some time; return the frames, and the time of the node's clock (ns).
+
+    :param seconds: how long to listen (s).
+    :param watch: True: print the tree every second, until Ctrl-C, and do not return.
+    """
     from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
     with spinning_node('view_frames', ros_args) as node:
@@ -147,7 +155,7 @@ def _show(frame_listener: 'FrameListener', root: Optional[str]) -> None:
 
 def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
     """
-    Return the trees of frames, or only the tree of a root.
+    Return the trees of all frames; if a root is given, return only the tree of this root.
 
     :raises CommandError: if the root does not exist.
     """
@@ -161,12 +169,13 @@ def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
 
 def output_path(output: str) -> Path:
     """
-    Return the path of the file of the drawing.
+    Return the path of the drawing, with its ending.
 
-    :param output: the path; .pdf is appended unless it ends in .pdf, .svg or .png.
+    :param output: the path. If it does not end in .pdf, .svg or .png, .pdf is appended.
     :returns: the path with its ending.
-    :raises UsageError: if it is not the name of a file, or has the ending of another format.
-    :raises CommandError: if its directory is not writable.
+    :raises UsageError: if `output` is not the name of a file, or if it has the ending of another
+        format (`OTHER_FORMATS`).
+    :raises CommandError: if the directory of the file is not writable.
     """
     path = Path(output)
     if path.name in ('', '..') or output.endswith('/'):
@@ -183,9 +192,9 @@ def output_path(output: str) -> Path:
 
 def save(forest: Forest, now: int, path: Path) -> None:
     """
-    Draw frames to a file, and write their graph to a .gv file beside it.
+    Draw frames to a file, and write their graph to a .gv file in the same directory.
 
-    If the drawing fails, the .gv file is written all the same.
+    The .gv file is written even if the frames cannot be drawn.
 
     :param forest: the frames.
     :param now: the time that is shown as the time of recording (ns).
@@ -213,9 +222,9 @@ def _summary(forest: Forest) -> str:
 
 def _span(forest: Forest, now: int) -> str:
     """
-    Return a line that says which time the dynamic transforms span.
+    Return a line with the times of the oldest and the newest dynamic transform.
 
-    :param now: the time to which ages are relative (ns), which the line says, too.
+    :param now: the time to which ages are relative (ns). The line names this time, too.
     """
     dynamic = [frame for frame in forest.frames.values() if not frame.is_static]
     if not dynamic:
@@ -230,9 +239,9 @@ def write(path: Path, data: bytes) -> None:
     """
     Write a file completely, or leave it unchanged.
 
-    :param path: the file.
-    :param data: its content.
-    :raises CommandError: if it cannot be written.
+    :param path: path of the file.
+    :param data: the new content of the file.
+    :raises CommandError: if the file cannot be written.
     """
     part = path.with_name(f'.{path.name}.{os.getpid()}')
     try:

@@ -1,4 +1,4 @@
-"""The command `web_view`: a live view of the frames in the browser."""
+"""The command `web_view`: show the frames, live or from a bag, in the browser."""
 
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
 HOST = '127.0.0.1'
 _LAST_PORT = 65535
-#: The intervals of updates (s), while somebody has the page open, and while nobody has.
+#: The interval between two updates (s): while a browser shows the page, and while no
+#: browser shows it.
 _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 
 
@@ -26,15 +27,16 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[str] = N
     Show the frames on a web page, until Ctrl-C.
 
     :param host: the address at which the page is served.
-    :param port: its port; None: 8080, or the next free one.
-    :param bag: the bag that is played; None: show /tf and /tf_static.
+    :param port: the port of the page; None: 8080, or the next free port if 8080 is in use.
+    :param bag: path of the bag to play; None: show /tf and /tf_static.
     :param namespace: the namespace of the topics in the bag.
-    :param partial: read a damaged bag as far as possible.
+    :param partial: True: if the bag is damaged, read its undamaged parts.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
         `--ros-args`.
     :returns: the exit code.
-    :raises UsageError: if this machine does not have the address, or as `read_bag`.
-    :raises CommandError: if the port is taken or needs root, or the bag cannot be read.
+    :raises UsageError: if this machine does not have the address; also in the cases of `read_bag`.
+    :raises CommandError: if the port is in use, if the port needs root privileges, or if the bag
+        cannot be read.
     """
     if buffer := read_bag(bag, namespace, partial):
         from dummy_arm.view.source import BagSource

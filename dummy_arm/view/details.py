@@ -1,4 +1,4 @@
-"""The texts in the panel of the web page: an overview of all frames, and details of one."""
+"""The texts in the panel of the web page: an overview of all frames, and details of one frame."""
 
 from collections.abc import Iterable
 from html import escape
@@ -62,8 +62,8 @@ def details(snapshot: Snapshot, name: str, source: Source) -> str:
     Return the details of one frame: its poses, its rate and delay, and its publisher.
 
     :param snapshot: the frames that are shown.
-    :param name: the name of the frame; '' for none. If the frame is not shown, the
-        text says so.
+    :param name: the name of the frame; '': the text asks for the choice of a frame. If the frame
+        is not in the snapshot, the text says so.
     :param source: the source of the frames.
     :returns: HTML.
     """
@@ -119,7 +119,7 @@ def _pose(prefix: str, stamp: int, translation: NDArray[np.float64],
 
 
 def _title(key: str, name: str, text: str) -> str:
-    """Return a heading row: a text, and the name of a frame in bold (may be empty)."""
+    """Return a heading row: a text, followed by the name of a frame in bold, or by no name."""
     return (f'<tr><td colspan="2" style="padding-top: .4em">{text} '
             f'<b data-value="{key}">{_text(name)}</b></td></tr>')
 

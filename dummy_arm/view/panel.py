@@ -1,4 +1,4 @@
-"""The panel beside the scene, which all viewers share."""
+"""The panel beside the scene; all viewers share one panel."""
 
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterable
@@ -19,19 +19,19 @@ _TIME_STEP = 0.01
 
 class FrameChoice:
     """
-    A dropdown of frames; until a viewer has chosen one, it shows the proposal of the program.
+    A dropdown of frames; until a viewer chooses a frame, the program proposes one.
 
-    The choice is stored in the callback, since `set_options` may overwrite the value of the
-    dropdown before it is read.
+    The callback of the dropdown stores the choice at once. If the choice were read from the
+    dropdown later, `set_options` might have overwritten it.
     """
 
     def __init__(self, gui: viser.GuiApi, label: str, hint: str) -> None:
         """
         Create the dropdown, without frames.
 
-        :param gui: the panel of viser to which it is added.
-        :param label: its label.
-        :param hint: the text that the page shows when the pointer is on it.
+        :param gui: the panel of viser to which the dropdown is added.
+        :param label: the label of the dropdown.
+        :param hint: the text that the page shows when the pointer is on the dropdown.
         """
         self._dropdown = gui.add_dropdown(label, (_NONE,), hint=hint)
         self._dropdown.on_update(self._on_update)
@@ -49,20 +49,20 @@ class FrameChoice:
 
     @property
     def chosen(self) -> str:
-        """The frame that a viewer has chosen; '' if none was chosen, or the entry for no frame."""
+        """The frame that a viewer has chosen; '' before any choice, and for the entry (none)."""
         return self._chosen or ''
 
     def choose(self, name: str) -> None:
         """
         Choose a frame, as if a viewer had selected it in the dropdown.
 
-        :param name: the name of the frame, or the dropdown's entry for no frame.
+        :param name: the name of the frame, or the entry '(none)'.
         """
         self._chosen = '' if name == _NONE else name
 
     def set_options(self, names: Iterable[str], proposal: str) -> None:
         """
-        Add frames to the dropdown; earlier ones stay, since they may be published again.
+        Add frames to the dropdown; earlier frames stay, since they may be published again.
 
         :param names: the names of the frames.
         :param proposal: the frame to use until a viewer chooses one; '' for none.
@@ -86,7 +86,7 @@ class Panel:
 
         :param gui: the panel of viser.
         :param length: the length of the time slider (s); 0 hides it.
-        :param look_at_all: coroutine function that moves the camera of a client so that all
+        :param look_at_all: a coroutine function that moves the camera of a client so that all
             frames are visible.
         """
         self._overview = gui.add_html('')
@@ -138,9 +138,9 @@ class Panel:
 
     def take_requested_time(self) -> Optional[float]:
         """
-        Return the time that a viewer has requested since the last call.
+        Return the newest time that a viewer has set with the time slider since the last call.
 
-        :returns: seconds after the start of the bag; None if no viewer has requested one.
+        :returns: seconds after the start of the bag; None if no viewer has set a time.
         """
         return self._requested_time.popleft() if self._requested_time else None
 
@@ -156,7 +156,8 @@ class Panel:
         """
         Add the frames of a snapshot to the dropdowns, and set the checkbox of the names.
 
-        Until a viewer has used the checkbox, names are shown if there are few frames.
+        Until a viewer uses the checkbox, names are shown if there are at most `NAMES_AT_ONCE`
+        frames.
 
         :param snapshot: the frames that are shown.
         """
@@ -177,6 +178,6 @@ class Panel:
 
 
 def _within(value: Any, smallest: float, largest: float) -> float:
-    """Clamp the value of a control, which may be any number while a viewer types it."""
+    """Clamp a number from a control: a viewer may type any number, also one out of range."""
     number = float(value)
     return min(max(number, smallest), largest) if isfinite(number) else smallest

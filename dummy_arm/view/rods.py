@@ -1,4 +1,4 @@
-"""The rods by which a frame is drawn: its three axes, and a line to its parent."""
+"""The rods that are drawn for a frame: its three axes, and a line to its parent."""
 
 from typing import NamedTuple
 
@@ -8,15 +8,17 @@ from numpy.typing import NDArray
 from dummy_arm.tf.rotations import quaternion_multiply
 from dummy_arm.view.snapshot import Snapshot
 
-#: A frame of this age is not drawn any more (s); the "Frame Timeout" of rviz2.
+#: A frame of this age (s) or older is not drawn. This is the default "Frame Timeout" of rviz2.
 TIMEOUT = 15.0
 _HALF = np.sqrt(0.5)
-#: For each axis: the quaternion (x, y, z, w) that rotates z to it, and its colour.
+#: For each axis of a frame: the quaternion (x, y, z, w) that rotates the z axis to this axis, and
+#: the colour (red, green, blue).
 _AXES = (
     ((0.0, _HALF, 0.0, _HALF), (200, 0, 0)),
     ((-_HALF, 0.0, 0.0, _HALF), (0, 130, 0)),
     ((0.0, 0.0, 0.0, 1.0), (0, 40, 210)))
-#: For each axis: the (4, 4) matrix M for which q @ M is the product q * turn of quaternions.
+#: For each axis: the (4, 4) matrix M for which q @ M is the quaternion product q * turn, where
+#: turn is the quaternion of the axis in `_AXES`.
 _TURNS = [np.array([quaternion_multiply(unit, turn) for unit in np.eye(4)]) for turn, _ in _AXES]
 _LINE = (205, 135, 0)
 _GREY = 178
@@ -29,10 +31,10 @@ class Rods(NamedTuple):
 
     An unscaled cylinder has radius 1, and length 1 along z.
 
-    n frames have 4 n cylinders: all x axes, all y axes, all z axes, and all lines to the parents.
+    n frames have 4 n cylinders, in this order: n x axes, n y axes, n z axes, n lines to parents.
     """
 
-    positions: NDArray[np.float32]  #: (4 n, 3): x, y, z (m) of the end that is at the frame
+    positions: NDArray[np.float32]  #: (4 n, 3): x, y, z (m) of the cylinder's end at the frame
     wxyzs: NDArray[np.float32]  #: (4 n, 4): quaternions w, x, y, z
     scales: NDArray[np.float32]  #: (4 n, 3): radius, radius, length (m)
     colors: NDArray[np.uint8]  #: (4 n, 3): red, green, blue
@@ -45,7 +47,7 @@ def rods(snapshot: Snapshot, size: float, selected: str = '') -> Rods:
     :param snapshot: the frames.
     :param size: the length of an axis (m).
     :param selected: the name of a frame whose axes are drawn thicker; '' for none.
-    :returns: the rods; those of each kind are in the order of the frames of the snapshot.
+    :returns: the rods. Within each group of n rods, the order is that of `snapshot.names`.
     """
     count = len(snapshot.names)
     translations, rotations = snapshot.points, snapshot.poses[:, 3:]
@@ -72,23 +74,25 @@ def rods(snapshot: Snapshot, size: float, selected: str = '') -> Rods:
 
 def fading(ages: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
-    Compute how far frames have faded, by thirds of the timeout, as in rviz2.
+    Compute how far frames have faded, similar to rviz2.
 
-    In the first third a frame keeps its look, in the second it turns grey, and in the last it gets
-    thinner until it disappears. rviz2 makes it transparent instead of thinner.
-    With transparency, the browser would have to create all rods again at each update.
+    In the first third of `TIMEOUT`, a frame keeps its look. In the second third, it turns grey. In
+    the last third, it gets thinner until it disappears. (In rviz2, a frame gets transparent
+    instead. This is not done here, since the browser would then have to create all rods again at
+    each update.)
 
     :param ages: (n,): the ages of the frames (s), as in `Snapshot`.
-    :returns: colourfulness and thickness of the frames, (n,) each, from 1 (new) to 0 (timed out).
+    :returns: two arrays (n,): the colourfulness of the frames, from 1 (full colour) to 0 (grey),
+        and their thickness, from 1 (full) to 0 (timed out).
     """
     thirds = ages / (TIMEOUT / 3)
     return np.clip(2.0 - thirds, 0.0, 1.0), np.clip(3.0 - thirds, 0.0, 1.0)
 
 
 def _turns_to(vectors: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute the quaternions x, y, z, w (n, 4) of the shortest rotations of z to the vectors."""
+    """Compute quaternions (n, 4): x, y, z, w of the smallest rotations of z to the vectors."""
     x, y, z = (vectors / np.where(lengths > 0.0, lengths, 1.0)[:, None]).T
     turns = np.column_stack([-y, x, np.zeros(len(z)), 1.0 + z])
-    turns[turns[:, 3] < 1e-9] = 1.0, 0.0, 0.0, 0.0  # -z: half a turn about x
+    turns[turns[:, 3] < 1e-9] = 1.0, 0.0, 0.0, 0.0  # for -z: half a turn about x
     unit: NDArray[np.float64] = turns / np.linalg.norm(turns, axis=1)[:, None]
     return unit

@@ -1,4 +1,4 @@
-"""The scene: a grid, the frames as axes with names and lines to their parents, and a trail."""
+"""The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
 
 from collections.abc import Iterable
 from threading import Lock
@@ -14,35 +14,35 @@ from dummy_arm.view.rods import Rods, rods, TIMEOUT
 from dummy_arm.view.server import Server
 from dummy_arm.view.snapshot import Snapshot
 
-#: The largest number of names that one update moves; if there are more, they are moved in turn.
+#: The largest number of names that one update moves. If more names are shown, the first update
+#: moves some of them, the next update moves others, and so on.
 NAMES_AT_ONCE = 50
 _LONGEST_NAME = 40  # characters
 _SIDES = 8  # of a cylinder
-_GRID, _CELL = 10.0, 0.5  # m
+_GRID, _CELL = 10.0, 0.5  # the sides of the grid and of its cells (m)
 _GRID_COLOUR = (215, 215, 215)
 _TRAIL_WIDTH = 3.0  # pixels
 _TRAIL_COLOUR, _TRAIL_FADED = (200, 60, 200), (235, 205, 235)
-#: A static frame that is closer to its parent than this (in lengths of an axis) shares the label
-#: of the parent, since the two names would overlap.
+#: If a static frame is closer to its parent than this (as a fraction of the length of an axis),
+#: one label shows both names, since two labels would overlap.
 _NEAR = 0.34
-#: The smallest radius of the sphere that the camera shows (m).
+#: The camera shows a sphere around all frames. The radius of the sphere is at least this (m).
 _SMALLEST_VIEW = 0.5
-#: The direction from the middle of the frames to the camera.
+#: The direction from the middle of the sphere to the camera.
 _DIRECTION = np.array([0.55, -0.7, 0.45])
-#: The distance up to which the camera sees: in metres or in radii of the sphere, whichever is
-#: farther.
+#: The camera sees up to this distance, in metres or in radii of the sphere, whichever is farther.
 _FAR = 1000.0
 #: The vertical field of view of the camera (rad).
 _ANGLE = 0.8
-#: The distance of the camera from the middle, in radii of the sphere.
+#: The distance of the camera from the middle of the sphere, in radii of the sphere.
 _DISTANCE = 4.4
-#: How far the camera is shifted to the right, as a fraction of its horizontal distance: the panel
-#: covers the right side of the page.
+#: How far the camera is shifted to the right, as a fraction of its horizontal distance from the
+#: middle. It is shifted because the panel covers the right side of the page.
 _ASIDE = 0.14
 
 
 class Scene:
-    """The three-dimensional view of the frames, which all viewers share."""
+    """The three-dimensional view of the frames; all viewers share one scene."""
 
     def __init__(self, server: Server) -> None:
         """
@@ -58,7 +58,8 @@ class Scene:
         self._names: list[viser.LabelHandle] = []
         self._texts: list[str] = []
         self._next_name = 0
-        #: The names of the frames in the order of the rods, by which a click finds its frame.
+        #: The names of the frames in the order of the rods. `_click` finds the clicked frame
+        #: here by the index of the rod.
         self._frame_names: list[str] = []
         self._clicked = ''
         self._lock = Lock()
@@ -66,7 +67,7 @@ class Scene:
     def show(self, snapshot: Snapshot, size: float, selected: str, with_names: bool,
              trail: NDArray[np.float64]) -> None:
         """
-        Show the frames of a snapshot in place of the earlier ones.
+        Show the frames of a snapshot in place of the frames that were shown before.
 
         :param snapshot: the frames.
         :param size: the length of an axis (m).
@@ -83,9 +84,9 @@ class Scene:
 
     def take_click(self) -> str:
         """
-        Return the frame that was clicked since the last call.
+        Return the frame that a viewer has clicked since the last call.
 
-        :returns: the name of the frame; '' if none was clicked.
+        :returns: the name of the frame; '' if no frame was clicked.
         """
         with self._lock:
             clicked, self._clicked = self._clicked, ''
@@ -95,8 +96,8 @@ class Scene:
         """
         Move cameras so that all frames are visible.
 
-        The initial camera, to which viewers can reset theirs, is moved as well. Frames that have
-        timed out do not count; if no others are left, the cameras stay.
+        The initial camera, to which viewers can reset their cameras, is moved as well. Frames that
+        have timed out are ignored; if there are no other frames, no camera is moved.
 
         :param snapshot: the frames.
         :param clients: the clients whose cameras are moved.
@@ -176,9 +177,10 @@ class Scene:
 
 def _grid() -> NDArray[np.float64]:
     """
-    Return the n lines of a grid in the plane of x and y: (n, 2, 3), the two ends, x, y, z (m).
+    Return the n lines of a grid in the x-y plane: (n, 2, 3), two ends for each line, x, y, z (m).
 
-    viser's own grid is not used: without a GPU, it takes most of the time for drawing the page.
+    viser's own grid is not used, since without a GPU, most of the time for drawing the page would
+    be spent on that grid.
     """
     half = _GRID / 2
     places = np.arange(-half, half + _CELL / 2, _CELL)
@@ -187,7 +189,11 @@ def _grid() -> NDArray[np.float64]:
 
 
 def _texts(snapshot: Snapshot, size: float) -> list[str]:
-    """Return the text of each label; a static frame near its parent shares the parent's label."""
+    """
+    Return the text of the label of each frame; '' if the frame has timed out.
+
+    If a static frame is near its parent, its text is '', and its name is in the parent's label.
+    """
     texts = ['' if age >= TIMEOUT else _cut(visible(name))
              for name, age in zip(snapshot.names, snapshot.ages.tolist())]
     label_of = list(range(len(texts)))

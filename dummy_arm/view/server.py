@@ -28,9 +28,9 @@ PORT = 8080
 _MAX_PORTS = 100
 #: The port of an http URL without a port.
 _HTTP_PORT = 80
-#: The messages that the page needs to send: a change in the panel, the pose of a camera (viser
-#: registers a client when it sends the first pose), a click. All others, such as uploads, are
-#: refused.
+#: The messages that the page needs to send: a change in the panel, the pose of the camera, a
+#: click. (viser registers a client only when the first pose of the client's camera has arrived.)
+#: All other messages, such as uploads, are refused.
 _MESSAGES = GuiUpdateMessage, ViewerCameraMessage, SceneNodeClickMessage
 
 
@@ -38,14 +38,14 @@ class Server(GuardedServer):
     """
     A server whose viewers can only look at the scene and use the panel.
 
-    Only pages that it has served itself can connect to it.
+    Pages of other servers cannot connect to it, as `why_refused` describes.
     """
 
     def __init__(self, listening: socket.socket) -> None:
         """
         Start the server.
 
-        :param listening: the listening socket at which it serves.
+        :param listening: the listening socket that the server uses.
         :raises CommandError: if requests cannot be checked with this version of viser.
         """
         self._is_loopback = ip_address(listening.getsockname()[0]).is_loopback
@@ -65,7 +65,7 @@ class Server(GuardedServer):
         Return True if a message is one that the page needs to send, with valid values.
 
         :param data: the message as received.
-        :returns: whether it is passed on to viser.
+        :returns: whether the message is passed on to viser.
         """
         message = message_of(data, _MESSAGES)
         if isinstance(message, ViewerCameraMessage):
@@ -77,7 +77,7 @@ class Server(GuardedServer):
         return message is not None
 
     def _can_set(self, uuid: str, updates: dict[str, Any]) -> bool:
-        """Return True if an update sets only the value of a control, to one that it can have."""
+        """Return True if an update sets only the value of a control, and the value is allowed."""
         control = self.control(uuid)
         if control is None or updates.keys() != {'value'}:
             return False
@@ -96,8 +96,9 @@ def serve(host: str, port: Optional[int] = None) -> Iterator[Server]:
     :param host: a host name or address of this machine.
     :param port: from 1 to 65535; None: 8080, or the next port that is free.
     :returns: the server.
-    :raises UsageError: if this machine has no such address.
-    :raises CommandError: if the port, or every port that is tried, is in use, or needs root.
+    :raises UsageError: if the host is not known, or is not an address of this machine.
+    :raises CommandError: if the port is in use or needs root; if `port` is None and all ports that
+        are tried are in use; or if requests cannot be checked with this version of viser.
     """
     listening = _listening_socket(host, port)
     server = Server(listening)
@@ -113,12 +114,14 @@ def why_refused(headers: 'Headers', is_loopback: bool) -> str:
     """
     Return why a request is refused.
 
-    Any page in the browser can send requests to a server of this machine. The browser then sends
-    the origin of that page. If a foreign name resolves to this machine (DNS rebinding), the
-    browser sends that name as the host.
+    Any page in the browser can send requests to a server of this machine. The browser adds the
+    origin of the page to the request. A request with the origin of another server is refused.
+
+    If a foreign name resolves to this machine (DNS rebinding), the browser sends that name as the
+    host. Requests with such a host are refused if `is_loopback` is True.
 
     :param headers: the headers of the request.
-    :param is_loopback: whether the page is served to this machine only.
+    :param is_loopback: whether the server can be reached from this machine only.
     :returns: one line; '' if the request is accepted.
     """
     hosts, origins = headers.get_all('Host'), headers.get_all('Origin')
@@ -140,9 +143,9 @@ def why_refused(headers: 'Headers', is_loopback: bool) -> str:
 
 def _origin(url: str) -> tuple[str, str, int]:
     """
-    Return the scheme, the name and the port of an origin, in lower case.
+    Return the scheme, the host name and the port of an origin, in lower case.
 
-    :raises ValueError: if it is malformed, or has more parts than these.
+    :raises ValueError: if the URL is malformed, or has more parts than these three.
     """
     parts = urlsplit(url)
     if not parts.hostname or parts.username is not None or url.lower() != (
@@ -162,9 +165,10 @@ def address_lines(address: str, port: int) -> list[str]:
     """
     Return the lines that are printed about the address of the page.
 
-    :param address: the IP address at which it is served.
-    :param port: its port.
-    :returns: the URL to open; and, if other machines can reach it, a line that says so.
+    :param address: the IP address at which the page is served.
+    :param port: the port at which the page is served.
+    :returns: a line with the URL to open; if other machines can reach the page, a second line that
+        says so.
     """
     ip = ip_address(address)
     place = 'localhost' if ip.is_unspecified else f'[{ip}]' if ip.version == 6 else str(ip)
@@ -176,7 +180,7 @@ def address_lines(address: str, port: int) -> list[str]:
 
 
 def _listening_socket(host: str, port: Optional[int]) -> socket.socket:
-    """Open the socket for `serve`, at the given port or at the first free one."""
+    """Open the socket for `serve`, at the given port; None: at the first free port."""
     family, address = _address(host)
     ports = range(PORT, PORT + _MAX_PORTS) if port is None else (port,)
     for each in ports:
@@ -199,7 +203,7 @@ def _listening_socket(host: str, port: Optional[int]) -> socket.socket:
 
 
 def _address(host: str) -> tuple[socket.AddressFamily, str]:
-    """Resolve a host name; IPv4 is preferred."""
+    """Resolve a host name; an IPv4 address is preferred."""
     try:
         found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM) if host else []
     except (OSError, UnicodeError):

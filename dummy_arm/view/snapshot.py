@@ -1,4 +1,4 @@
-"""A snapshot of the frames of a buffer: where each is drawn, its parent, and its age."""
+"""A snapshot of the frames of a buffer: the position, the parent and the age of each frame."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -16,8 +16,8 @@ from dummy_arm.view.source import AnyBuffer
 
 #: The distance between the anchors (see `Snapshot`) of unconnected trees, along -y (m).
 SPACING = 2.0
-#: Frames that are farther than this from the origin of the scene are drawn at this distance (m).
-#: A browser computes in float32, in which much larger numbers are infinite.
+#: Frames that are farther than this from the origin of the scene are drawn at this distance (m),
+#: since a browser computes in float32, in which much larger numbers become infinite.
 REACH = 1e6
 
 _Value = TypeVar('_Value')
@@ -25,34 +25,36 @@ _Value = TypeVar('_Value')
 
 class Snapshot(NamedTuple):
     """
-    The frames at one time, those of the tree with the fixed frame first.
+    The frames at one time; the frames in the tree of the fixed frame come first.
 
-    Each tree is placed by one frame, its anchor: the fixed frame in its own tree, and the root in
-    every other tree.
+    In each tree, one frame is the anchor: the poses of all frames of the tree are expressed in
+    the anchor. In the tree of the fixed frame, the anchor is the fixed frame; in every other tree,
+    the anchor is the root.
     """
 
     fixed: str  #: the fixed frame; '' if there are no frames
-    names: list[str]  #: n names, of the frames that are shown
-    parents: list[int]  #: the index of each frame's parent; -1 for a root
+    names: list[str]  #: the names of the n frames that have a pose in an anchor
+    parents: list[int]  #: for each of the n frames: the index of its parent in `names`; -1: none
     poses: NDArray[np.float64]  #: (n, 7): x, y, z (m), quaternion x, y, z, w, in the anchor
-    points: NDArray[np.float64]  #: (n, 3): x, y, z in the scene (m), at most `REACH` away
-    stamps: list[int]  #: the times of the poses (ns); 0 if the whole path is static
-    ages: NDArray[np.float64]  #: (n,): the longest silence on the path between the frame and its
-    #: anchor (s); for the anchor itself see `_ages`
-    silences: dict[str, float]  #: by frame: seconds since its last new stamp; 0 if it is static
-    frames: dict[str, Frame]  #: the frames that have a parent, by name
-    trees: dict[str, float]  #: by the anchor of each tree: its y in the scene (m)
-    deepest: str  #: the frame with the most ancestors in the tree of the fixed frame; '': none
-    loops: list[list[str]]  #: the names of the frames of each loop; these frames are not shown
+    points: NDArray[np.float64]  #: (n, 3): x, y, z in the scene (m), at most `REACH` from the
+    #: origin of the scene
+    stamps: list[int]  #: the time of each pose (ns); 0: the pose is valid at all times
+    ages: NDArray[np.float64]  #: (n,): the longest of the `silences` on the path between the frame
+    #: and its anchor (s); for the anchor itself see `_ages`
+    silences: dict[str, float]  #: by frame: the time since its last new stamp (s); 0 if static
+    frames: dict[str, Frame]  #: all frames that have a parent, by name
+    trees: dict[str, float]  #: by the name of each anchor: the y of the anchor in the scene (m)
+    deepest: str  #: in the tree of the fixed frame, the frame with the most ancestors; '': none
+    loops: list[list[str]]  #: for each loop, the names of its frames; these are not in `names`
     far: list[str]  #: the frames that are beyond `REACH`, and therefore drawn at that distance
-    not_finite: list[str]  #: the frames that are not shown, since their translation is not finite
+    not_finite: list[str]  #: the frames that are not in `names` because x, y or z is not finite
 
     def anchor_of(self, name: str) -> tuple[str, float]:
         """
-        Return the anchor of the tree in which a frame is.
+        Return the anchor of the tree that contains a frame.
 
         :param name: the name of the frame.
-        :returns: the anchor, and its y in the scene (m).
+        :returns: the name of the anchor, and the y of the anchor in the scene (m).
         """
         for ancestor in _self_and_ancestors(name, self.frames):
             if ancestor in self.trees:
@@ -61,7 +63,7 @@ class Snapshot(NamedTuple):
 
 
 class FrameWatcher:
-    """Takes snapshots of the frames of a buffer, and notes when each frame was last updated."""
+    """Takes snapshots of the frames of a buffer, and stores when each frame was last updated."""
 
     def __init__(self, buffer: AnyBuffer) -> None:
         """
@@ -70,15 +72,16 @@ class FrameWatcher:
         :param buffer: the buffer whose frames are watched.
         """
         self._buffer = buffer
-        #: The newest stamp of each frame (ns), and when it was first seen (s, monotonic clock).
+        #: The newest stamp of each frame (ns), and the time at which this stamp was first seen (s,
+        #: monotonic clock).
         self._updates: dict[str, tuple[int, float]] = {}
 
     def snapshot(self, fixed: str = '', until: int = 0) -> Snapshot:
         """
         Take a snapshot of the frames.
 
-        :param fixed: the fixed frame; if it is '', unknown, or in or below a loop, the root of the
-            largest tree is used instead.
+        :param fixed: the name of the fixed frame. If this is '' or the name of an unknown frame,
+            or the frame is part of a loop or below a loop, the root of the largest tree is used.
         :param until: the time of the snapshot (ns), for a bag; 0: the latest time.
         :returns: the snapshot.
         """
@@ -145,7 +148,8 @@ def within_reach(points: NDArray[np.float64]) -> NDArray[np.float64]:
     :returns: (..., 3): the points, in the same directions.
     """
     largest = np.abs(points).max(axis=-1, keepdims=True, initial=1.0)
-    ratios = np.linalg.norm(points / largest, axis=-1, keepdims=True)  # no square overflows
+    # The points are divided before their norms are computed, so that no square overflows.
+    ratios = np.linalg.norm(points / largest, axis=-1, keepdims=True)
     clipped: NDArray[np.float64] = points * np.minimum(
         1.0, REACH / largest / np.maximum(ratios, 1.0))
     return clipped
@@ -154,12 +158,12 @@ def within_reach(points: NDArray[np.float64]) -> NDArray[np.float64]:
 def _ages(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, float]
           ) -> dict[str, float]:
     """
-    Compute the ages of frames (s), as in `Snapshot`, from the anchors of the trees.
+    Compute the ages of frames (s), for `Snapshot.ages`.
 
-    The pose of a frame in the anchor depends on each transform on the path between them. So the
-    age of a frame is the longest silence on that path. For the anchor itself, there is no such
-    path: if it has a parent, its age is its own silence; if it is a root, its age is the shortest
-    silence of its children.
+    The pose of a frame in the anchor depends on each transform on the path between the frame and
+    the anchor. So the age of the frame is the longest silence on that path. For the anchor itself,
+    there is no such path: if the anchor has a parent, its age is its own silence; if the anchor is
+    a root, its age is the shortest silence of its children.
     """
     ages: dict[str, float] = {}
     for anchor in trees:
@@ -179,12 +183,12 @@ def _ages(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, fl
 def _descend(frames: dict[str, Frame], known: dict[str, _Value],
              child_value: Callable[[str, _Value], _Value]) -> dict[str, _Value]:
     """
-    Compute a value for all descendants of the frames whose values are known.
+    Compute a value for each descendant of the frames whose values are known.
 
     :param frames: the frames that have a parent, by name.
     :param known: the known values, by frame.
     :param child_value: computes the value of a frame from its name and the value of its parent.
-    :returns: the values by frame, the known ones included.
+    :returns: the values by frame, including the known values.
     """
     values = dict(known)
     for name in frames:
@@ -199,7 +203,7 @@ def _descend(frames: dict[str, Frame], known: dict[str, _Value],
 
 
 def _self_and_ancestors(name: str, frames: dict[str, Frame]) -> Iterator[str]:
-    """Yield a frame, its parent, and so on up to the root; in a loop, each frame once."""
+    """Yield a frame, its parent, and so on, up to the root or until a loop is complete."""
     seen = set()
     while name not in seen:
         yield name

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 
 #: The buffer of a bag, or of a node.
 AnyBuffer = Union[BufferCore, 'Buffer']
-#: A stamp that is farther than this from the median does not belong to the recording (ns).
+#: A stamp of a bag is ignored if it differs from the median stamp by this time or more (ns).
 _FAR = 24 * 3600 * SECOND
 #: How long a live buffer keeps transforms, and the length of a trail (s).
 LENGTH = 20
 
 
 class Player:
-    """The playback clock of a bag: it runs at the speed of the recording, again and again."""
+    """The playback clock of a bag: it runs at the speed of the recording, then starts again."""
 
     def __init__(self, frames: Iterable[Frame]) -> None:
         """
@@ -60,7 +60,7 @@ class Player:
         """
         Advance by the time since the last call; if the end is reached already, go to the start.
 
-        :param plays: False if the player is paused: then the time does not change.
+        :param plays: False: the player is paused, so its time does not change.
         """
         now = monotonic()
         passed, self._last = now - self._last, now
@@ -72,16 +72,16 @@ class Player:
         """
         Go to a time.
 
-        :param position: seconds after the start of the bag; clamped to its length.
+        :param position: seconds after the start of the bag, clamped to the length of the bag.
         """
         self._position = min(max(0, round(position * SECOND)), self._end - self._begin)
 
 
 def _without_outliers(stamps: list[int]) -> list[int]:
     """
-    Return the stamps that are near the median; [1] if there are no stamps.
+    Return the stamps (ns) that are near the median stamp; [1] if there are no stamps.
 
-    A node that published before its clock was set leaves stamps that are years off.
+    The stamps of a node that publishes before its clock is set can be wrong by years.
     """
     if not stamps:
         return [1]
@@ -92,7 +92,7 @@ def _without_outliers(stamps: list[int]) -> list[int]:
 class Publication(NamedTuple):
     """The rate, the delay and the publisher of a frame."""
 
-    rate: Optional[float]  #: Hz; None if it is not known
+    rate: Optional[float]  #: Hz; None if the rate is not known
     delay: Optional[float]  #: the average time from stamp to reception (s); None if not known
     publisher: str  #: the names of the nodes that publish the frame; for a bag, the authority
 
@@ -100,7 +100,7 @@ class Publication(NamedTuple):
 class Source(Protocol):
     """The source of the frames that are shown."""
 
-    name: str  #: as shown in the panel
+    name: str  #: the name of the source, as shown in the panel
     buffer: AnyBuffer
     player: Optional[Player]  #: the playback clock of a bag; None if the frames are live
 
@@ -139,8 +139,8 @@ class BagSource:
         Return how a frame was published, as far as the bag records it.
 
         :param frame: the frame.
-        :returns: its rate and publisher; the delay is None, since a buffer does not keep the times
-            of reception.
+        :returns: its rate and publisher. The delay is None, since a buffer does not keep the times
+            at which transforms were received.
         """
         return Publication(frequency(frame), None, frame.authority)
 
@@ -175,8 +175,8 @@ class LiveSource:
         """
         Return how a frame is published.
 
-        The rate and the delay are measured for one frame at a time: from the first call for a
-        frame until a call for another one.
+        The rate and the delay are measured for only one frame at a time. The first call for a
+        frame starts the measurement of this frame; a call for another frame ends it.
 
         :param frame: the frame.
         :returns: its rate, delay and publishers.

@@ -28,7 +28,7 @@ _TRAIL_GAP = 4 * _TRAIL_STEP
 
 
 class Trail:
-    """The recent path of a frame; each update adds to the points that are there already."""
+    """The recent path of a frame; `draw` adds points to those of its earlier calls."""
 
     def __init__(self, buffer: AnyBuffer) -> None:
         """
@@ -52,13 +52,14 @@ class Trail:
         :param target: the frame in which the path is expressed.
         :param frame: the frame whose path it is.
         :param end: the time of the last point (ns).
-        :param point: (3,): the position of the frame at that time, x, y, z (m).
+        :param point: (3,): the position of the frame in `target` at the time `end`, x, y, z (m).
         :returns: (m, 2, 3): the start and the end of each line, x, y, z (m), the oldest line
-            first. Lines from or to a time that has no transform are left out.
+            first. A line is left out if its start or its end is at a time without a transform.
         """
         first = max(1, end - LENGTH * SECOND)
         last = max(self._times[-1:].tolist(), default=first)
-        if self._frames != (target, frame) or last > max(end, first):  # time was set back
+        # If the last point is later than `end`, time was set back.
+        if self._frames != (target, frame) or last > max(end, first):
             self._restart(target, frame)
             last = first
         if end - last > _TRAIL_GAP:
@@ -77,7 +78,7 @@ class Trail:
 
 
 class View:
-    """The page of a source: its scene and its panel."""
+    """The page that shows a source: the scene and the panel."""
 
     def __init__(self, source: Source, server: Server) -> None:
         """
@@ -99,10 +100,11 @@ class View:
         self._lines = np.empty((0, 2, 3))
         #: The earliest time of the next update of the texts (s, monotonic clock).
         self._next_texts = 0.0
-        #: The snapshot, the chosen fixed frame and the selected frame of the texts that are shown.
+        #: What the shown texts were made for: the snapshot, and the names of the chosen fixed
+        #: frame and of the selected frame.
         self._texts_key: tuple[Optional[Snapshot], tuple[str, str]] = None, ('', '')
-        #: When to move the cameras of all clients to the first frames (s, monotonic clock); None
-        #: until there are frames, infinite after the cameras were moved.
+        #: When to move the cameras of all clients, so that they show the first frames (s,
+        #: monotonic clock). None until there are frames, infinite after the cameras were moved.
         self._turn_at: Optional[float] = None
         self._server = server
 
@@ -124,7 +126,7 @@ class View:
         self._turn_cameras(now)
 
     def _advance(self) -> int:
-        """Advance the player of a bag, and return its time (ns)."""
+        """Advance the player of a bag, and return the time of the player (ns)."""
         player, requested = self._player, self._panel.take_requested_time()
         assert player is not None
         player.advance(not self._panel.is_paused)

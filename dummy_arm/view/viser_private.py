@@ -1,13 +1,15 @@
 """
-A server of viser that checks requests and messages, using private parts of viser and websockets.
+A server of viser that checks requests and messages, with private parts of viser and websockets.
 
-It is written for viser 1.1. test/test_viser_private.py has a test for each assumption:
+This module is written for viser 1.1. It relies on the following facts, for which
+test/test_viser_private.py has tests:
 
-- `viser._messages` has the messages that the page sends. Each is a msgpack map of `type`, the name
-  of its class, and the fields of that class. The module also has the messages that move a camera.
-- viser starts its server with `websockets.asyncio.server.serve`, which it looks up in that module
-  at each call, and to which it passes `process_request`. `serve` also takes `sock`,
-  `create_connection` and `max_size`.
+- `viser._messages` has the classes of the messages that the page sends. A message is sent as a
+  msgpack map, in which `type` is the name of the class; the other keys are the fields of the
+  class. `viser._messages` also has the classes of the messages that move a camera.
+- viser starts its server with `websockets.asyncio.server.serve`. At each call, viser looks
+  up `serve` in `websockets.asyncio.server`, and passes `process_request` to `serve`. `serve` also
+  takes `sock`, `create_connection` and `max_size`.
 - `gui._gui_input_handle_from_uuid` maps a uuid to a control of the panel.
 - `client._websock_connection.queue_message` sends a message to one client.
 """
@@ -28,7 +30,8 @@ from dummy_arm.cli.parser import CommandError
 __all__ = ['VISER', 'GuardedServer', 'GuiUpdateMessage', 'SceneNodeClickMessage',
            'ViewerCameraMessage', 'message_of']
 
-#: The requirement, as in setup.py; bounded above, since private parts of viser are used here.
+#: The versions of viser that can be used, as in setup.py. There is an upper bound, since private
+#: parts of viser are used here.
 VISER = 'viser>=1.1,<1.2'
 
 try:
@@ -58,8 +61,8 @@ def message_of(data: Union[bytes, str], types: Iterable[type]) -> Any:
     Decode a message that a client has sent.
 
     :param data: the message as received.
-    :param types: the types of `viser._messages` that are allowed.
-    :returns: the message; None if it has another type, other fields, or fields of other types.
+    :param types: the classes of `viser._messages` that are allowed.
+    :returns: the message; None if `data` is not a valid message of one of these classes.
     """
     if isinstance(data, str):
         return None
@@ -79,7 +82,7 @@ class _Connection(websockets.asyncio.server.ServerConnection):
         """
         Create a connection.
 
-        :param accepts: returns True if a message is passed on.
+        :param accepts: a function that returns True for a message that can be passed on.
         :param args: the positional arguments of the base class.
         :param kwargs: the keyword arguments of the base class.
         """
@@ -88,10 +91,10 @@ class _Connection(websockets.asyncio.server.ServerConnection):
 
     async def recv(self, decode: Optional[bool] = None) -> Any:
         """
-        Return the next message that is accepted, and drop the others.
+        Return the next message that is accepted; drop the messages before it.
 
-        The connection stays open: if it were closed, the page would connect again and again
-        because of a message that does no harm.
+        A dropped message does no harm, so the connection stays open. If the connection were
+        closed, the page would connect again and again.
 
         :param decode: as in the base class.
         :returns: the message.
@@ -103,20 +106,20 @@ class _Connection(websockets.asyncio.server.ServerConnection):
 
 
 class GuardedServer(viser.ViserServer):
-    """A server of viser whose subclass decides about each request and each message of a client."""
+    """A server of viser; a subclass decides which requests and which messages are accepted."""
 
     def __init__(self, listening: socket.socket) -> None:
         """
         Start the server.
 
-        :param listening: the listening socket at which it serves.
+        :param listening: the listening socket that the server uses.
         :raises CommandError: if requests cannot be checked with this version of viser.
         """
-        # viser uses rich to print where it serves and when it stops.
+        # Without this, viser prints with rich where it serves and when it stops.
         rich.reconfigure(quiet=True)
-        # viser warns of messages to a client that has just disconnected.
+        # Without this, viser warns of messages to a client that has just disconnected.
         warnings.filterwarnings('ignore', 'Queued a ')
-        # websockets logs each malformed request as an error with a traceback.
+        # Without this, websockets logs each malformed request as an error with a traceback.
         logging.getLogger('websockets').setLevel(logging.CRITICAL)
         address, port, *_ = listening.getsockname()
         serve = websockets.asyncio.server.serve
@@ -128,9 +131,9 @@ class GuardedServer(viser.ViserServer):
             Call `serve` with our socket, limit and checks.
 
             :param handler: the handler of connections.
-            :param host: not used: the socket has it.
-            :param port: not used: the socket has it.
-            :param process_request: answers requests that are accepted.
+            :param host: not used, since the socket has an address.
+            :param port: not used, since the socket has a port.
+            :param process_request: viser's function, which answers the requests that are accepted.
             :param kwargs: other arguments of `serve`.
             :returns: the result of `serve`.
             """
@@ -141,14 +144,15 @@ class GuardedServer(viser.ViserServer):
                 """
                 Answer a request, with status 403 if it is refused.
 
-                :param connection: the connection on which it has arrived.
+                :param connection: the connection on which the request has arrived.
                 :param request: the request.
                 :returns: the response; None to go on with the handshake of a WebSocket.
                 """
                 if why := self.why_refused(request.headers):
                     return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
                 return process_request(connection, request)
-            # With a port instead of the socket, viser would try the next one if it is in use.
+            # The socket is passed instead of the port. Otherwise, if the port were in use, viser
+            # would try the next port.
             return serve(handler, **{
                 **kwargs, 'sock': listening, 'process_request': process,
                 'create_connection': partial(_Connection, self.accepts),
@@ -171,7 +175,7 @@ class GuardedServer(viser.ViserServer):
         """
         Return why a request is refused.
 
-        :param headers: the headers of the request, as websockets has them.
+        :param headers: the headers of the request, as websockets passes them.
         :returns: one line; '' if the request is accepted.
         """
         raise NotImplementedError
@@ -180,8 +184,8 @@ class GuardedServer(viser.ViserServer):
         """
         Return True if a message of a client can be passed on to viser.
 
-        viser itself sets any attribute that a message names to any value, and prints a traceback
-        for a message that it cannot read.
+        viser itself checks nothing: a message can set any attribute of a control, to any value.
+        For a message that it cannot read, viser prints a traceback.
 
         :param data: the message as received.
         :returns: False if the message is dropped.
@@ -193,7 +197,7 @@ class GuardedServer(viser.ViserServer):
         Return a control of the panel.
 
         :param uuid: the identifier that viser has given to the control.
-        :returns: the handle of the control; None if there is none with this uuid.
+        :returns: the handle of the control; None if no control has this uuid.
         """
         if 'gui' not in vars(self):  # viser starts to serve before it creates `gui`
             return None
@@ -202,10 +206,10 @@ class GuardedServer(viser.ViserServer):
     def turn_cameras(self, clients: Iterable[viser.ClientHandle], position: NDArray[np.float64],
                      look_at: NDArray[np.float64], fov: float, far: float) -> None:
         """
-        Move the cameras of clients, and the initial one to which viewers can reset theirs.
+        Move the cameras of clients, and the initial camera, to which viewers can reset theirs.
 
-        viser's own `client.camera` is not used: it raises on some poses that a client can send,
-        such as an up direction of zero length.
+        viser's own `client.camera` is not used, since it raises an exception for some poses that a
+        client can send, such as an up direction of zero length.
 
         :param clients: the clients whose cameras are moved.
         :param position: (3,): the position of the camera, x, y, z (m).
@@ -224,7 +228,7 @@ class GuardedServer(viser.ViserServer):
 
     def request_share_url(self, verbose: bool = True) -> None:
         """
-        Do nothing: with viser's own method, every viewer could make the page public by a tunnel.
+        Do nothing: viser's own method lets every viewer make the page public through a tunnel.
 
         :param verbose: not used.
         """

@@ -9,14 +9,15 @@ from dummy_arm.tf._bag.decompression import ZSTD
 from dummy_arm.tf._core.texts import abbreviated, comma_list, logged, visible
 from dummy_arm.tf._wire.streams import Encoding
 
-#: The name of the publisher if the bag does not record it, as in all bags of rosbag2.
+#: The publisher of a stream if the bag does not record the publisher. Bags of rosbag2 never record
+#: publishers.
 NOT_RECORDED = 'not recorded'
 _TYPES = 'tf2_msgs/msg/TFMessage', 'tf/msg/tfMessage'
-#: The number of topics, namespaces and damaged files that a text lists.
+#: The largest number of topics, of namespaces or of faults that a text lists.
 _SHOWN = 10
-#: The number of topics that are remembered for the text of an error.
+#: The largest number of topics that are remembered for the text of an error.
 _MAX_TOPICS = 10_000
-#: The longest description of an error (characters).
+#: The text of an error is abbreviated if it is longer than this (characters).
 _LONGEST_ERROR = 500
 
 _KINDS = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3', b'#ROSBAG V': '.bag'}
@@ -31,12 +32,14 @@ class BagError(Exception):
 
 def kind_of(path: Path) -> str:
     """
-    Return the kind of a bag, which for a file follows from its first bytes.
+    Return the kind of a bag.
 
-    :param path: the bag.
-    :returns: 'dir', '.mcap', '.db3' or '.bag'.
-    :raises BagError: if it is none of these.
-    :raises OSError: if it does not exist or cannot be read.
+    The first bytes of a file determine its kind.
+
+    :param path: the path of the bag.
+    :returns: 'dir' for a directory; '.mcap', '.db3' or '.bag' for a file.
+    :raises BagError: if the file is of none of these kinds.
+    :raises OSError: if the path does not exist, or is a file that cannot be read.
     """
     if path.is_dir():
         return 'dir'
@@ -53,17 +56,24 @@ def kind_of(path: Path) -> str:
 
 def refuse_special(path: Path) -> None:
     """
-    Raise an error for a pipe or a device, which might never end.
+    Raise an error if a path exists but is not a regular file.
 
-    :param path: the file; it need not exist.
-    :raises BagError: if it exists and is not a regular file.
+    The reading of a pipe or a device might never end.
+
+    :param path: the path. If nothing exists there, no error is raised.
+    :raises BagError: if the path exists and is not a regular file.
     """
     if path.exists() and not path.is_file():
         raise BagError(f'{path} is not a bag: it is not a regular file')
 
 
 class Stream(NamedTuple):
-    """The common properties of the messages of a topic; in ROS 1, of one publisher on a topic."""
+    """
+    The properties that all messages of a stream have in common.
+
+    A stream is all messages of one topic; in a bag of ROS 1, all messages of one publisher on one
+    topic.
+    """
 
     is_static: bool
     publisher: str
@@ -71,16 +81,16 @@ class Stream(NamedTuple):
 
 
 class BagContext:
-    """The topics and the damage of a bag, and the progress of reading it."""
+    """The topics and the damage of a bag, and the progress of reading the bag."""
 
     def __init__(self, path: Path, namespace: str, partial: bool, max_bytes: int,
                  on_progress: Callable[[float], object]) -> None:
         """
-        Create the context of a bag of which nothing has been read yet.
+        Create the context of a bag that has not been read yet.
 
-        :param path: the bag.
+        :param path: the path of the bag.
         :param namespace: the namespace of the topics `tf` and `tf_static`.
-        :param partial: whether damage is noted in `damage` instead of raised.
+        :param partial: True: damage is noted in `damage`; False: damage is raised as an error.
         :param max_bytes: the largest size of a chunk or a message after decompression (bytes).
         :param on_progress: as in `dummy_arm.tf.bag.read`.
         """
@@ -90,7 +100,8 @@ class BagContext:
         self._types: dict[str, str] = {}
         self._on_progress = on_progress
         self._start, self._share, self._done = 0.0, 1.0, 0.0
-        #: The exception that on_progress has raised. It is not taken for damage of the bag.
+        #: The exception that on_progress has raised, if any. It does not count as damage of the
+        #: bag.
         self._raised: Optional[BaseException] = None
         self.partial = partial
         self.max_bytes = max_bytes
@@ -102,11 +113,12 @@ class BagContext:
         """
         Return the stream of a topic, and remember the topic.
 
-        :param topic: its name.
+        :param topic: the name of the topic.
         :param msgtype: the type of its messages, such as 'tf2_msgs/msg/TFMessage'.
         :param publisher: the name of the node that published the messages.
         :param encoding: how the messages are encoded.
-        :returns: the stream; None if these are not TF messages of the namespace.
+        :returns: the stream; None if the topic is not `tf` or `tf_static` of the namespace, or if
+            its type is not a type of TF messages.
         """
         topic = f'/{topic.strip("/")}'
         is_static = self._is_static.get(topic)
@@ -117,10 +129,10 @@ class BagContext:
 
     def start_file(self, number: int, count: int) -> None:
         """
-        Report that reading of a file of the bag begins.
+        Report that the reading of a file begins.
 
-        :param number: the number of the file, from 0 on.
-        :param count: the number of files.
+        :param number: the index of the file in the bag, from 0 on.
+        :param count: the number of files in the bag.
         """
         self._start, self._share = number / count, 1 / count
         self.advance(0.0)
@@ -140,7 +152,12 @@ class BagContext:
         self.tick()
 
     def tick(self) -> None:
-        """Call on_progress; once it has raised, raise the same exception in each call."""
+        """
+        Call on_progress with the fraction of the bag that has been read.
+
+        After on_progress has raised an exception, on_progress is not called again, and every later
+        call of `tick` raises the same exception.
+        """
         if self._raised is None:
             try:
                 self._on_progress(self._done)
@@ -151,15 +168,15 @@ class BagContext:
 
     def handle_error(self, path: Path, error: Exception) -> None:
         """
-        Note that a file is damaged, or raise an error.
+        Note an error as damage of a file if the bag is read as partial; otherwise raise an error.
 
-        :param path: the file.
+        :param path: the path of the file.
         :param error: the error that reading the file has raised.
-        :raises BagError: unless the bag is read as partial.
-        :raises ImportError: if the error is an ImportError: then a library is missing, and the
-            file is not damaged.
+        :raises BagError: if the bag is not read as partial.
+        :raises ImportError: if `error` is an ImportError, because then a library is missing and
+            the file is not damaged.
         """
-        self.tick()  # if on_progress has raised, that is the cause: it is raised again
+        self.tick()  # if an exception of on_progress is the cause, raise that exception again
         if isinstance(error, ImportError):
             raise error
         if not self.partial:
@@ -173,7 +190,7 @@ class BagContext:
             self.damage.append(f'{visible(str(path))}: {error_line(error)}')
 
     def why_no_tf(self) -> str:
-        """Return why no TF message was found: the topics or namespaces that the bag has."""
+        """Return why no TF message was found, with the namespaces or topics that the bag has."""
         expected = ' or '.join(self._is_static)
         namespaces = {topic.rpartition('/')[0] for topic, msgtype in self._types.items()
                       if msgtype in _TYPES and re.search('/tf(_static)?$', topic)}
@@ -195,8 +212,9 @@ def error_line(error: Exception) -> str:
     Return the text of an error in one line that ends with one period.
 
     :param error: the error.
-    :returns: its text, abbreviated if it is long; white space is replaced by single spaces, and
-        control characters are escaped. If it has no text, the name of its type.
+    :returns: the text of the error, abbreviated if it is long; white space is replaced by single
+        spaces, and control characters are escaped. If the error has no text, the name of its type
+        is returned, with a period.
 
     >>> error_line(ValueError('a record\n  ends too early'))
     'a record ends too early.'

@@ -2,9 +2,9 @@
 Decompression within limits.
 
 A few kilobytes can decompress to many gigabytes, and a size that a file declares may be wrong.
-Therefore, long data are decompressed in pieces. Their total size is compared with the declared
-size and with the caller's limit. The caller's function `tick`, which may raise, is called before
-each piece.
+Therefore, long data are decompressed in pieces, and the total size of the pieces is compared with
+the declared size or with the caller's limit. Before each piece, the caller's function `tick` is
+called. If `tick` raises an exception, the decompression ends.
 """
 
 from collections.abc import Callable, Iterator
@@ -17,26 +17,31 @@ import zlib
 
 #: The first bytes of data that are compressed by zstd.
 ZSTD = b'\x28\xb5\x2f\xfd'
-#: The size of a piece (bytes). Larger ones are slower: each gets new memory.
+#: The largest size of a piece (bytes). Larger pieces would be slower, because the memory of one
+#: piece would not be reused for the next piece.
 PIECE = 2**18
-#: At most this much is read or decompressed at once (bytes); bz2, the slowest, takes 0.1 s.
+#: The largest size that is read or decompressed in one call (bytes). Such a call takes 0.1 s with
+#: bz2, the slowest method.
 _SHORT = 2**21
 
-#: Data longer than `_SHORT` are a bytearray, which grows in place.
+#: Data in memory. Data that are joined from pieces are a bytearray, because it grows in place.
 Buffer = Union[bytes, bytearray]
-#: A function that is called repeatedly during a long operation; if it raises, the operation ends.
+#: A function that is called repeatedly during a long operation. If the function raises an
+#: exception, the operation ends with this exception.
 Tick = Callable[[], object]
 
 
 class Oversized(Exception):
-    """A chunk or a message is larger than the limit."""
+    """A chunk, a message or another part of a file is larger than the limit."""
 
     def __init__(self, what: str, size: str, limit: int) -> None:
         """
         Create the error with its text.
 
-        :param what: what is too large, such as 'a chunk of 512 bytes', with its size in the file.
-        :param size: its size after decompression (bytes), as text.
+        :param what: what is too large, such as 'a record' or 'a chunk of 512 bytes'. The number in
+            this text is the size before decompression.
+        :param size: the size after decompression (bytes), as text, such as '900' or 'more than
+            800'.
         :param limit: the largest size that is allowed (bytes).
         """
         super().__init__(f'{what} takes {size} bytes, more than the limit of {limit}: if that is '
@@ -49,18 +54,18 @@ def pieces(source: BinaryIO, method: str, tick: Tick) -> Iterator[bytes]:
 
     :param source: the file, at the start of the compressed data.
     :param method: 'zstd', 'lz4' or 'bz2'.
-    :param tick: called before each piece; if it raises, that ends the decompression.
-    :returns: the pieces.
+    :param tick: called before each piece; if it raises an exception, the decompression ends.
+    :returns: an iterator over the pieces.
     :raises EOFError: after the last piece, if the compressed data end too early.
-    :raises ValueError: if the method is another one.
-    :raises Exception: of a type of the library, if the data are damaged.
+    :raises ValueError: if `method` is not one of these names.
+    :raises Exception: if the data are damaged; the type of the exception depends on the method.
     """
     new = _decompressor(method)
     decompressor = new()
     while True:
         tick()
         data = b''
-        if decompressor.eof:  # another stream may follow
+        if decompressor.eof:  # more data, compressed separately, may follow
             data = decompressor.unused_data or source.read(PIECE)
             if not data:
                 return
@@ -78,17 +83,20 @@ def decompress(data: Buffer, method: str, declared: Optional[int], limit: int,
     """
     Decompress a chunk or a message.
 
-    :param data: the compressed data.
+    :param data: the compressed data, or data that are not compressed.
     :param method: 'zstd', 'lz4' or 'bz2'; '': the data are not compressed.
-    :param declared: the size after decompression (bytes) that the file declares; None: unknown.
+    :param declared: the size after decompression (bytes) that the file declares; None: the file
+        declares no size.
     :param limit: the largest size that is allowed (bytes).
     :param what: 'chunk' or 'message', for the texts of errors.
     :param tick: as in `pieces`.
     :returns: the decompressed data.
-    :raises Oversized: if the declared size or the actual size is larger than the limit; the
-        declared size is checked before anything is decompressed.
-    :raises ValueError: if the size differs from the declared one, or the method is unknown.
-    :raises Exception: as `pieces`, if the data are damaged.
+    :raises Oversized: if the declared size is larger than the limit; this is checked before
+        anything is decompressed. If no size is declared: if the actual size is larger than the
+        limit.
+    :raises ValueError: if the actual size differs from the declared size, or if the method is
+        unknown.
+    :raises Exception: as `pieces`, if the data end too early or are damaged.
     """
     if declared is not None and declared > limit:
         raise Oversized(_sized(what, data), str(declared), limit)
@@ -119,7 +127,7 @@ def _sized(what: str, data: Buffer) -> str:
 
 
 def _short(data: Buffer, method: str, limit: int) -> Optional[bytes]:
-    """Decompress data at once; return None if that does not reach the end of the data."""
+    """Decompress data in one call; return None if this does not reach the end of the data."""
     decompressor = _decompressor(method)()
     result: bytes = decompressor.decompress(data, min(_SHORT, limit + 1))
     return result if decompressor.eof and not decompressor.unused_data else None
@@ -130,7 +138,7 @@ def checksum(data: Buffer, tick: Tick) -> int:
     Compute a checksum.
 
     :param data: the data.
-    :param tick: called repeatedly; if it raises, that ends the computation.
+    :param tick: called repeatedly; if it raises an exception, the computation ends.
     :returns: the CRC-32 of the data.
     """
     crc = 0
@@ -147,8 +155,9 @@ def read(file: BinaryIO, size: int, tick: Tick) -> Buffer:
 
     :param file: the file.
     :param size: the number of bytes.
-    :param tick: called repeatedly; if it raises, that ends the reading.
-    :returns: the bytes, fewer if the file ends before.
+    :param tick: called repeatedly if the size is large; if it raises an exception, the reading
+        ends.
+    :returns: the bytes; fewer than `size` if the file ends early.
     """
     if size <= _SHORT:
         return file.read(size)
@@ -178,7 +187,7 @@ class DecompressedFile:
         Read decompressed bytes.
 
         :param size: the number of bytes.
-        :returns: the bytes, fewer if the file ends before or is damaged.
+        :returns: the bytes; fewer than `size` if the file ends early or is damaged.
         """
         data = self._piece[self._start:self._start + size]
         self._start += len(data)
@@ -189,7 +198,7 @@ class DecompressedFile:
         return data
 
     def _next(self) -> bool:
-        """Decompress the next piece; return False at the end and at the first damage."""
+        """Decompress the next piece; return False if the file has ended or is damaged."""
         try:
             self._piece = next(self._pieces, b'')
         except (EOFError, zstd().ZstdError):
@@ -199,13 +208,17 @@ class DecompressedFile:
 
 
 def zstd() -> Any:
-    """Return the module `compression.zstd`, or its backport before Python 3.14."""
+    """Return the module `compression.zstd`; before Python 3.14, return its backport."""
     return import_module('compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd')
 
 
 @cache
 def _decompressor(method: str) -> Callable[[], Any]:
-    """Return a function that creates a decompressor; its library is imported only when needed."""
+    """
+    Return a function that creates a decompressor.
+
+    The library of a method is imported when the method is first used.
+    """
     if method == 'zstd':
         new: Callable[[], Any] = zstd().ZstdDecompressor
     elif method == 'lz4':

@@ -1,13 +1,14 @@
 """
 The TF messages in a bag of ROS 1.
 
-The bag is read sequentially, since its index may be larger than its TF messages.
+The bag is read sequentially, since the index may be larger than the TF messages.
 
-A bag is `#ROSBAG V2.0`, a newline, and records. A record is a header and data, each after its
-uint32 length. A header has fields, each a uint32 length, a name, `=` and a value.
+A bag file consists of `#ROSBAG V2.0`, a newline, and records. A record consists of four parts: the
+length of its header, the header, the length of its data, and the data. A header consists of
+fields. A field consists of its length, a name, `=` and a value. All lengths are uint32, in bytes.
 
-A length in a file may be wrong: it is compared with the rest of the file or chunk and with
-`max_bytes` before that many bytes are read.
+A length in a file may be wrong. Therefore a length is compared with the size of the rest of the
+file or chunk, and with `max_bytes`, before the bytes are read.
 """
 
 from collections.abc import Iterator
@@ -42,10 +43,10 @@ def records(path: Path, context: BagContext) -> _Records:
     """
     Yield the TF messages of a bag, in the order of the file.
 
-    :param path: the .bag file.
+    :param path: the path of the .bag file.
     :param context: the context of the bag; topics, progress and damage are reported to it.
     :returns: the stream and the bytes of each message.
-    :raises Exception: of many types, if the file is damaged.
+    :raises Exception: if the file is damaged; the exception can be of many types.
     """
     size = path.stat().st_size
     with path.open('rb') as file:
@@ -91,9 +92,9 @@ class _Reader:
         """
         Read the header of a record.
 
-        :returns: the fields of the header, and the length of the data that follow it (bytes).
-        :raises EOFError: if the file ends before the data.
-        :raises Oversized: if the header is larger than the limit.
+        :returns: the fields of the header, and the length of the record's data (bytes).
+        :raises EOFError: if the file ends before the data of the record.
+        :raises Oversized: if the header is larger than `max_bytes` of the context.
         :raises ValueError: if the header is damaged.
         """
         file = self._file
@@ -110,10 +111,12 @@ class _Reader:
 
     def record(self) -> _Records:
         """
-        Read the next record; only messages, connections and chunks matter.
+        Read the next record.
 
-        :returns: the stream and the bytes of each TF message in it.
-        :raises Exception: of many types, if it is damaged.
+        Only messages, connections and chunks are read; other records are skipped.
+
+        :returns: the stream and the bytes of each TF message in the record.
+        :raises Exception: if the record is damaged; the exception can be of many types.
         """
         fields, size = self.record_header()
         kind = fields[b'op']
@@ -143,7 +146,7 @@ class _Reader:
             yield stream, bytes(data)
 
     def _chunk(self, fields: _Fields, data: Buffer, is_complete: bool) -> _Records:
-        """Yield the TF messages of a chunk; note its connections."""
+        """Yield the TF messages of a chunk; keep the streams of its connections."""
         method = fields[b'compression'].decode()
         if is_complete or method != 'none':
             data = decompress(
@@ -171,7 +174,7 @@ class _Reader:
                 raise ValueError('a chunk is inside another chunk')
 
     def _add_connection(self, fields: _Fields, data: Buffer) -> None:
-        """Keep the stream of a connection, which is a topic of one publisher."""
+        """Keep the stream of a connection; a connection is one publisher on one topic."""
         properties = _fields(data)
         msgtype = re.sub('^([^/]+)/([^/]+)$', r'\1/msg/\2', _text(properties[b'type']))
         self._streams[fields[b'conn']] = self._context.stream(
@@ -183,7 +186,7 @@ def _fields(header: Buffer) -> _Fields:
     """
     Parse the fields of a header.
 
-    :raises ValueError: if it is damaged.
+    :raises ValueError: if the header is damaged.
     """
     fields = {}
     position, end = 0, len(header)

@@ -1,24 +1,26 @@
 """
-The TF messages in a bag of rosbag2: mcap or sqlite3, complete, cut off or damaged.
+The TF messages in a bag of rosbag2 (mcap or sqlite3), which may be cut off or damaged.
 
-A bag is a directory with storage files and `metadata.yaml`, or one of the storage files. By
-default, all files that the metadata list must exist, and the first damage is an error. In a bag
-that is read as partial, anything may be missing: every file is read from beginning to end, and
-damaged parts are skipped and noted.
+A bag is either a directory with `metadata.yaml` and storage files, or a single storage file. By
+default, all files that `metadata.yaml` lists must exist, and the first damage is an error.
+
+A bag can also be read as partial. Then files may be missing, every storage file in the directory
+is read from its beginning to its end, and damaged parts are skipped and noted.
 
 The order of the messages:
 
-- Files are read one after the other, in the order of the metadata; without metadata, and in a
-  partial bag, in the order of the numbers in their names.
-- mcap with an index at the end of the file: messages are ordered by log time. Chunks without TF
-  messages are not even decompressed.
-- mcap without an index, of a partial bag, or compressed as a whole: chunks are read in the order
-  of the file. The messages in a chunk are ordered by log time; those outside chunks are in the
-  order of the file.
-- sqlite3: by time; in a partial bag by id, which is the order of writing.
+- Files are read one after the other, in the order in which `metadata.yaml` lists them. If the bag
+  is read as partial, files are read in the order of the numbers in their names.
+- An mcap file is normally read with the index at its end. Messages are then ordered by log time,
+  and chunks that certainly have no TF messages are not decompressed.
+- An mcap file is read sequentially if it has no index, if it is compressed as a whole, or if the
+  bag is read as partial. Chunks, and messages outside chunks, are then in the order of the file.
+  The messages in a chunk are ordered by log time.
+- The messages of an sqlite3 file are ordered by time. If the bag is read as partial, they are
+  ordered by id, which is the order of writing.
 
-A length in a file may be wrong: it is compared with the rest of the file or chunk and with
-`max_bytes` before that many bytes are read.
+A length in a file may be wrong. Therefore a length is compared with the size of the rest of the
+file or chunk, and with `max_bytes`, before the bytes are read.
 """
 
 from array import array
@@ -68,7 +70,7 @@ _Records = Iterator[tuple[Stream, bytes]]
 
 #: Progress is reported every `_ADVANCE` records or rows.
 _ADVANCE = 100
-#: The number of files that the text of an error lists.
+#: The largest number of files that the text of an error lists.
 _SHOWN = 5
 #: The newest version of metadata.yaml that can be read.
 _NEWEST_VERSION = 9
@@ -76,7 +78,7 @@ _LONGEST_METADATA = 10_000_000  # bytes
 
 
 class _CutOff(EOFError):
-    """A file ends in the middle of a record, or before its index."""
+    """A file ends in the middle of a record, or before the end of its footer."""
 
     def __init__(self) -> None:
         super().__init__('it ends too early')
@@ -86,10 +88,11 @@ def records(path: Path, context: BagContext) -> _Records:
     """
     Yield the TF messages of a bag.
 
-    :param path: the directory of a bag, or a storage file.
+    :param path: the path of a bag's directory, or of a storage file.
     :param context: the context of the bag; topics, progress and damage are reported to it.
     :returns: the stream and the bytes of each message.
-    :raises BagError: if the path is not a bag, or the bag is damaged and not read as partial.
+    :raises BagError: if the path is not a bag, or if the bag is damaged and is not read as
+        partial.
     :raises OSError: if the directory cannot be read.
     """
     if path.is_dir():
@@ -108,8 +111,8 @@ def _records_of_file(path: Path, context: BagContext, is_compressed: Optional[bo
     """
     Yield the TF messages of a storage file.
 
-    :param is_compressed: whether each message is compressed, according to the metadata of the bag;
-        None: unknown.
+    :param is_compressed: whether each message is compressed separately, according to the metadata
+        of the bag; None: unknown.
     """
     refuse_special(path)
     with path.open('rb') as file:
@@ -133,7 +136,7 @@ def _write(parts: Iterator[Buffer], path: Path) -> None:
     """
     Write a temporary file.
 
-    :raises OSError: if it would take more than half of the free space.
+    :raises OSError: if the file would take more than half of the free space.
     """
     directory = path.parent
     max_size = shutil.disk_usage(directory).free // 2
@@ -155,7 +158,9 @@ def _files(directory: Path, context: BagContext) -> tuple[list[Path], Optional[b
     """
     Return the storage files of a bag, and whether each message is compressed (None: unknown).
 
-    :raises BagError: if there is no file, or one is missing and the bag is not read as partial.
+    :raises BagError: if there is no storage file. If the bag is not read as partial, also if
+        `metadata.yaml` is missing, damaged or of an unsupported version, if the compression is
+        unsupported, or if a file that `metadata.yaml` lists is missing.
     """
     files = _storage_files(directory)
     metadata = directory / 'metadata.yaml'
@@ -199,7 +204,7 @@ def _storage_files(directory: Path) -> list[Path]:
     """
     Return the storage files in a directory, in the order of the numbers in their names.
 
-    :raises BagError: if there is none.
+    :raises BagError: if there is no storage file.
     """
     files = [path for path in directory.iterdir()
              if re.search(r'\.(mcap|db3)(\.zstd)?$', path.name)]
@@ -213,7 +218,7 @@ def _text(metadata: Path) -> str:
     """
     Return the text of a metadata.yaml.
 
-    :raises ValueError: if it is so long that parsing it would take minutes.
+    :raises ValueError: if the text is so long that its parsing would take minutes.
     """
     with metadata.open('rb') as file:
         data = file.read(_LONGEST_METADATA + 1)
@@ -223,7 +228,7 @@ def _text(metadata: Path) -> str:
 
 
 def _declares_messages(metadata: str) -> Optional[bool]:
-    """Return whether metadata declare that each message is compressed; None if undeclared."""
+    """Return whether metadata declare that each message is compressed; None: not declared."""
     found = re.search(r'^ *compression_mode: *["\']?(\w*)', metadata, re.MULTILINE)
     return found[1].lower() == 'message' if found else None
 
@@ -232,18 +237,19 @@ def _declares_messages(metadata: str) -> Optional[bool]:
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX = 0x02, 0x03, 0x04, 0x05, 0x06, 0x08
-_END = 1 + 8 + 20 + len(_MAGIC)  # the length of the footer and the magic bytes after it
-_unpack_head = struct.Struct('<BQ').unpack_from  # opcode, length
+_END = 1 + 8 + 20 + len(_MAGIC)  # length (bytes) of the footer and the final magic bytes
+_unpack_head = struct.Struct('<BQ').unpack_from  # opcode and length of a record
 _unpack_message = struct.Struct('<HIQQ').unpack_from  # channel, sequence, log and publish time
 _MESSAGE_HEAD = 22
-_unpack_chunk = struct.Struct('<QQQII').unpack_from  # times, size, CRC, length of the method
+_unpack_chunk = struct.Struct('<QQQII').unpack_from  # times, size, CRC, length of method name
 _CHUNK_HEAD = 32
 _SHORTEST_RECORD = {_MESSAGE: _MESSAGE_HEAD, _CHUNK: _CHUNK_HEAD + 8}
-_LONGEST_METHOD = 16  # the length of the name of a compression (bytes)
+_LONGEST_METHOD = 16  # the largest length of the name of a compression method (bytes)
 _unpack_size = struct.Struct('<Q').unpack_from
-#: The memory that messages take at most (bytes) while they wait for those with earlier log times.
+#: The largest memory (bytes) of the messages that wait until messages with earlier log times have
+#: been read.
 _MAX_WAITING = 2**26
-#: The memory that a message takes in addition to its bytes (bytes).
+#: The memory that a message takes in addition to its data (bytes).
 _OVERHEAD = 200
 
 
@@ -257,7 +263,7 @@ class _Source:
         :param file: the file.
         :param is_compressed: whether the file as a whole is compressed by zstd. If so, `seek`
             must not be called.
-        :param tick: called repeatedly; if it raises, that ends the reading.
+        :param tick: called repeatedly; if it raises an exception, the reading ends.
         """
         self._file, self._tick = file, tick
         self._stream: Any = DecompressedFile(file, tick) if is_compressed else file
@@ -275,7 +281,7 @@ class _Source:
         Read bytes.
 
         :param size: the number of bytes.
-        :returns: the bytes, fewer if the file ends before.
+        :returns: the bytes; fewer than `size` if the file ends early.
         """
         if not self.is_compressed:
             size = min(size, self.size - self.position)
@@ -289,7 +295,7 @@ class _Source:
 
         :param size: the number of bytes.
         :returns: the bytes.
-        :raises EOFError: if there are fewer.
+        :raises EOFError: if fewer bytes are left in the file.
         """
         data = self.read(size)
         if len(data) < size:
@@ -301,7 +307,7 @@ class _Source:
         Skip bytes.
 
         :param size: the number of bytes.
-        :raises EOFError: if there are fewer.
+        :raises EOFError: if fewer bytes are left in the file.
         """
         if self.is_compressed:
             while size > 0:
@@ -315,7 +321,7 @@ class _Source:
         Set the position in a file that is not compressed.
 
         :param position: the position (bytes).
-        :raises EOFError: if it is beyond the end.
+        :raises EOFError: if the position is beyond the end of the file.
         """
         if position > self.size:
             raise _CutOff
@@ -338,27 +344,29 @@ class _McapReader:
 
     def __init__(self, path: Path, context: BagContext, source: _Source) -> None:
         """
-        Create a reader that knows no channels.
+        Create a reader that knows no channels yet.
 
         :param path: the path of the file.
         :param context: the context of the bag.
-        :param source: the bytes of the file, after its magic bytes.
+        :param source: the source of the file's bytes, at the position after the magic bytes.
         """
         self._path, self._context, self._source = path, context, source
         self._max_bytes = context.max_bytes
         self._types: dict[int, str] = {}
         self._streams: dict[int, Optional[Stream]] = {}
-        #: Channels that certainly have no TF messages.
+        #: The ids of the channels that certainly have no TF messages.
         self._channels_without_tf: set[int] = set()
 
     def index(self) -> Optional[list[tuple[int, int]]]:
         """
-        Read the index at the end of the file, and the channels in it.
+        Read the index at the end of the file; keep the streams of the channels in the index.
 
-        :returns: log time of the first message (ns) and position (bytes) of each chunk that may
-            have TF messages, sorted; None if there is no index of chunks.
-        :raises EOFError: if the file was cut off.
-        :raises Oversized: if the index is larger than the limit.
+        :returns: a sorted list of (time, position), one for each chunk that may have TF messages.
+            The time is the earliest log time in the chunk (ns), and the position is where the
+            chunk begins in the file (bytes). None if there is no index, or if the index lists no
+            chunks.
+        :raises EOFError: if the file is cut off.
+        :raises Oversized: if the index is larger than `max_bytes` of the context.
         :raises ValueError: if the index is damaged.
         """
         source = self._source
@@ -389,9 +397,11 @@ class _McapReader:
 
     def _chunks(self, summary: Buffer) -> Iterator[tuple[int, int, frozenset[int]]]:
         """
-        Yield the first log time (ns), the position and the channel ids of each chunk.
+        Yield the earliest log time (ns), the position (bytes) and the channel ids of each chunk.
 
-        The schemas and the channels in the summary are kept, too.
+        Also keep the types of the schemas and the streams of the channels in the index.
+
+        :param summary: the bytes of the index.
         """
         from mcap.data_stream import ReadDataStream
         from mcap.records import ChunkIndex
@@ -407,8 +417,9 @@ class _McapReader:
         """
         Yield the TF messages of indexed chunks, ordered by log time.
 
-        If chunks overlap so much that more than `_MAX_WAITING` bytes of messages wait for earlier
-        ones, the first of the waiting messages are yielded too early.
+        The log times of chunks may overlap. Messages then wait until messages with earlier log
+        times have been read. If the waiting messages take more than `_MAX_WAITING` bytes, those
+        with the earliest log times are yielded although the order may then be wrong.
 
         :param chunks: as `index` returns them.
         :returns: the stream and the bytes of each message.
@@ -484,16 +495,16 @@ class _McapReader:
 
     def _check_size(self, what: str, size: int) -> int:
         """
-        Return a size, unless it is too large.
+        Return a size if it is not too large.
 
-        :raises Oversized: if it is larger than the limit.
+        :raises Oversized: if the size is larger than `max_bytes` of the context.
         """
         if size > self._max_bytes:
             raise Oversized(what, str(size), self._max_bytes)
         return size
 
     def _add_definition(self, kind: int, record: Buffer) -> None:
-        """Keep the type of a schema, or the stream of a channel."""
+        """Keep the message type of a schema, or the stream of a channel."""
         from mcap.data_stream import ReadDataStream
         from mcap.records import Channel, Schema
         if kind == _SCHEMA:
@@ -509,7 +520,7 @@ class _McapReader:
 
     def _chunk(self, length: int) -> Iterator[tuple[int, Stream, bytes]]:
         """
-        Yield log time (ns), stream and bytes of the TF messages of a chunk, by log time.
+        Yield log time (ns), stream and bytes of each TF message of a chunk, in order of log time.
 
         :param length: the length of the record of the chunk (bytes).
         """
@@ -537,7 +548,12 @@ class _McapReader:
             raise _CutOff
 
     def _messages(self, data: Buffer, is_complete: bool) -> Iterator[tuple[int, Stream, bytes]]:
-        """Yield log time (ns), stream and bytes of the TF messages in a chunk, by log time."""
+        """
+        Yield log time (ns), stream and bytes of each TF message in a chunk, in order of log time.
+
+        :param data: the decompressed records of the chunk.
+        :param is_complete: False if the file ends in the middle of the chunk.
+        """
         times, starts = array('Q'), array('Q')
         latest, is_ordered = 0, True
         try:
@@ -571,7 +587,7 @@ class _McapReader:
         """
         Return the bytes of a message, decompressed if it is compressed by zstd.
 
-        No message in CDR begins with the magic bytes of zstd.
+        Only a compressed message begins with the magic bytes of zstd: a message in CDR never does.
 
         :returns: the bytes; None if they cannot be decompressed.
         """
@@ -582,9 +598,10 @@ class _McapReader:
 
 def _split(data: Buffer, tick: Tick) -> Iterator[tuple[int, int, int]]:
     """
-    Yield opcode, start and end of the content of each record in data.
+    Yield the opcode of each record in data, and the start and the end of the record's content.
 
-    :raises ValueError: if the last record does not end with the data, or a length is wrong.
+    :raises ValueError: if the last record does not end where the data end, or if the length or
+        the opcode of a record is wrong.
     """
     end, size = 0, len(data)
     while end < size:
@@ -600,12 +617,12 @@ def _split(data: Buffer, tick: Tick) -> Iterator[tuple[int, int, int]]:
 
 
 def _encoded(msgtype: str, encoding: str) -> str:
-    """Return a type of messages, with their encoding unless it is CDR."""
+    """Return a message type; if the encoding is not CDR, append the encoding."""
     return msgtype if encoding in ('cdr', '') else f'{msgtype} in {encoding}'
 
 
 def _decompressed(data: Buffer, path: Path, context: BagContext) -> Optional[bytes]:
-    """Decompress a message; note damage and return None if that fails."""
+    """Decompress a message. If this fails, report damage to the context and return None."""
     try:
         return bytes(decompress(data, 'zstd', None, context.max_bytes, 'message',
                                   context.tick))
@@ -617,8 +634,8 @@ def _decompressed(data: Buffer, path: Path, context: BagContext) -> Optional[byt
 # sqlite3
 
 _LARGEST_ID = 2**63 - 1
-#: A row: id, topic, length (bytes) and data of a message. The data are None if they are too long,
-#: or if the topic is not one of TF.
+#: A row of the query `_ROWS`: the id of a message, the id of its topic, its length (bytes) and its
+#: data. The data are None if they are longer than `max_bytes`, or if the topic has no TF messages.
 _Row = tuple[int, int, Optional[int], Optional[bytes]]
 _ROWS = ('SELECT id, topic_id, length(data), CASE WHEN topic_id IN ({topics}) AND '
          'length(data) <= {max_bytes} THEN CAST(data AS BLOB) END FROM messages')
@@ -630,8 +647,9 @@ def _records_of_sqlite(path: Path, whole: Path, context: BagContext, is_compress
     """
     Yield the TF messages of a database.
 
-    :param path: the path of the storage file, for the texts of errors.
-    :param whole: the path of the decompressed database.
+    :param path: the path of the storage file.
+    :param whole: the path of the decompressed database; `path` if the file is not compressed.
+    :param is_compressed: as in `_SqliteReader`.
     """
     log = path.with_name(f'{path.name}-wal')
     for other in log, path.with_name(f'{path.name}-shm'), path.with_name(f'{path.name}-journal'):
@@ -651,9 +669,13 @@ def _records_of_sqlite(path: Path, whole: Path, context: BagContext, is_compress
 
 def _without_incomplete_page(path: Path, log: Path, directory: Path, tick: Tick) -> Path:
     """
-    Return the path of a database, or of a copy without its incomplete last page.
+    Return the path of a database; if its last page is incomplete, of a copy without this page.
 
-    SQLite would read the missing rest of that page as zeros.
+    SQLite would read the missing rest of the page as zeros.
+
+    :param path: the path of the database.
+    :param log: the path of the write-ahead log; if the log exists, it is copied with the database.
+    :param directory: the directory for the copy.
     """
     with path.open('rb') as file:
         page_size = int.from_bytes(file.read(18)[16:], 'big')
@@ -685,17 +707,18 @@ class _SqliteReader:
         """
         Create a reader, and set the limits of the connection.
 
-        :param path: the path of the file, for the texts of errors.
+        :param path: the path of the storage file.
         :param context: the context of the bag.
-        :param database: a connection to the file.
-        :param is_compressed: whether each message is compressed; None: as metadata.yaml beside
-            the file, or the table `metadata` in it, declares.
+        :param database: a connection to the database.
+        :param is_compressed: whether each message is compressed separately. None: unknown;
+            then `metadata.yaml` beside the file, or else the table `metadata` in the database, is
+            read. If neither declares compressed messages, the messages are not compressed.
         """
         self._path, self._context, self._database = path, context, database
         self._max_bytes = context.max_bytes
         database.set_progress_handler(self._must_stop, 50_000)
         database.text_factory = lambda data: data.decode(errors='replace')
-        if sys.version_info >= (3, 11):  # this also limits the values that SQLite computes
+        if sys.version_info >= (3, 11):  # setlimit also limits values that SQLite computes
             database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(
                 2**31 - 1, max(self._max_bytes, _SMALLEST_LIMIT)))
         if context.partial:
@@ -708,7 +731,7 @@ class _SqliteReader:
         Yield the stream and the bytes of each TF message.
 
         :raises sqlite3.Error: if the file is damaged.
-        :raises ValueError: if the database is not one of rosbag2.
+        :raises ValueError: if the database does not have the tables of rosbag2.
         """
         tables = {name for (name,) in self._database.execute(
             "SELECT name FROM sqlite_master WHERE type = 'table'")}
@@ -739,9 +762,10 @@ class _SqliteReader:
 
     def _must_stop(self) -> bool:
         """
-        Return True if SQLite must end the query, because `tick` has raised.
+        Return True if SQLite must end the query, because `tick` has raised an exception.
 
-        The code that handles SQLite's error calls `tick` again, which raises the same exception.
+        SQLite then reports an error. After this error, `tick` is called again and raises the same
+        exception.
         """
         try:
             self._context.tick()
@@ -750,24 +774,28 @@ class _SqliteReader:
         return False
 
     def _message(self, length: Optional[int], data: Optional[bytes]) -> Optional[bytes]:
-        """Return the bytes of a message; None if it is too large, or cannot be decompressed."""
+        """Return the bytes of a message; None if it is too large or cannot be decompressed."""
         if max(length or 0, len(data or b'')) > self._max_bytes:
             self._context.handle_error(
                 self._path, Oversized('a message', str(length), self._max_bytes))
             return None
-        if data is None:  # NULL counts as a message that cannot be decoded
+        if data is None:  # NULL: counts as a message that cannot be decoded
             return b''
         return _decompressed(data, self._path, self._context) if self._is_compressed else data
 
     def _is_declared_compressed(self) -> bool:
-        """Return whether metadata beside the file or in it declare compressed messages."""
+        """
+        Return whether each message is declared to be compressed.
+
+        If `metadata.yaml` beside the file does not declare this, the table `metadata` is read.
+        """
         metadata = self._path.with_name('metadata.yaml')
         refuse_special(metadata)
         if metadata.exists():
             text = _text(metadata)
             if self._path.name in text and (declared := _declares_messages(text)) is not None:
                 return declared
-        with suppress(sqlite3.DatabaseError):  # there is no such table, or it is damaged
+        with suppress(sqlite3.DatabaseError):  # the table is missing or damaged
             for (text,) in self._database.execute(
                     'SELECT metadata FROM metadata WHERE length(metadata) < ? '
                     'ORDER BY id DESC LIMIT 1', (_LONGEST_METADATA,)):
@@ -775,7 +803,11 @@ class _SqliteReader:
         return False
 
     def _ids(self) -> tuple[int, int]:
-        """Return the smallest id and the number of ids from it to the largest; 1, 1 if unknown."""
+        """
+        Return the smallest id, and the number of ids from the smallest to the largest.
+
+        Both are 1 if there are no messages, or if the ids cannot be read.
+        """
         try:
             ((first, last),) = self._database.execute('SELECT min(id), max(id) FROM messages')
         except sqlite3.DatabaseError:
@@ -785,9 +817,9 @@ class _SqliteReader:
 
     def _recover(self, query: str) -> Iterator[_Row]:
         """
-        Yield the rows that can be read, by id; note how many rows are damaged.
+        Yield the rows that can be read, ordered by id; note how many rows are damaged.
 
-        :param query: the query for all rows, without conditions.
+        :param query: the query for all rows, without a WHERE clause.
         """
         first: Optional[int] = self._ids()[0]
         skipped, reason = 0, ''
@@ -802,7 +834,9 @@ class _SqliteReader:
             except sqlite3.DatabaseError as error:
                 self._context.tick()
                 reason = reason or str(error)
-            try:  # Python 3.10 reads one row ahead: this row may be undamaged
+            # The row at `first` may be undamaged: Python 3.10 reads one row ahead, so that the
+            # error may be that of the next row.
+            try:
                 row = self._read_row(query, first)
             except sqlite3.DatabaseError:
                 self._context.tick()
@@ -822,9 +856,9 @@ class _SqliteReader:
 
     def _read_row(self, query: str, first: int) -> Optional[_Row]:
         """
-        Return the first row whose id is at least `first`; None if there is none.
+        Return the first row whose id is at least `first`; None if there is no such row.
 
-        :raises sqlite3.DatabaseError: if it is damaged.
+        :raises sqlite3.DatabaseError: if this row is damaged.
         """
         row: Optional[_Row] = self._database.execute(
             f'{query} WHERE id >= ? ORDER BY id LIMIT 1', (first,)).fetchone()
@@ -834,10 +868,12 @@ class _SqliteReader:
 
     def _find_readable(self, query: str, first: int) -> Optional[int]:
         """
-        Return the next id from which rows can be read again; None if there is none.
+        Return the next id from which rows can be read again; None if there is no such id.
 
-        The search doubles its steps and then bisects, so that a few queries suffice.
+        From `first` on, ids are tried in steps until rows can be read. A step is twice as long as
+        the step before. The last step is then bisected. So the search needs few queries.
 
+        :param query: as in `_recover`.
         :param first: an id from which rows cannot be read.
         """
         step, bad = 1, first
@@ -855,7 +891,7 @@ class _SqliteReader:
         return good
 
     def _can_read(self, query: str, first: int) -> bool:
-        """Return True if the first row whose id is at least `first` is undamaged or missing."""
+        """Return False if the first row whose id is at least `first` is damaged, else True."""
         try:
             self._read_row(query, first)
         except sqlite3.DatabaseError:

@@ -8,34 +8,35 @@ Terms. An *edge* connects a child frame with its parent; a *path* is the edges b
 A *sample* is the pose of a child frame in its parent at one stamp. The *history* of a frame holds
 its samples in the order of their stamps. Stamps and times are integers, in nanoseconds. In a
 lookup, time 0 means the latest time for which every edge on the path has data. The *layout* of a
-message is the positions of its fields; it is the same for all messages with the same frames.
+message says at which byte each field begins. All messages with the same frames have the same
+layout.
 
 Pulling. A buffer has *sources*, such as the subscriptions of a TransformListener. To *pull* means
 to take from the sources the messages that have arrived, and to insert their transforms.
 `Engine.update` does this. It is called at the start of every lookup, and by the thread of each
 listener. While messages arrive fast, the listener's thread *pauses*: for up to 0.1 s, it leaves
 the messages of /tf in their queue. A lookup uses these messages, too, because it pulls. `insert`
-and `set_transform` also pull first, so that messages that have arrived are inserted before the
-transform of the call.
+and `set_transform` also pull first, so that messages that arrived before the call are inserted
+before the call's transform.
 
     source.take() -> batches -> Insertion -> History     under the lock, in any thread
     lookup -> Lookups -> FrameTree -> Path -> pose       under the lock, in any thread
 
 A `Batch` has the poses of several messages with the same frames. Its poses are inserted frame by
-frame. `Rows` are transforms that are inserted one by one: mainly those of static messages, of
-messages whose combination of frames is new, and of messages with several stamps.
+frame. `Rows` are transforms that are inserted one by one. They come mainly from static messages,
+from messages whose combination of frames is new, and from messages with several stamps.
 
 The trip of one message. Suppose that a message arrives on /tf, and that an earlier message had the
-same frames. The listener's thread then makes the calls below. If a lookup comes before the thread,
-the lookup makes the same calls, from `Engine.update` on.
+same frames. The listener's thread then makes the calls below. If a lookup begins before the thread
+has taken the message, the lookup makes the same calls, from `Engine.update` on.
 
     TransformListener._work     transform_listener.py   does one round of the listener's thread
     Engine.update               _core/engine.py         takes the lock
     Engine.pull                 _core/engine.py         inserts what each source has received
-    SubscriptionSource.take     _ros/subscription.py    takes what has arrived on both topics
-    Topic.take                  _ros/subscription.py    takes the messages of a queue, as bytes
+    SubscriptionSource.take     _ros/subscription.py    takes the messages of /tf and /tf_static
+    Topic.take                  _ros/subscription.py    takes the messages of one topic, as bytes
     MessageReader.read          _wire/streams.py        reads messages into a `Batch`, or `Rows`
-    key                         _wire/cdr.py            returns the key of the kept layout
+    key                         _wire/cdr.py            returns a key, which selects a layout
     _Layout.read                _wire/streams.py        reads the stamp and the poses
     Insertion.insert_batches    _core/insertion.py      inserts the batch, frame by frame
     normalize_poses             _core/insertion.py      normalises all rotations at once
@@ -44,69 +45,75 @@ the lookup makes the same calls, from `Engine.update` on.
 The calls are different in three cases: the user has overridden a callback of the listener; the
 user has overridden `insert`, `set_transform` or `set_transform_static` of the buffer; or the
 buffer is not an `Engine`. The listener's thread then takes and decodes the messages without the
-lock, and calls a callback of the listener for each message. In these cases the buffer cannot pull:
-its lookups use what the callbacks have inserted.
+lock, and calls a callback of the listener for each message. In these cases a lookup pulls no
+messages from the listener: the lookup uses only what the callbacks have inserted.
 
-Threads. Each listener has one thread. It waits in a wait set of rcl. When it wakes up, it calls
-`update`; if there are new data, it also calls `after_insertion`. The users' threads look up,
-insert and wait. A thread of `_ros/futures` ends the futures whose timeout is over. The thread that
-ends a listener joins the listener's thread for at most half a second. It does not join if it is
-the listener's thread itself, or if it holds the lock.
+Threads. Each listener has one thread, which waits in a wait set of rcl. When this thread wakes up,
+it calls `update`; if there are new data, it also calls `after_insertion`. The users' threads look
+up, insert and wait. A thread of `_ros/futures` ends the futures whose timeout is over. A call that
+ends a listener, such as `unregister`, joins the listener's thread for at most half a second. The
+call does not join if it is made in the listener's thread itself, or in a thread that holds the
+lock.
 
-The lock. A buffer has one lock, which is reentrant. It is always taken by `with`, except for a
-fork. While it is held, no callback of a user runs, nothing is logged, no thread is joined, and no
-other lock of this package is waited for. A block of `with buffer.fetched()` holds the lock for the
-user, who must then keep these rules. An insertion in such a block breaks them: while the lock is
-held, a refused transform is logged, and completed futures call their callbacks. A call is *nested*
-if its thread holds the lock already: a call in such a block, or in a signal handler or weakref
-callback that has interrupted another call of this buffer. A nested call uses the data as they are:
-it does not pull, and it does not wait. A signal handler may look up, but must not insert, since it
+The lock. A buffer has one lock, which is reentrant. The lock is taken by `with`, except before a
+fork. While the lock is held, no callback of a user runs, nothing is logged, no thread is joined,
+and no other lock of this package is waited for, except by a fork. A block of
+`with buffer.fetched()` holds the lock for the user, who must then keep these rules. An insertion
+in such a block breaks these rules, because it logs refused transforms and calls the callbacks of
+completed futures while the block holds the lock.
+
+A call is *nested* if its thread holds the lock already. This is so for a call in a block of
+`with buffer.fetched()`, and for a call in a signal handler or weakref callback that has
+interrupted another call of the same buffer. A nested call uses the data as they are: it does not
+pull, and it does not wait. A signal handler may look up, but must not insert, since the handler
 may have interrupted an insertion.
 
 Ctrl-C. CPython raises KeyboardInterrupt in the main thread only, and there only after a call, at
-the start of a function, and when a loop jumps back. Up to Python 3.13, nothing is raised after the
-call of `__enter__` by `with`, so `with` is safe on a lock that is written in C. (Later versions
-must be checked for this.) In `History`, the statements that change several lists follow each other
-directly, and only the last one may end with a call. `Source.take` returns a list that the source
-keeps, and `update` clears the list after the insertion. If the insertion is interrupted, the next
-update therefore inserts the same batches again. A sample that is in the history already is not
+the start of a function, and when a loop jumps back. A `with` statement calls `__enter__`. Up to
+Python 3.13, nothing is raised between this call and the block of `with`, so `with` is safe on a
+lock that is written in C. (Later versions must be checked for this.) In `History`, several lists
+must change together. Their changes follow each other without a call in between, so that nothing
+can be raised between them. `Source.take` returns a list that the source keeps, and `Engine.pull`
+clears this list after the insertion. If the insertion is interrupted, the list is not cleared, and
+the next pull inserts the same batches again. A sample that is in the history already is not
 inserted again.
 
 Who wakes whom. The *generation* of a buffer is a number that grows with each insertion. Three
 kinds of waiters are woken after an insertion:
 
-- A *blocked lookup* waits, in the thread that called it, for its transform. It has a queue, into
-  which each insertion puts the new generation. The lookup reads generations from the queue, and
-  tries again when one is newer than the generation of its last attempt. The queue is a
-  `SimpleQueue`, because a KeyboardInterrupt inside a `Condition` can leave a lock held. After its
-  first attempt, the lookup registers its queue, then wakes the sources, which ends a pause of the
-  listener's thread, and then tries again. In this order it misses no data: the second attempt
-  pulls what has arrived before it, and the listener's thread does not pause afterwards, because
-  the queue is registered. The lookup also tries every 0.2 s, because nothing wakes it when ROS is
-  shut down.
+- A *blocked lookup* is a call that waits for a transform. The lookup has a queue, into which each
+  insertion puts the new generation. The lookup reads generations from the queue, and tries again
+  when it reads a larger generation than that of its last attempt. The queue is a `SimpleQueue`,
+  because a KeyboardInterrupt inside a `Condition` can leave a lock held. After its first attempt,
+  the lookup registers its queue, then wakes the sources, and then tries again. When a source is
+  woken, the pause of its listener's thread ends. In this order the lookup misses no data: the
+  second attempt pulls what has arrived by then, and the listener's thread does not pause
+  afterwards, because the queue is registered. The lookup also tries again every 0.2 s, because
+  nothing wakes it when ROS is shut down.
 - A *future*, which `wait_for_transform_async` returns, is completed by `after_insertion`. This
-  method is called without the lock, because the callbacks of a future are users' code. It is
-  called by the thread that has inserted with `set_transform`, and by the listener's thread
-  whenever the generation has changed. If a lookup pulls messages while there are futures, it wakes
-  the sources, so that the listener's thread completes the futures.
+  method is called without the lock, because the callbacks of a future are users' code. The method
+  is called by the thread that has inserted with `set_transform`, and by the listener's thread
+  whenever the generation has changed. A lookup does not complete futures. A lookup that pulls
+  messages while there are futures wakes the sources, so that the listener's thread completes the
+  futures.
 - The *executor* that spins the node of a listener is woken by the listener's thread. The executor
-  then runs the coroutines that await a future, and `rclpy.spin_once` returns. It is woken at once
-  when the thread has completed a future. For other new data, it is woken at most ten times a
-  second, because each wake-up costs 0.1 to 0.3 ms. If the buffer has a node, each completed future
-  also wakes the executor of that node.
+  then runs the coroutines that await a completed future, and `rclpy.spin_once` returns. When the
+  listener's thread has completed a future, it wakes the executor at once. For other new data, it
+  wakes the executor at most ten times a second, because each wake-up costs 0.1 to 0.3 ms. If the
+  buffer has a node, each completed future also wakes the executor of that node.
 
 Shutdown. `remove_source` pulls for the last time, and removes the source. A blocked lookup gives
-up and raises the error of its last attempt in two cases: when the context of its buffer is shut
-down, and when the last source is removed, if the buffer had a source when the lookup began. A
-shutdown does not end futures: without a timeout, they stay pending, as in tf2_ros. The listener's
-thread ends when the listener is unregistered, when its node is destroyed, when its context is shut
-down, or when Python exits. At its end, it removes its source from the buffer and destroys the
-subscriptions.
+up and raises the error of its last attempt in two cases. The first case is that the context of the
+buffer is shut down. The second case is that the buffer had a source when the lookup began, and has
+none any more. A shutdown of ROS does not end futures: a future without a timeout stays pending, as
+in tf2_ros. The listener's thread ends when the listener is unregistered, when the listener's node
+is destroyed, when the context of this node is shut down, or when Python exits. At its end, the
+thread removes the listener's source from the buffer and destroys the subscriptions.
 
-Fork. The locks of all buffers are held while the process forks. Otherwise a lock of the child
-could be held by a thread that exists in the parent only. The child has the data, but no sources,
-threads or futures. If the lock of a buffer could not be taken in time, the child drops the dynamic
-transforms of that buffer; see `forking`.
+Fork. The locks of all buffers are taken before the process forks. Otherwise a lock in the child
+process could stay held forever, by a thread that exists in the parent process only. The child
+process has the data, but no sources, threads or futures. If the lock of a buffer could not be
+taken in time, the child process drops the dynamic transforms of that buffer; see `forking`.
 """
 
 from array import array
@@ -137,7 +144,7 @@ _INT64 = 1 << 63
 
 #: The longest time between two attempts of a blocked lookup (s).
 _RETRY_INTERVAL = 0.2
-#: The number of poses that are computed before the lock is released.
+#: The largest number of poses that `lookup_transforms` computes before it releases the lock.
 _CHUNK = 2048
 
 
@@ -146,10 +153,12 @@ class Source(Protocol):
 
     def take(self) -> list[BatchOrRows]:
         """
-        Return the transforms that have arrived, without blocking; called with the lock held.
+        Return the transforms that have arrived; do not block.
 
-        :returns: a list that the source keeps. The buffer clears it after inserting its items;
-            what is still in it is returned again by the next call.
+        The caller holds the lock of the buffer.
+
+        :returns: a list that the source keeps. The buffer clears this list after it has inserted
+            the items. Until then, each call returns these items again, followed by new ones.
         """
 
     def wake(self) -> None:
@@ -157,16 +166,16 @@ class Source(Protocol):
 
 
 class Engine:
-    """The base class of all buffers: their data, and the methods that do not depend on ROS."""
+    """The base class of all buffers, with the data and the methods that do not depend on ROS."""
 
     def __init__(self, cache_time: Any, max_frames: int, max_samples: Optional[int]) -> None:
         """
         Create an empty buffer.
 
-        :param cache_time: how long samples are kept (ns, or a duration); see `BufferCore`.
+        :param cache_time: how long samples are kept: an int (ns) or a duration; see `BufferCore`.
         :param max_frames: the largest number of frames; see `BufferCore`.
         :param max_samples: the largest number of samples, or None; see `BufferCore`.
-        :raises TypeError: if `cache_time` is not a duration.
+        :raises TypeError: if `cache_time` is neither an int nor a duration.
         :raises ValueError: if `cache_time` is negative, or `max_samples` is less than 1.
         """
         cache_time = nanoseconds_or_int(cache_time, 'cache_time')
@@ -180,7 +189,7 @@ class Engine:
         self._insertion = Insertion(self._lookups, max_frames, max_samples)
         self._sources: tuple[Source, ...] = ()
         self._generation = 0
-        #: The queue of each blocked lookup, into which new generations are put.
+        #: The queues of the blocked lookups. Each insertion puts the new generation into them.
         self._queues: set[SimpleQueue[int]] = set()
         self._futures: Sized = ()
         forking.register(self)
@@ -189,7 +198,7 @@ class Engine:
 
     def add_source(self, source: Source) -> None:
         """
-        Pull transforms from a source from now on.
+        Add a source, so that the buffer pulls from it.
 
         :param source: the source to be added.
         """
@@ -198,9 +207,9 @@ class Engine:
 
     def remove_source(self, source: Source) -> None:
         """
-        Pull for the last time from a source, then remove it.
+        Pull from all sources, then remove a source.
 
-        :param source: the source to be removed; nothing happens if it was removed before.
+        :param source: the source to be removed. If it was removed before, this only pulls.
         """
         try:
             self.update()
@@ -209,11 +218,11 @@ class Engine:
                 if source in self._sources:
                     i = self._sources.index(source)
                     self._sources = self._sources[:i] + self._sources[i + 1:]
-                    self._notify_waiters()  # a blocked lookup ends if this was the last source
+                    self._notify_waiters()  # blocked lookups end if no source is left
 
     def update(self) -> int:
         """
-        Pull: insert what has arrived in the sources, unless this thread holds the lock.
+        Pull: insert what the sources have received, unless this thread already holds the lock.
 
         :returns: the generation, a number that grows with each insertion.
         """
@@ -224,7 +233,11 @@ class Engine:
             return self._generation
 
     def pull(self) -> None:
-        """Insert what has arrived in the sources; call this with the lock, but not if nested."""
+        """
+        Insert what the sources have received.
+
+        Call this with the lock held, but not in a nested call.
+        """
         for source in self._sources:
             batches = source.take()
             if batches:
@@ -249,7 +262,7 @@ class Engine:
         :param frame_id: the name of the parent.
         :param child_frame_id: the name of the frame.
         :param pose: x, y, z (m) and the quaternion x, y, z, w.
-        :param authority: the name of the publisher, which `frames` returns.
+        :param authority: the name of the publisher; `frames` returns this name.
         :param is_static: True if the pose holds at all times.
         :returns: False if the transform was refused; the log says why.
         :raises TypeError: if a name is not a str, the stamp is not an integer, or the pose is
@@ -265,7 +278,7 @@ class Engine:
         x, y, z, qx, qy, qz, qw = array('d', pose)
         pose = x, y, z, qx, qy, qz, qw
         if self._sources:
-            self.update()  # messages that have arrived before this call come first
+            self.update()  # messages that arrived before this call are inserted first
         with self._lock:
             is_accepted = self._insertion.insert(stamp, frame_id, child_frame_id, pose, authority,
                                                  is_static)
@@ -276,9 +289,10 @@ class Engine:
 
     def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
         """
-        Insert the transforms of many messages; this is much faster than to call `insert` for each.
+        Insert the transforms of many messages, much faster than by one `insert` per transform.
 
-        :param batches: objects of the types `Batch` and `Rows`, as `MessageReader.read` returns.
+        :param batches: objects of the types `Batch` and `Rows`; `MessageReader.read` returns such
+            objects.
         """
         self.update()
         with self._lock:
@@ -299,7 +313,7 @@ class Engine:
 
     def clear(self) -> None:
         """Remove all dynamic transforms; static ones and the names of all frames stay."""
-        self._update_for_user()  # else messages that have arrived already would be inserted later
+        self._update_for_user()  # otherwise messages that have arrived would be inserted later
         with self._lock:
             try:
                 self._tree.clear()
@@ -309,14 +323,14 @@ class Engine:
     # Lookups, and waiting for transforms
 
     def _pull_and_call(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
-        """Pull, unless this thread holds the lock, and call a function with the lock held."""
+        """Pull, unless this thread already holds the lock; then call a lookup with the lock."""
         if self._sources:
             self._update_for_user()
         with self._lock:
             return lookup(*arguments)
 
     def _update_for_user(self) -> None:
-        """Pull in a user's thread, and leave pending futures to the listener's thread."""
+        """Pull in a user's thread; if there are new data, wake the sources to complete futures."""
         before = self._generation
         if self.update() > before and len(self._futures):
             self._wake_sources()
@@ -325,7 +339,7 @@ class Engine:
         """
         Insert pending messages, and return a context manager that holds the lock.
 
-        So the block `with buffer.fetched():` sees one consistent state of the buffer.
+        So all lookups in the block of `with buffer.fetched():` see the same state of the buffer.
 
         :returns: a context manager; use it without `as`.
         """
@@ -337,7 +351,7 @@ class Engine:
         """
         Return whether this thread holds the lock, as in a block of `fetched`.
 
-        :returns: True if it holds the lock.
+        :returns: True if this thread holds the lock.
         """
         return bool(self._lock._is_owned())
 
@@ -351,18 +365,18 @@ class Engine:
             source.wake()
 
     def _liveness(self) -> tuple[bool, ...]:
-        """Return flags; a blocked lookup ends when one of them changes from True to False."""
+        """Return flags; a blocked lookup ends when one of the flags changes from True to False."""
         return (bool(self._sources),)
 
     def _wait(self, timeout: float, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
         """
-        Call a lookup, and call it again when data arrive, until it succeeds or time is up.
+        Call a lookup again whenever data arrive, until it succeeds or the timeout is over.
 
         A nested call does not wait.
 
         :param timeout: how long to wait at most (s), on the wall clock.
-        :raises TransformException: the last error of the lookup, if time is up or a flag of
-            `_liveness` has changed to False.
+        :raises TransformException: the last error of the lookup, if the timeout is over or a flag
+            of `_liveness` has changed to False.
         """
         try:
             return self._pull_and_call(lookup, *arguments)
@@ -375,8 +389,8 @@ class Engine:
             self._queues.add(queue)
             self._wake_sources()
             while True:
-                # Read the flags before the attempt: if the last source was removed by now, the
-                # attempt uses all of its data.
+                # Read the flags before the attempt. If they say that no source is left, all data
+                # of the removed sources are in the buffer, and this attempt is the last one.
                 flags = self._liveness()
                 self.update()
                 with self._lock:
@@ -415,16 +429,16 @@ class Engine:
         """
         Return the poses of the source frame in the target frame at many times.
 
-        More than 2048 times are looked up in several parts. Between two parts, new data may be
-        inserted.
+        If `times` has more than 2048 elements, it is looked up in parts. Between two parts, new
+        data may be inserted.
 
         :param target_frame: the frame in which the results are expressed.
         :param source_frame: the frame whose poses are looked up.
         :param times: (n,) integers: the times (ns); 0: the latest time for which every edge on the
             path has data.
-        :returns: (n, 3) float64: translations x, y, z (m); (n, 4) float64: quaternions x, y, z, w;
-            (n,) bool: True where there is a transform. Where it is False, `lookup_transform` would
-            raise, and the numbers are NaN.
+        :returns: three arrays. (n, 3) float64: translations x, y, z (m); (n, 4) float64:
+            quaternions x, y, z, w; (n,) bool: True where there is a transform. Where the bool is
+            False, `lookup_transform` would raise, and the numbers of the other arrays are NaN.
         :raises TypeError: if the times are not integers.
         :raises OverflowError: if a time does not fit in an int64.
         :raises ValueError: if the shape of `times` is not (n,).
@@ -444,20 +458,21 @@ class Engine:
         Return, for each target frame, the poses of all frames that are connected to it.
 
         Each pose is valid at the latest time for which every edge on its path has data. Up to
-        rounding, `lookup_transform` returns the same for each frame. This method takes a fraction
-        of its time if the transforms on a path have the same stamps.
+        rounding, `lookup_transform` returns the same pose for each frame. If the transforms on a
+        path have the same stamps, this method takes a fraction of the time of these lookups.
 
         :param target_frames: the frames in which the results are expressed.
-        :param until: use only samples up to this time (ns), and the parents that the frames had
-            then; 0: use all samples.
-        :returns: for each target frame, a dict from the name of a source frame to its transform,
-            in the order of the number of edges between them. Frames without a transform are left
-            out.
+        :param until: the latest time (ns) at which a pose may be valid. The paths follow the
+            parents that the frames had at this time. 0: no limit, and the newest parents.
+        :returns: for each target frame, a dict from the name of each connected frame to its
+            transform. The nearest frames, counted in edges, come first. Frames without a transform
+            are left out.
         :raises TransformException: if a target frame does not exist.
         :raises TypeError: if `target_frames` is a str.
         """
         if isinstance(target_frames, str):
-            raise TypeError(f'target_frames must be a list of names, got {target_frames!r}')
+            raise TypeError('target_frames must be names in a list or another iterable, got '
+                            f'{target_frames!r}')
         targets = list(target_frames)
         return [{name: Transform(time, target, name, pose[:3], pose[3:])
                  for name, (time, pose) in placed.items()}
@@ -468,12 +483,12 @@ class Engine:
         """
         Return the names of the frames on the path between two frames.
 
-        The path is the one at the latest time for which each of its edges has data.
+        The path is the one at the latest time for which every edge between the frames has data.
 
         :param target_frame: the last frame of the chain.
         :param source_frame: the first frame of the chain.
         :returns: the names, from the source frame to the target frame.
-        :raises TransformException: if there is no such transform; its subclass says why.
+        :raises TransformException: if there is no such path; the type of the exception says why.
         """
         return self._pull_and_call(
             self._lookups.chain, target_frame, 0, source_frame, 0, source_frame)
@@ -517,11 +532,12 @@ class Engine:
         """
         Return all data of the buffer, as lists and dicts that `json` can write.
 
-        :returns: a dict from the name of each frame to a dict of its n samples, in the order of
-            their stamps: `parents`, n names; `stamps`, n int (ns); `poses`, n lists of 7 float:
-            x, y, z (m) and the quaternion x, y, z, w; `authority`, the publisher of the sample
-            that was inserted last; `is_static`. A static frame has one sample, with stamp 0. A
-            frame that has occurred only as a parent has no samples.
+        :returns: a dict from the name of each frame to a dict with five keys. For n samples, in
+            the order of their stamps, `parents` is a list of n names, `stamps` is a list of n int
+            (ns), and `poses` is a list of n lists of 7 float: x, y, z (m) and the quaternion
+            x, y, z, w. `authority` is the publisher of the sample that was inserted last, and
+            `is_static` is a bool. A static frame has one sample, with stamp 0. A frame that has
+            occurred only as a parent has no samples.
         """
         return self._pull_and_call(self._tree.dump)
 
@@ -544,11 +560,11 @@ class Engine:
         """
         Drop the sources and the queues of blocked lookups, which work in the parent process only.
 
-        The child process has one thread, and the middleware does not work in it. So lookups use
-        the data that the buffer had when the process forked.
+        The child process has one thread, and the middleware does not work in this process. So
+        lookups use the data that the buffer had when the process forked.
 
-        :param was_held: True if the fork had taken the lock. If not, another thread may have been
-            changing the data, so all dynamic transforms are dropped.
+        :param was_held: True if the lock was taken before the fork. If not, another thread may
+            have been changing the data, so all dynamic transforms are dropped.
         """
         self._sources = ()
         self._queues.clear()

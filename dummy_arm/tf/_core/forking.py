@@ -1,12 +1,13 @@
 """
 Forks of a process that has buffers.
 
-The locks of all buffers are taken before a fork, and released after it in the parent and in the
-child. Otherwise a lock that another thread holds during the fork would never be released in the
-child, which does not have that thread.
+The locks of all buffers are taken before a fork. After the fork, these locks are released in the
+parent process and in the child process. Without this, a lock that another thread holds during the
+fork would never be released in the child process, because that process does not have the thread.
 
-A fork waits about 5 s for these locks, then it goes on. In the child, a buffer whose lock was not
-taken drops its dynamic transforms, because another thread may have been changing them.
+A fork waits at most about 5 s for the locks of all buffers. Then it goes on, even if some locks
+could not be taken. In the child process, a buffer whose lock was not taken drops its dynamic
+transforms, because another thread may have been changing these transforms.
 """
 
 from _thread import interrupt_main
@@ -17,9 +18,9 @@ from time import monotonic
 from typing import Protocol
 from weakref import WeakValueDictionary
 
-#: How long a fork waits for the locks of all buffers, about (s).
+#: The longest time (s) that a fork waits, approximately, for the locks of all buffers together.
 _PATIENCE = 5.0
-#: How long one attempt waits for the lock of one buffer (s).
+#: The longest time (s) that one attempt waits for the lock of one buffer.
 _PATIENCE_PER_LOCK = 0.02
 
 
@@ -38,7 +39,7 @@ class _Buffer(Protocol):
         """
         Return whether this thread holds the lock.
 
-        :returns: True if it holds the lock.
+        :returns: True if this thread holds the lock.
         """
 
     def pull(self) -> None:
@@ -51,8 +52,8 @@ class _Buffer(Protocol):
         """
         Drop the objects that work in the parent process only, such as sources.
 
-        :param was_held: True if the fork had taken the lock, so that no other thread was changing
-            the data.
+        :param was_held: True if the lock was taken before the fork, so that no other thread was
+            changing the data.
         """
 
 
@@ -60,8 +61,8 @@ class _Buffer(Protocol):
 _buffers: 'WeakValueDictionary[int, _Buffer]' = WeakValueDictionary()
 #: Held while the process forks.
 _forking = RLock()
-#: The forks that are under way, in the order in which they began. There are several only if a
-#: signal handler forks during a fork.
+#: The forks that are under way, in the order in which they began. There is more than one only if
+#: a signal handler forks the process during a fork.
 _forks: list['_Fork'] = []
 
 
@@ -69,13 +70,13 @@ def register(buffer: _Buffer) -> None:
     """
     Hold the lock of a buffer during all forks from now on.
 
-    :param buffer: the buffer, which may be deleted later.
+    :param buffer: the buffer; only a weak reference to it is kept.
     """
     _buffers[id(buffer)] = buffer
 
 
 class _Fork:
-    """One fork of the process, with the buffers that exist at that time."""
+    """One fork of the process, with the buffers that exist at the time of the fork."""
 
     def __init__(self) -> None:
         """Collect the buffers; no lock is taken yet."""
@@ -86,10 +87,10 @@ class _Fork:
 
     def prepare(self) -> None:
         """
-        Take the locks of all buffers, as far as they can be had in time.
+        Take the locks of all buffers, except those that other threads do not release in time.
 
         A KeyboardInterrupt is remembered until after the fork. If it were raised here, Python
-        would print it and fork all the same.
+        would only print it, and would fork anyway.
         """
         deadline = monotonic() + _PATIENCE
         is_done = False
@@ -105,22 +106,25 @@ class _Fork:
         """
         Take the locks one after the other, and insert the messages that have arrived.
 
-        If one lock cannot be had, the caller must release the others before it tries again: the
-        thread that holds this lock may be waiting for one of the others.
+        If a lock cannot be taken, the caller must release the locks that were taken, and only then
+        try again. Otherwise there could be a deadlock, because the thread that holds the missing
+        lock may be waiting for one of the locks that were taken.
 
-        :param is_last: True to continue without the locks that cannot be had.
-        :returns: False if a lock could not be had, and `is_last` is False.
+        :param is_last: True to go on without the locks that cannot be taken.
+        :returns: False if a lock could not be taken and `is_last` is False.
         """
         for i, buffer in enumerate(self._buffers):
-            # If this thread holds the lock already, it may be in the middle of an insertion.
+            # If this thread holds the lock already, the thread may be in the middle of an
+            # insertion. So no messages are inserted then.
             is_nested = buffer.is_held()
             if buffer.hold_for_fork(_PATIENCE_PER_LOCK):
                 self._held.append(buffer)
                 if not is_nested:
                     with suppress(Exception):
-                        buffer.pull()  # the child has no sources to pull from
+                        buffer.pull()  # the child process has no sources to pull from
             elif not is_last:
-                # The next attempt waits for this lock first, while it holds no other.
+                # The next attempt begins with this lock, so that no other lock is held during the
+                # wait.
                 self._buffers.insert(0, self._buffers.pop(i))
                 return False
         return True
@@ -148,7 +152,9 @@ def _after_fork_in_parent() -> None:
     fork = _forks.pop()
     fork.release()
     _forking.release()
-    if fork.is_interrupted:  # Python would only print an exception that is raised in this function
+    if fork.is_interrupted:
+        # Python would only print an exception that is raised in this function. So the
+        # KeyboardInterrupt is raised in the main thread a moment later.
         Timer(0.05, interrupt_main).start()
 
 

@@ -1,4 +1,4 @@
-"""The state of each frame in a buffer, and the texts in which tf2 writes it."""
+"""The state of each frame in a buffer, and functions that write states in tf2's formats."""
 
 from collections.abc import Iterable
 import re
@@ -6,9 +6,10 @@ from typing import NamedTuple, Optional
 
 from dummy_arm.tf._core.times import display_time, in_seconds
 
-#: The shortest time span (ns) by which tf2 divides to compute a rate.
+#: To compute a rate, tf2 divides the number of samples by their time span, but at least by this
+#: time span (ns).
 _SHORTEST_SPAN = 100_000
-#: A key that YAML reads as a string although it is not quoted.
+#: Matches a key that YAML reads as a string, even without quotes.
 _PLAIN = re.compile(r'(?!(?i:true|false|yes|no|on|off|null|y|n)$)[A-Za-z_][\w/.-]*', re.ASCII)
 
 
@@ -17,20 +18,20 @@ class Frame(NamedTuple):
 
     name: str
     parent: str
-    authority: str  #: the publisher of its newest transform
+    authority: str  #: the publisher of the transform that was inserted last
     is_static: bool
-    length: int  #: the number of its samples; 1 if it is static
-    latest: int  #: the newest stamp (ns); 0 if it is static
-    oldest: int  #: the oldest stamp (ns); 0 if it is static
+    length: int  #: the number of samples; 1 if the frame is static
+    latest: int  #: the newest stamp (ns); 0 if the frame is static
+    oldest: int  #: the oldest stamp (ns); 0 if the frame is static
 
     @property
     def rate(self) -> float:
-        """The average rate of its samples (Hz), as tf2 computes it: 10000 for a single sample."""
+        """The average rate of the samples (Hz), computed as in tf2; 10000 for a single sample."""
         return self.length * 1e9 / max(self.latest - self.oldest, _SHORTEST_SPAN)
 
     @property
     def buffer_length(self) -> float:
-        """The time from its oldest to its newest sample (s)."""
+        """The time from the oldest to the newest sample (s)."""
         return in_seconds(self.latest - self.oldest)
 
 
@@ -38,7 +39,7 @@ def as_string(edges: Iterable[tuple[str, Optional[str]]]) -> str:
     r"""
     Write frames and their parents as tf2's allFramesAsString does.
 
-    :param edges: pairs of a frame and its parent; None: it has no parent.
+    :param edges: pairs of a frame and its parent; the parent is None if the frame has no parent.
     :returns: one line for each pair.
 
     >>> as_string([('tool', 'arm')])
@@ -52,7 +53,7 @@ def as_yaml(frames: Iterable[Frame]) -> str:
     """
     Write frames as tf2's allFramesAsYAML does.
 
-    Unlike tf2, this quotes a name that YAML would not read as the same string.
+    Unlike in tf2, a name is quoted if YAML would not read the unquoted name as the same string.
 
     :param frames: the frames that have a parent.
     :returns: the YAML; '' if there are no frames.
@@ -82,7 +83,7 @@ def _yaml_key(name: str) -> str:
 
 def _yaml_value(text: str) -> str:
     """
-    Write a text as a YAML value, in single quotes as tf2 does if that is possible.
+    Write a text as a YAML value: in single quotes, as in tf2, or if necessary in double quotes.
 
     >>> print(_yaml_value('base_link'))
     'base_link'
@@ -107,11 +108,12 @@ def as_dot(frames: Iterable[Frame], names: Iterable[str], now: int = 0) -> str:
     """
     Write frames in the DOT language as tf2's allFramesAsDot does.
 
-    Unlike tf2, this escapes the characters of a name that DOT would not read as they are.
+    Unlike in tf2, the characters of a name that DOT would change are escaped.
 
     :param frames: the frames that have a parent.
-    :param names: the names of all frames, with the roots.
-    :param now: the time (ns) at which the ages are computed; 0: write no ages.
+    :param names: the names of all frames, including the roots.
+    :param now: the current time (ns), from which the age of each newest transform is computed; 0:
+        write no ages.
     :returns: the text of the graph.
     """
     edges = list(frames)
@@ -147,5 +149,5 @@ def dot_quoted(name: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    """Return a text as it is written between double quotes in DOT."""
+    """Escape a text for use between double quotes in DOT."""
     return text.replace('\\', '\\\\').replace('"', '\\"').replace('\n', '\\n')

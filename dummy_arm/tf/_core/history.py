@@ -1,4 +1,4 @@
-"""The history of one frame: its samples, that is, its poses in its parent, ordered by stamp."""
+"""The history of one frame: samples of its pose in its parent, in the order of their stamps."""
 
 from array import array
 from bisect import bisect_left, bisect_right
@@ -10,14 +10,15 @@ from numpy.typing import NDArray
 
 from dummy_arm.tf._core.pose import Columns, interpolate, interpolate_columns, Pose, POSE_BYTES
 
-#: The largest number of samples with the same stamp. Lookups use only the first and the last.
+#: The largest number of samples with the same stamp. Lookups use only the first and the last of
+#: them.
 MAX_SAMPLES_PER_STAMP = 100
 _pack_pose = struct.Struct('7d').pack
 _read_pose = struct.Struct('7d').unpack_from
 _read_two_poses = struct.Struct('14d').unpack_from
 
-#: The state of a frame: its newest parent, the publisher that sent a sample last,
-#: whether it is static, the number of samples, the newest and the oldest stamp (ns).
+#: The state of a frame: its newest parent, the publisher of the sample that was inserted last,
+#: whether the frame is static, the number of samples, the newest stamp and the oldest stamp (ns).
 State = tuple[str, str, bool, int, int, int]
 
 
@@ -29,20 +30,20 @@ class History:
     """
     The samples of a dynamic frame.
 
-    Before a sample is inserted, the samples that are older than the newest one by more than the
-    cache time expire.
+    A sample is *expired* if it is older than the newest sample by more than the cache time. Before
+    a new sample is inserted, the expired samples are dropped.
 
-    The i-th sample has the stamp `stamps[i]` (ns) and the i-th 56 bytes of `poses`. The samples
-    before the index `start` have been dropped; they are removed from memory many at a time.
-    If every sample has the same parent, it is `only_parent`, and `parents` is None. Otherwise
-    `only_parent` is '', and `parents` is the parent of each sample; this may stay so for some time
-    after the samples with other parents were dropped. The keys of the dict `all_parents` are all
-    parents that occur in the samples, and perhaps some that occur in dropped samples only.
+    The stamp of sample i is `stamps[i]` (ns). Its pose is in `poses`, in the 56 bytes from the
+    index 56 i on. The samples before the index `start` have been dropped; they are removed from
+    memory many at a time. If all samples have the same parent, `only_parent` is this parent, and
+    `parents` is None. Otherwise `only_parent` is '', and `parents[i]` is the parent of sample i.
+    `parents` may still be a list for some time after the samples with other parents were dropped.
+    The keys of the dict `all_parents` are all parents that occur in the samples, and perhaps some
+    parents that occurred only in samples that have been dropped.
 
     KeyboardInterrupt can be raised after a call, at the start of a function and when a loop jumps
-    back, but nowhere else. Therefore the statements that change several lists together follow each
-    other directly. Each first computes everything, then changes its list without a further call;
-    only the final statement may make its change by a call, such as `stamps.insert`.
+    back, but nowhere else. If several lists must change together, no call comes between the first
+    and the last of these changes. So either all of these lists are changed, or none.
     """
 
     __slots__ = ('all_parents', 'authority', 'cache_time', 'only_parent', 'parents', 'poses',
@@ -54,7 +55,7 @@ class History:
         """
         Create a history without samples.
 
-        :param cache_time: how much older than the newest sample a sample may be (ns).
+        :param cache_time: how long samples are kept (ns), counted back from the newest sample.
         """
         self.cache_time = cache_time
         self.stamps = array('q')
@@ -83,7 +84,7 @@ class History:
         Return the state of the frame.
 
         :param until: use only samples up to this time (ns); 0: use all samples.
-        :returns: the state, or None if there are no such samples.
+        :returns: the state, or None if there are no samples up to that time.
         """
         stamps, start = self.stamps, self.start
         newest = len(stamps) - 1
@@ -99,7 +100,7 @@ class History:
 
     def append(self, stamps: 'array[int]', poses: bytes, authority: str) -> bool:
         """
-        Append samples with the parent `only_parent`, if they are newer than all in the history.
+        Append samples with the parent `only_parent`, if they are newer than all samples here.
 
         :param stamps: (n,) stamps (ns), in increasing order.
         :param poses: n poses of 56 bytes each.
@@ -110,12 +111,12 @@ class History:
         if self.parents is not None or not own_stamps or stamps[0] <= own_stamps[-1]:
             return False
         self.authority = authority
-        # The same samples expire as if `insert` was called for each sample. It drops expired
-        # samples before it adds the new one, so before the last one the newest stamp is
-        # `stamps[-2]`.
+        # Drop the same samples as calls of `insert`, one for each new sample, would drop. Each of
+        # these calls would drop the expired samples before it adds its own sample. So for the last
+        # call, the newest stamp would be the second last of all stamps.
         earliest = (own_stamps[-1] if len(stamps) == 1 else stamps[-2]) - self.cache_time
-        # If an earlier `extend` raised MemoryError, there are poses without stamps at the end;
-        # they are overwritten here.
+        # If an earlier `extend` raised MemoryError, there are poses without stamps at the end of
+        # `poses`. They are overwritten here.
         self.poses[len(own_stamps) * POSE_BYTES:] = poses
         own_stamps.extend(stamps)
         if own_stamps[self.start] < earliest:
@@ -126,13 +127,14 @@ class History:
         """
         Insert a sample in the order of the stamps, after the samples with the same stamp.
 
-        A sample that is in the history already is not inserted again.
+        A sample that is in the history already is not inserted again. If there are already
+        `MAX_SAMPLES_PER_STAMP` samples with the same stamp, the new sample replaces the last one.
 
         :param stamp: time of the pose (ns).
         :param parent: the name of the parent.
         :param pose: x, y, z (m) and the quaternion x, y, z, w.
         :param authority: the publisher.
-        :returns: False if the sample was refused, as it is older than the cache time allows.
+        :returns: False if the sample was refused because it is older than the cache time allows.
         """
         stamps = self.stamps
         position = len(stamps)
@@ -187,8 +189,8 @@ class History:
         self.start = start
         if start <= 16 or start * 5 <= len(self.stamps):
             return
-        # One expired sample stays in front: if the first bytes of a bytearray were deleted, it
-        # would only advance its start, and would not use their memory again.
+        # A bytearray does not reuse the memory of bytes that are deleted at its very beginning. So
+        # one dropped sample stays at the beginning, and the other dropped samples are deleted.
         self.start = 1
         del self.poses[POSE_BYTES:start * POSE_BYTES]
         del self.stamps[1:start]
@@ -203,13 +205,14 @@ class History:
         """
         Return the index of the last sample that is not newer than a time.
 
-        Of several samples with the same stamp, the result is the sample that was inserted last;
-        but at the oldest stamp, it is the sample that was inserted first, unless all samples have
-        that stamp.
+        If several samples have the same stamp, the result is the one that was inserted last, as in
+        tf2. There is one exception, also as in tf2: if `time` is the oldest stamp, and there are
+        newer samples, the result is the sample that was inserted first.
 
         :param time: time (ns); 0: the stamp of the newest sample.
         :returns: the index of the sample.
-        :raises NoPose: if the time is before the oldest sample or after the newest one.
+        :raises NoPose: if the time is before the oldest sample or after the newest one, or if
+            there are no samples.
         """
         stamps, start = self.stamps, self.start
         newest = len(stamps) - 1
@@ -233,13 +236,15 @@ class History:
 
     def pose_at(self, time: int) -> Pose:
         """
-        Return the pose at a time, interpolated between two samples with the same parent.
+        Return the pose at a time.
 
-        Between samples with different parents, it is the pose of the earlier sample.
+        Between two samples with the same parent, the pose is interpolated. Between two samples
+        with different parents, the result is the pose of the earlier sample.
 
         :param time: time (ns); 0: the stamp of the newest sample.
         :returns: x, y, z (m) and the quaternion x, y, z, w.
-        :raises NoPose: if the time is before the oldest sample or after the newest one.
+        :raises NoPose: if the time is before the oldest sample or after the newest one, or if
+            there are no samples.
         """
         stamps = self.stamps
         if not time or not stamps or not stamps[self.start] < time < stamps[-1]:
@@ -256,10 +261,10 @@ class History:
         """
         Return the poses at many times; all samples must have the same parent.
 
-        :param times: (n,) int64: the times (ns).
+        :param times: (n,) int64: the times (ns); here, 0 has no special meaning.
         :param known: (n,) bool, changed in place: set to False where there is no pose.
-        :returns: seven arrays of shape (n,): x, y, z (m) and the quaternion x, y, z, w; their
-            values have no meaning where there is no pose.
+        :returns: seven arrays of shape (n,): x, y, z (m) and the quaternion x, y, z, w. Where
+            there is no pose, the numbers have no meaning.
         """
         stamps: Any = None
         poses: Any = None
@@ -276,8 +281,8 @@ class History:
             stamps_before, stamps_after = stamps.take(before), stamps.take(after)
             poses_before, poses_after = _columns(poses[before]), _columns(poses[after])
         finally:
-            # An array cannot grow while numpy refers to its memory. A traceback would keep these
-            # variables, and with them the references.
+            # An array cannot grow while numpy refers to its memory. If an exception is raised, its
+            # traceback refers to these variables, and they refer to that memory. So delete them.
             del stamps, poses
         # The difference of two int64 may be too large for an int64, but not for a uint64.
         span = (stamps_after - stamps_before).view(np.uint64)
@@ -287,7 +292,7 @@ class History:
 
     def parent_of(self, index: int) -> str:
         """
-        Return the parent in a sample.
+        Return the parent of the frame in a sample.
 
         :param index: the index of the sample.
         :returns: the name of the parent.
@@ -362,7 +367,7 @@ class StaticHistory:
         """
         Return the state of the frame.
 
-        :param until: ignored, as the state is the same at all times.
+        :param until: ignored, because the state is the same at all times.
         :returns: the state.
         """
         return self.only_parent, self.authority, True, 1, 0, 0
@@ -381,7 +386,7 @@ class StaticHistory:
         Return the pose in a form that numpy broadcasts to any number of poses.
 
         :param times: ignored.
-        :param known: stays as it is, as there is a pose at all times.
+        :param known: not changed, because there is a pose at all times.
         :returns: seven arrays of shape (1,): x, y, z (m) and the quaternion x, y, z, w.
         """
         x, y, z, qx, qy, qz, qw = np.array([self.pose]).T
@@ -419,5 +424,5 @@ AnyHistory = Union[History, StaticHistory]
 
 
 def _columns(poses: NDArray[np.void]) -> Any:
-    """Copy poses into columns, with which numpy computes much faster than with rows."""
+    """Copy poses into columns; numpy computes much faster with columns than with rows."""
     return poses.view(np.float64).reshape(-1, 7).T.copy()

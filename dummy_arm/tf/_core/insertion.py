@@ -33,18 +33,18 @@ _unpack_pose = struct.Struct('7d').unpack
 
 
 class Insertion:
-    """The insertion of transforms into a tree of frames; its methods need the buffer's lock."""
+    """The insertion of transforms into a tree of frames; callers must hold the buffer's lock."""
 
     def __init__(self, lookups: Lookups, max_frames: int, max_samples: Optional[int]) -> None:
         """
         Create the insertion for one buffer.
 
-        :param lookups: the lookups of the buffer: the tree into which transforms are inserted, and
-            the paths, which are cleared when a frame gets a new parent.
+        :param lookups: the lookups of the buffer. Transforms are inserted into `lookups.tree`;
+            `lookups.paths` is cleared when a frame gets a new parent.
         :param max_frames: the largest number of frames; a transform that would add another frame
             is refused.
-        :param max_samples: the largest number of samples of all frames together; None: no limit,
-            neither for all frames together nor for a single frame.
+        :param max_samples: the largest number of samples of all dynamic frames together; None:
+            there is no limit, neither for all frames together nor for a single frame.
         """
         self.log = ThrottledLog()
         self._tree, self._lookups = lookups.tree, lookups
@@ -54,7 +54,8 @@ class Insertion:
         self._max_samples_per_frame = sys.maxsize if max_samples is None else max(
             MAX_SAMPLES_PER_STAMP, _MAX_SAMPLES_PER_SECOND * self._tree.cache_time // SECOND)
         #: A lower bound for the number of samples that can be inserted before the buffer is full.
-        #: If it is below 0, `_drop_oldest` may count all samples again.
+        #: When samples expire, this number does not increase, although they make room.
+        #: `_drop_oldest` counts all samples and corrects this number.
         self._room = self._max_samples
         #: True if there was no room when the samples were last counted.
         self._is_full = False
@@ -65,30 +66,31 @@ class Insertion:
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
         """
-        Insert one transform, as `Engine.insert`, but without checking the types.
+        Insert one transform as `Engine.insert` does, but without checking the types.
 
         :param stamp: time of the pose (ns).
         :param frame_id: the name of the parent.
-        :param child_frame_id: the name of the frame.
+        :param child_frame_id: the name of the child frame.
         :param pose: x, y, z (m) and the quaternion x, y, z, w of any length.
         :param authority: the name of the publisher.
         :param is_static: True if the pose holds at all times.
-        :returns: False if the transform was refused. The log has the reason, but each kind of
-            reason at most once a second, and 'too many frames' only once.
+        :returns: False if the transform was refused. The reason is logged, but reasons of the same
+            kind are logged at most once a second, and the reason 'too many frames' only once.
         """
         return self._insert(stamp, frame_id.removeprefix('/'), child_frame_id.removeprefix('/'),
                             pose, authority, is_static)
 
     def _insert(self, stamp: int, parent: str, child: str, pose: Pose, authority: str,
                 is_static: bool) -> bool:
-        """Insert one transform; the leading slash of its names has been removed."""
+        """Insert one transform; the caller has removed a leading slash from each name."""
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
         if warnings := problems(parent, child, pose, authority):
             self.log.warn(*warnings)
             return False
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
-            # tf2 accepts an infinite translation; its lookups then return NaN.
+            # tf2 accepts an infinite translation, and lookups in tf2 then return NaN. So NaN is
+            # inserted here.
             pose = (math.nan, math.nan, math.nan, *pose[3:])
         if self._tree.has_edge(parent, child, is_static):
             is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
@@ -96,8 +98,8 @@ class Insertion:
             try:
                 is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
             finally:
-                # This calls dict.clear directly: a KeyboardInterrupt at the start of a Python
-                # function would leave invalid paths.
+                # dict.clear is called directly, and not in a Python function, because a
+                # KeyboardInterrupt at the start of such a function would leave invalid paths.
                 self._lookups.paths.clear()
         else:
             return False
@@ -112,7 +114,7 @@ class Insertion:
         return is_accepted
 
     def _accepts_names(self, parent: str, child: str, authority: str) -> bool:
-        """Return True if both names are short enough, and there are not too many frames."""
+        """Return True if both names are short enough, and new frames do not exceed the limit."""
         if is_too_long(parent) or is_too_long(child):
             self.log.warn(too_long_name(parent, child, authority))
             return False
@@ -125,13 +127,14 @@ class Insertion:
 
     def insert_batches(self, batches: Iterable[BatchOrRows]) -> None:
         """
-        Insert the transforms of messages, with the same result as `insert` has for each of them.
+        Insert the transforms of messages, as if `insert` were called for each transform.
 
-        Most transforms of a batch are newer than all samples of their frame, and have the same
-        parent as all of these. If their numbers are finite, they are appended without further
-        checks.
+        Most transforms of a batch are newer than all samples of their child frame, and have the
+        same parent as all these samples. If all numbers of the batch are finite, such transforms
+        are appended without further checks.
 
-        :param batches: batches, and rows that are inserted one by one.
+        :param batches: objects of the types `Batch` and `Rows`; the transforms of `Rows` are
+            inserted one by one.
         """
         for batch in batches:
             try:
@@ -158,14 +161,14 @@ class Insertion:
                     for stamp, packed in zip(batch.stamps, batch.poses[i::number]):
                         self._insert(stamp, parent, child, _unpack_pose(packed),
                                      batch.authority, False)
-            except Exception:  # a bug of this package must not keep the other batches out
+            except Exception:  # if this package has a bug, insert the other batches anyway
                 self.log.warn(format_exc())
 
     def _drop_oldest(self, history: History, added: int, child: str, authority: str) -> None:
         """
-        Drop the oldest samples of a frame to which samples were added, if there are too many.
+        Drop the oldest samples of a frame if this frame or the whole buffer has too many samples.
 
-        :param added: the number of samples that were added.
+        :param added: the number of samples that the caller has just inserted into this frame.
         """
         surplus = len(history) - self._max_samples_per_frame
         if surplus > 0:
@@ -175,8 +178,9 @@ class Insertion:
                 child, self._max_samples_per_frame, authority))
         if self._room >= 0:
             return
-        # Counting takes time in proportion to the number of frames. So in a full buffer it is done
-        # only now and then. In between, each new sample replaces an old one, if its frame has one.
+        # Counting all samples takes time in proportion to the number of frames. So in a full
+        # buffer, the samples are counted only now and then. Between two counts, a frame drops one
+        # old sample for each new sample.
         self._uncounted += added
         surplus = added
         if not self._is_full or 8 * self._uncounted >= len(self._tree.histories):
@@ -196,11 +200,11 @@ class Insertion:
 
 def normalize_poses(poses: NDArray[np.float64]) -> bool:
     """
-    Normalise the rotations of many poses, with the same result as `normalized` has for each.
+    Normalise the rotations of many poses; the results are the same as those of `normalized`.
 
     :param poses: (n, 7) float64, changed in place: x, y, z (m), quaternion x, y, z, w.
-    :returns: True if all numbers are finite. It may be False for finite numbers if they are so
-        large that their sum is not finite.
+    :returns: True if all numbers are finite after the normalisation. The result may also be False
+        for finite numbers, if these are so large that their sum is not finite.
     """
     rotations = poses[:, 3:]
     if len(poses) < _MANY:
@@ -234,7 +238,7 @@ def _large_angles(
     """
     Compute quaternions from rotation matrices whose trace is not positive.
 
-    :param rows: (n,) bool: True for each quaternion that is computed.
+    :param rows: (n,) bool: True for each rotation whose quaternion is to be computed.
     :param diagonal: (3, n) the matrix elements 00, 11, 22.
     :param above: (3, n) the matrix elements 21, 02, 10.
     :param below: (3, n) the matrix elements 12, 20, 01.
@@ -258,11 +262,11 @@ def problems(parent: str, child: str, pose: Pose, authority: str) -> list[str]:
     Return tf2's warnings about an invalid transform.
 
     :param parent: the name of the parent.
-    :param child: the name of the frame.
-    :param pose: x, y, z (m) and the normalised quaternion x, y, z, w, or NaN if it cannot be
-        normalised.
+    :param child: the name of the child frame.
+    :param pose: x, y, z (m) and the normalised quaternion x, y, z, w; four NaN in place of a
+        quaternion that cannot be normalised.
     :param authority: the name of the publisher.
-    :returns: the warnings; none if the transform is valid.
+    :returns: the warnings; an empty list if the transform is valid.
     """
     if parent != child and parent and child and not any(map(math.isnan, pose)):
         return []
@@ -293,7 +297,7 @@ def too_old(child: str, stamp: int, authority: str) -> str:
     """
     Return tf2's warning that a transform is older than the cache time allows.
 
-    :param child: the name of the frame.
+    :param child: the name of the child frame.
     :param stamp: the stamp of the transform (ns).
     :param authority: the name of the publisher.
     :returns: the text.
@@ -307,7 +311,7 @@ def too_many_frames(child: str, limit: int, authority: str) -> str:
     """
     Return the warning that a transform was refused because there are too many frames.
 
-    :param child: the name of the frame.
+    :param child: the name of the child frame.
     :param limit: the largest number of frames.
     :param authority: the name of the publisher.
     :returns: the text.
@@ -323,7 +327,7 @@ def too_long_name(parent: str, child: str, authority: str) -> str:
     Return the warning that a transform was refused because a name is too long.
 
     :param parent: the name of the parent.
-    :param child: the name of the frame.
+    :param child: the name of the child frame.
     :param authority: the name of the publisher.
     :returns: the text.
     """
@@ -355,8 +359,8 @@ def too_many_samples(child: str, limit: int, authority: str) -> str:
     """
     Return the warning that a buffer has too many samples.
 
-    :param child: the name of the frame.
-    :param limit: the largest number of samples of all frames together.
+    :param child: the name of the frame whose oldest samples are dropped.
+    :param limit: the largest number of samples of all dynamic frames together.
     :param authority: the name of the publisher.
     :returns: the text.
     """

@@ -1,4 +1,4 @@
-"""Lookups in the tree of frames: of one pose, of many poses, of all frames at once."""
+"""Lookups in the tree of frames: one pose, the poses at many times, or the poses of all frames."""
 
 from collections.abc import Iterable
 from contextlib import suppress
@@ -16,10 +16,10 @@ from dummy_arm.tf.exceptions import TransformException
 #: The largest number of paths that are kept.
 _MAX_PATHS = 10_000
 
-#: An edge, seen from one of its two frames: the other frame, whether the other frame is the child,
-#: and the history of the child.
+#: An edge, as seen from one of its two frames. The items are: the name of the other frame; True if
+#: the other frame is the child; the history of the child.
 _Edge = tuple[str, bool, AnyHistory]
-#: The time of a pose (ns; 0: any time), and the pose; None: there is no pose.
+#: The time of a pose (ns; 0: the pose holds at all times), and the pose (None: there is no pose).
 _TimedPose = tuple[int, Optional[Pose]]
 
 
@@ -27,10 +27,11 @@ class Lookups:
     """
     Lookups in a tree of frames, and the paths that were found in it.
 
-    If no frame on a path has changed its parent, and there is no loop above it at any time, then
-    the path is the only one between its frames until some frame gets a new parent. Such a path is
-    kept. If there is no such path, or if it has no pose at the requested time, the tree is
-    searched as tf2 does, so that the result or the error is tf2's.
+    A path from a source frame to a target frame is kept if the child frame of each edge has only
+    one parent in its history, and if there is no loop above the two frames at any time. Such a
+    path is the only path between the two frames until a frame gets a new parent. If no path is
+    kept, or if the kept path has no pose at the requested time, the tree is searched in the same
+    way as in tf2. Therefore the result or the error is the same as in tf2.
 
     Times are in ns; 0 means the latest common time. Hold the lock of the buffer during each call.
     """
@@ -42,8 +43,8 @@ class Lookups:
         :param tree: the tree of frames.
         """
         self.tree = tree
-        #: The paths that are kept, by target and source frame. The insertion clears them when a
-        #: frame gets a new parent or another kind of history.
+        #: The kept paths; the keys are (target frame, source frame). `Insertion` clears this dict
+        #: when a frame gets a new parent, or changes between static and dynamic.
         self.paths: dict[tuple[str, str], Path] = {}
 
     def pose(self, target: str, source: str, time: int) -> tuple[int, Pose]:
@@ -54,7 +55,7 @@ class Lookups:
         :param source: the frame whose pose is looked up.
         :param time: time (ns); 0: the latest common time.
         :returns: the time of the pose (ns), and the pose.
-        :raises TransformException: if there is no such transform; its subclass says why.
+        :raises TransformException: if there is no such pose; the subclass of the error says why.
         """
         path = self.paths.get((target, source))
         if path is not None:
@@ -73,15 +74,17 @@ class Lookups:
     def pose_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                   ) -> tuple[int, Pose]:
         """
-        Compute the pose of the source frame at one time in the target frame at another time.
+        Compute the pose of the source frame at one time, in the target frame at another time.
 
         :param target: the frame in which the result is expressed.
-        :param target_time: time of the target frame (ns); 0: its latest common time with `fixed`.
+        :param target_time: time of the target frame (ns); 0: the latest common time of the target
+            frame and `fixed`.
         :param source: the frame whose pose is looked up.
-        :param source_time: time of the source frame (ns); 0: its latest common time with `fixed`.
+        :param source_time: time of the source frame (ns); 0: the latest common time of the source
+            frame and `fixed`.
         :param fixed: a frame that does not move between the two times.
         :returns: the time of the target frame (ns), and the pose.
-        :raises TransformException: if there is no such transform; its subclass says why.
+        :raises TransformException: if there is no such pose; the subclass of the error says why.
         """
         self.tree.check_for_lookup(target_frame=target, source_frame=source, fixed_frame=fixed)
         _, fixed_from_source = self.pose(fixed, source, source_time)
@@ -96,12 +99,14 @@ class Lookups:
         :param target: the frame in which the poses are expressed.
         :param source: the frame whose poses are looked up.
         :param times: (n,) times (ns); 0: the latest common time.
-        :returns: (n, 7) float64: x, y, z (m), quaternion x, y, z, w, NaN where there is no pose;
-            and (n,) bool: True where there is a pose.
+        :returns: two arrays. The first is (n, 7) float64: x, y, z (m), quaternion x, y, z, w; if
+            there is no pose at a time, the row of this time is NaN. The second is (n,) bool: True
+            where there is a pose.
         """
         path = self.paths.get((target, source))
         if path is None:
-            # A lookup at the latest common time is the most likely to find the path.
+            # Do one lookup, so that the path is kept. At the latest common time, this lookup is
+            # most likely to succeed.
             with suppress(TransformException):
                 self.pose(target, source, 0)
             path = self.paths.get((target, source))
@@ -123,7 +128,7 @@ class Lookups:
         :param target: as `pose`.
         :param source: as `pose`.
         :param time: as `pose`.
-        :raises TransformException: if there is no such transform; its subclass says why.
+        :raises TransformException: if there is no such pose; the text of the error says why.
         """
         path = self.paths.get((target, source))
         if path is None or not path.covers(time or path.latest_common_time()):
@@ -135,14 +140,14 @@ class Lookups:
     def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                    ) -> None:
         """
-        Check that `pose_full` has a result.
+        Check that `pose_full` has a result for the same arguments.
 
         :param target: as `pose_full`.
         :param target_time: as `pose_full`.
         :param source: as `pose_full`.
         :param source_time: as `pose_full`.
         :param fixed: as `pose_full`.
-        :raises TransformException: if there is no such transform; its subclass says why.
+        :raises TransformException: if there is no such pose; the text of the error says why.
         """
         self.tree.check_for_can_transform(
             target_frame=target, source_frame=source, fixed_frame=fixed)
@@ -154,7 +159,7 @@ class Lookups:
         """
         Return the frames on the path from a source frame via a fixed frame to a target frame.
 
-        Frames that would be passed twice, there and back, are left out.
+        Edges that the path would pass twice, to the fixed frame and back, are left out.
 
         :param target: as `pose_full`.
         :param target_time: as `pose_full`.
@@ -162,7 +167,7 @@ class Lookups:
         :param source_time: as `pose_full`.
         :param fixed: as `pose_full`.
         :returns: the names of the frames, the source frame first.
-        :raises TransformException: if there is no such path; its subclass says why.
+        :raises TransformException: if there is no such path; the text of the error says why.
         """
         self.check_full(target, target_time, source, source_time, fixed)
         from_source = self._frames(fixed, source, source_time)
@@ -185,7 +190,8 @@ class Lookups:
         :param target: the one frame.
         :param source: the other frame.
         :returns: time (ns); 0 if there is no dynamic edge.
-        :raises TransformException: if a frame does not exist, or if they are not connected.
+        :raises TransformException: if a frame does not exist, or if the two frames are not
+            connected.
         """
         for name in target, source:
             self.tree.check(name, 'get_latest_common_time')
@@ -193,7 +199,7 @@ class Lookups:
 
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
         """
-        Search the tree for a path, and keep it if it is the only one; see `Lookups`.
+        Search the tree for a path, and keep the path under the conditions in `Lookups`.
 
         :returns: the time (ns), which is the latest common time if `time` is 0; and the path.
         """
@@ -212,10 +218,12 @@ class Lookups:
         The tree is walked once for each target frame.
 
         :param targets: the target frames.
-        :param until: the latest time (ns) of the poses; the frames are connected by the parents
-            that they had at that time; 0: no limit.
-        :returns: for each target frame, a dict from the name of each connected frame to the time
-            (ns) and the pose; the nearest frames come first.
+        :param until: the latest time (ns) of a pose; the frames are connected by the parents that
+            they had at this time. 0: there is no limit, and the frames are connected by their
+            newest parents.
+        :returns: one dict for each target frame. The keys are the names of the connected frames;
+            the frames nearest to the target frame come first. The values are the time (ns) and the
+            pose in the target frame. Frames without a pose are left out.
         :raises TransformException: if a target frame does not exist.
         """
         edges: dict[str, list[_Edge]] = {}
@@ -248,15 +256,16 @@ class Lookups:
                 common = min(time, latest) if time and latest else time or latest
                 poses[other] = common, None
                 try:
-                    # One step is enough if the pose of this frame is valid at the common time, and
-                    # the child of the edge has had one parent only.
+                    # If the pose of `name` is valid at the common time, and the child of the edge
+                    # has had only one parent, then the pose is extended by this edge, without a
+                    # lookup.
                     if pose is not None and time in (0, common) and edge.parents is None:
                         step = edge.pose_at(common)
                         poses[other] = common, compose(pose, step if is_child else inverse(step))
                     else:
                         poses[other] = self.pose(target, other, common)
                 except (NoPose, TransformException):
-                    # Frames behind this one may still have a path, via the parents that they had
-                    # at that time.
+                    # The walk goes on, because frames behind `other` may still have a pose, at a
+                    # time at which the frames had other parents.
                     pass
         return poses

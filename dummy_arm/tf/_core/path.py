@@ -1,4 +1,4 @@
-"""The path from one frame to another, edge by edge, and the poses along it."""
+"""The path between two frames: its edges, and the poses that are computed along it."""
 
 from collections.abc import Sequence
 
@@ -11,9 +11,10 @@ from dummy_arm.tf._core.pose import Columns, compose, IDENTITY, inverse, Pose
 
 class Path:
     """
-    The edges from a source frame and from a target frame up to the frame at which they meet.
+    The edges between a source frame and a target frame.
 
-    Each edge is the history of its child frame.
+    The path goes up from the source frame to the highest frame of the path, the *meeting frame*,
+    then down to the target frame. An edge is represented by the history of its child frame.
     """
 
     __slots__ = ('edges', 'from_source', 'from_target')
@@ -33,15 +34,17 @@ class Path:
 
     def has_constant_parents(self) -> bool:
         """
-        Return True if no frame on the path has had more than one parent in its history.
+        Return True if each edge's child frame has had only one parent in its history.
 
-        :returns: whether the path consists of the same edges at all times.
+        :returns: True if the path consists of the same edges at all times.
         """
         return all(edge.parents is None for edge in self.edges)
 
     def latest_common_time(self) -> int:
         """
-        Return the latest common time: the earliest of the newest stamps of all dynamic edges.
+        Return the latest common time: the latest time for which every dynamic edge has data.
+
+        Each dynamic edge has a newest stamp. The result is the earliest of these stamps.
 
         :returns: time (ns); 0 if no dynamic edge has samples.
         """
@@ -51,9 +54,9 @@ class Path:
         """
         Return True if every edge has a pose at a time.
 
-        :param time: time (ns); 0: the newest sample of each edge. (`Lookups` passes the latest
-            common time instead of 0.)
-        :returns: whether `pose` has a result.
+        :param time: time (ns); 0: the newest sample of each edge. (`Lookups` replaces 0 by the
+            latest common time.)
+        :returns: True if `pose` returns a pose for this time.
         """
         return all(edge.parent_at(time) is not None for edge in self.edges)
 
@@ -61,8 +64,8 @@ class Path:
         """
         Compute the pose of the source frame in the target frame.
 
-        :param time: time (ns); 0: the newest sample of each edge. (`Lookups` passes the latest
-            common time instead of 0.)
+        :param time: time (ns); 0: the newest sample of each edge. (`Lookups` replaces 0 by the
+            latest common time.)
         :returns: x, y, z (m) and the quaternion x, y, z, w.
         :raises NoPose: if an edge has no pose at that time.
         """
@@ -81,8 +84,9 @@ class Path:
         Call this only if `has_constant_parents` returns True.
 
         :param times: (n,) times (ns); 0: the latest common time.
-        :returns: (n, 7) poses: x, y, z (m), quaternion x, y, z, w; and (n,) bool: True where the
-            path has a pose. The rows without a pose contain arbitrary numbers.
+        :returns: two arrays. (n, 7) float64: the poses x, y, z (m), quaternion x, y, z, w; (n,)
+            bool: True where there is a pose. Where the bool is False, the row of the first array
+            contains arbitrary numbers.
         """
         if not times.all():
             times = np.where(times == 0, self.latest_common_time(), times)
@@ -100,7 +104,11 @@ class Path:
 
 
 def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
-    """Compute the pose of the first edge's child in the last edge's parent; edges go upwards."""
+    """
+    Compute the pose of the lowest frame of a chain in the highest frame of the chain.
+
+    The edges of the chain are in order, from the lowest edge upwards.
+    """
     if not edges:
         return IDENTITY
     pose = edges[0].pose_at(time)
@@ -114,7 +122,7 @@ def _columns_along(edges: Sequence[AnyHistory], times: NDArray[np.int64],
     """
     Compute the poses at many times, each as `_pose_along` does.
 
-    `known` is changed in place: it is set to False where an edge has no pose.
+    The array `known` is changed in place: it is set to False where an edge has no pose.
     """
     columns: Columns = IDENTITY
     for i, edge in enumerate(edges):

@@ -3,7 +3,8 @@ Poses of frames in other frames: composition, inversion, interpolation and norma
 
 A pose is seven numbers: x, y, z (m) and the quaternion x, y, z, w of its rotation. The functions
 for many poses take and return columns: seven arrays, one for each number. A `Row` is a pose with
-its stamp and frames; `Rows` and `Batch` are the transforms of messages that arrived together.
+its stamp and the names of its two frames. `Rows` has the transforms of one message; `Batch` has
+the transforms of several messages with the same frames.
 """
 
 from array import array
@@ -16,15 +17,16 @@ import numpy as np
 Pose = tuple[float, float, float, float, float, float, float]
 #: The quaternion x, y, z, w of a rotation.
 Quaternion = tuple[float, float, float, float]
-#: Many poses: arrays of shape (n,), or (1,) for one pose that holds for all of them.
+#: Many poses: seven arrays of shape (n,), or of shape (1,) if all n poses are equal.
 Columns = tuple[Any, Any, Any, Any, Any, Any, Any]
 
-#: The size of a pose in memory, on the wire and in bags: 7 float64.
+#: The size of a pose (bytes) in memory, in messages and in bags: 7 float64.
 POSE_BYTES = 7 * 8
 #: The pose of a frame in itself.
 IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-#: If the dot product of two quaternions is larger than this, it is divided by their norms, as in
-#: tf2. So close to 1, its last bits change the interpolated rotation.
+#: If the dot product of two quaternions is larger than this, the dot product is divided by the
+#: norms of the quaternions, as in tf2. So close to 1, the last bits of the dot product change the
+#: interpolated rotation.
 _NEAR = 0.999999999999
 #: The longest name that a frame may have (bytes of UTF-8).
 LONGEST_NAME = 1024
@@ -46,11 +48,11 @@ def compose(left: Pose, right: Pose) -> Pose:
     Return the composition of two poses.
 
     A quaternion with the vector part q and the scalar part q_w rotates a vector v to
-    v + q_w u + q x u, where u = 2 q x v, and x is the cross product.
+    v + q_w u + cross(q, u), where u = 2 cross(q, v).
 
     :param left: a_from_b; one pose, or columns.
     :param right: b_from_c; one pose, or columns.
-    :returns: a_from_c; columns if one of them is columns.
+    :returns: a_from_c; columns if `left` or `right` is columns.
     """
     x, y, z, ax, ay, az, aw = left
     vx, vy, vz, bx, by, bz, bw = right
@@ -68,8 +70,8 @@ def interpolate(two_poses: tuple[float, ...], ratio: float) -> Pose:
     """
     Interpolate between two poses: the translation linearly, the rotation by slerp.
 
-    Slerp follows the shorter arc; K. Shoemake, Animating Rotation with Quaternion Curves, SIGGRAPH
-    1985.
+    Slerp (spherical linear interpolation) follows the shorter arc. See K. Shoemake, Animating
+    Rotation with Quaternion Curves, SIGGRAPH 1985.
 
     :param two_poses: the fourteen numbers of two successive samples of a history.
     :param ratio: from 0 (the first pose) to 1 (the second pose).
@@ -100,7 +102,7 @@ def interpolate_columns(before: Columns, after: Columns, ratio: Any) -> Columns:
     :param before: the first pose of each of n pairs.
     :param after: the second pose of each pair.
     :param ratio: (n,) from 0 (the first pose) to 1 (the second pose).
-    :returns: the n poses between them.
+    :returns: the n interpolated poses.
     """
     x, y, z, ax, ay, az, aw = before
     nx, ny, nz, bx, by, bz, bw = after
@@ -125,15 +127,16 @@ def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
     Normalise a quaternion as tf2 does, by conversion to a rotation matrix and back.
 
     The operations and their order are those of tf2, so that the result equals tf2's to the last
-    bit. The last bit matters when slerp interpolates between rotations that differ by less than
-    1e-7 rad: it changes the result. The matrix is converted back as in S. W. Shepperd, Quaternion
+    bit. The last bit matters, because it changes the result of slerp between two rotations that
+    differ by less than 1e-7 rad. The matrix is converted back as in S. W. Shepperd, Quaternion
     from Rotation Matrix, J. Guidance and Control 1 (1978).
 
     :param x: x of a quaternion of any length.
     :param y: y of the quaternion.
     :param z: z of the quaternion.
     :param w: w of the quaternion.
-    :returns: the quaternion x, y, z, w of length 1; four NaN if there is no rotation matrix.
+    :returns: the quaternion x, y, z, w of length 1; four NaN if there is no rotation matrix, for
+        example if the length of the given quaternion is 0.
     """
     try:
         s = 2.0 / (x * x + y * y + z * z + w * w)
@@ -179,8 +182,8 @@ class Rows(NamedTuple):
     """Transforms that are inserted one by one."""
 
     rows: list[Row]  #: the transforms, in the order of their arrival
-    authority: str  #: the name of their publisher
-    is_static: bool  #: whether they are from /tf_static
+    authority: str  #: the name of the publisher
+    is_static: bool  #: True if the transforms are from /tf_static
 
 
 class Batch:
@@ -198,25 +201,27 @@ class Batch:
         """
         Create a batch without messages.
 
-        :param parents: the parents of the n frames, without a leading slash.
-        :param children: the frames, without a leading slash; no two are equal.
+        :param parents: the parent of each of the n transforms of a message, without a leading
+            slash.
+        :param children: the child of each of these transforms, without a leading slash; no two
+            children are equal.
         :param authority: the name of the publisher.
         """
         self.parents, self.children, self.authority = parents, children, authority
-        #: (m,) the stamp of each message (ns), strictly increasing.
+        #: (m,) the stamp (ns) of each of the m messages, strictly increasing.
         self.stamps = array('q')
-        #: m * n poses, message by message; each is 7 float64: x, y, z (m) and a quaternion
-        #: x, y, z, w of any length.
+        #: m * n poses, message by message. Each pose is the bytes of 7 float64: x, y, z (m) and a
+        #: quaternion x, y, z, w of any length.
         self.poses: list[bytes] = []
 
 
-#: The type of the elements that a source returns to a buffer.
+#: The type of the items in the list that a source returns to a buffer.
 BatchOrRows = Union[Batch, Rows]
 
 
 def is_too_long(name: str) -> bool:
     """
-    Return True if a name is longer than `LONGEST_NAME`, so that no frame may have it.
+    Return True if a name is longer than `LONGEST_NAME`, so that no frame may have this name.
 
     :param name: the name of a frame.
     :returns: whether the name is too long.

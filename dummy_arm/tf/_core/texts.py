@@ -19,7 +19,7 @@ from dummy_arm.tf._core.times import display_time, SECOND
 LONGEST = 100
 #: The largest number of names that an error lists.
 _MAX_SHOWN = 5
-#: The largest number of names that are compared with an unknown one.
+#: The largest number of names that are compared with an unknown name.
 _MAX_COMPARED = 1000
 
 
@@ -27,11 +27,11 @@ def visible(text: str) -> str:
     r"""
     Return a text with Python's escape sequences in place of characters that are not printable.
 
-    Among these are control characters, which could move the cursor of a terminal, and lone
-    surrogates, which cannot be encoded.
+    Characters that are not printable are, for example, control characters, which could move the
+    cursor of a terminal, and lone surrogates, which cannot be encoded in UTF-8.
 
-    :param text: the text, of one line: a line feed is escaped, too.
-    :returns: the text, printable.
+    :param text: a text of one line; a line feed would be escaped, too.
+    :returns: the printable text.
 
     >>> print(visible('tool\x1b[2J'))
     tool\x1b[2J
@@ -42,10 +42,10 @@ def visible(text: str) -> str:
 
 def visible_lines(text: str) -> str:
     r"""
-    Return a text of several lines, each of them escaped as by `visible`.
+    Return a text of several lines, with each line escaped as by `visible`.
 
-    :param text: the text; its line feeds stay.
-    :returns: the text, with every line printable.
+    :param text: the text; its line feeds are not escaped.
+    :returns: the text with printable lines.
 
     >>> print(visible_lines('one\ntwo\r'))
     one
@@ -56,11 +56,11 @@ def visible_lines(text: str) -> str:
 
 def abbreviated(text: str, longest: int = LONGEST) -> str:
     """
-    Shorten a text to a number of characters; three dots replace its middle.
+    Shorten a text that is too long; three dots replace the middle of the text.
 
     :param text: the text.
     :param longest: the largest number of characters to return, at least 3.
-    :returns: the text itself if it is short enough.
+    :returns: the shortened text, or the text itself if it is short enough.
 
     >>> abbreviated('left_front_wheel', 11)
     'left...heel'
@@ -73,7 +73,7 @@ def abbreviated(text: str, longest: int = LONGEST) -> str:
 
 def shortened(name: str) -> str:
     r"""
-    Return a name abbreviated and escaped, for lines with several names.
+    Abbreviate and escape a name, for lines with several names.
 
     :param name: the name of a frame, node or topic.
     :returns: the printable name.
@@ -88,7 +88,7 @@ def shortened(name: str) -> str:
 
 def logged(name: str) -> str:
     """
-    Return a name abbreviated and escaped, with its length if it is abbreviated, for log lines.
+    Abbreviate and escape a name for log lines; append the length of an abbreviated name.
 
     :param name: the name of a frame, node or topic.
     :returns: the printable name.
@@ -104,12 +104,13 @@ def logged(name: str) -> str:
 @lru_cache(maxsize=8)  # A program that waits for a frame prints the same error many times.
 def suggest_names(name: str, known: tuple[str, ...], what: str = 'frames') -> str:
     """
-    Return a sentence with the known names that are most similar to an unknown one.
+    Return a sentence with the known names that are most similar to an unknown name.
 
     :param name: the name that does not exist.
     :param known: all names that exist.
-    :param what: what the names are, as a plural.
-    :returns: a sentence with up to five names; with the first ones if none is similar.
+    :param what: a plural noun for the things that have the names, such as 'frames'.
+    :returns: a sentence with up to five similar names. If no name is similar, the sentence has the
+        first five known names instead; if there are no known names, the sentence says so.
 
     >>> suggest_names('base_lnik', ('map', 'base_link', 'base_scan'))
     "Nearest known: 'base_link', 'base_scan'."
@@ -133,10 +134,10 @@ def suggest_names(name: str, known: tuple[str, ...], what: str = 'frames') -> st
 
 def match_candidates(known: Sequence[str]) -> list[str]:
     """
-    Return the known names that are compared with an unknown one.
+    Return the known names that are compared with an unknown name.
 
-    These are the names among the first 1000 that are not longer than `LONGEST`: a comparison with
-    more names, or with longer ones, would take seconds.
+    Of the first 1000 known names, these are the names that are not longer than `LONGEST`. A
+    comparison with more names, or with longer names, would take seconds.
 
     :param known: all names that exist.
     :returns: the names to compare, in the same order.
@@ -149,7 +150,7 @@ def match_candidates(known: Sequence[str]) -> list[str]:
 
 def quoted(name: str) -> str:
     r"""
-    Return a name abbreviated and in quotes, with escape sequences as `repr` writes them.
+    Abbreviate a name, and add quotes and escape sequences as `repr` does.
 
     :param name: the name of a frame, node or topic.
     :returns: the quoted name.
@@ -162,11 +163,11 @@ def quoted(name: str) -> str:
 
 def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) -> str:
     """
-    Join the first of some texts with commas, followed by the number of the remaining ones.
+    Join the first texts with commas, and append the number of the remaining texts.
 
     :param texts: the texts.
-    :param shown: the largest number of texts to write.
-    :param write: converts each text before it is written.
+    :param shown: the largest number of texts in the list.
+    :param write: a function that converts each text before it is added to the list.
     :returns: the list as one line.
 
     >>> comma_list(['a', 'b', 'c', 'd'], 2)
@@ -183,9 +184,9 @@ def roots_hint(target: str, target_root: str, source: str, source_root: str) -> 
     Return the hint for two frames that are in different trees.
 
     :param target: the target frame.
-    :param target_root: the root of its tree.
+    :param target_root: the root of the tree that contains the target frame.
     :param source: the source frame.
-    :param source_root: the root of its tree.
+    :param source_root: the root of the tree that contains the source frame.
     :returns: a sentence that begins with a space.
     """
     return (f' {quoted(target)} is in the tree with root {quoted(target_root)}, '
@@ -200,7 +201,7 @@ def extrapolation_words(count: int, oldest: int, latest: int, time: int) -> str:
     :param oldest: the stamp of the oldest sample (ns).
     :param latest: the stamp of the newest sample (ns).
     :param time: the requested time (ns).
-    :returns: the beginning of tf2's sentence; empty, as in tf2, if there are no samples.
+    :returns: the beginning of tf2's sentence; an empty text if there are no samples, as in tf2.
     """
     if not count:
         return ''
@@ -216,7 +217,10 @@ def extrapolation_words(count: int, oldest: int, latest: int, time: int) -> str:
 
 def extrapolation_hint(frame: str, parent: str, oldest: int, latest: int, time: int) -> str:
     """
-    Return the hint for an edge that has no data at a time: the edge, and how far off its data are.
+    Return the hint for an edge that has no data at the requested time.
+
+    The hint names the edge, and says how long before the requested time its data end, or how long
+    after the requested time its data begin.
 
     :param frame: the child frame of the edge.
     :param parent: the newest parent of the frame.
@@ -233,7 +237,7 @@ def extrapolation_hint(frame: str, parent: str, oldest: int, latest: int, time: 
 
 def cleared_hint(frame: str) -> str:
     """
-    Return the hint for a frame whose history was cleared, so that it has no parent.
+    Return the hint for a frame that has no parent because its history was cleared.
 
     :param frame: the frame.
     :returns: a sentence that begins with a space.
@@ -243,11 +247,11 @@ def cleared_hint(frame: str) -> str:
 
 def loop_hint(chain: Sequence[str]) -> str:
     """
-    Return the hint for a chain of frames that is too long: the loop in which it ends.
+    Return the hint for a chain of frames that is too long: the loop at its end, if there is one.
 
-    :param chain: frames, each the parent of the one before.
-    :returns: a sentence with the frames of the loop, from parent to child; or a sentence that the
-        chain has no loop.
+    :param chain: the names of the frames; each frame is the parent of the frame before it.
+    :returns: a sentence with the frames of the loop, from parent to child; or a sentence that says
+        that there is no loop.
     """
     last = chain[-1]
     earlier = [i for i, frame in enumerate(chain[:-1]) if frame == last]
@@ -258,7 +262,7 @@ def loop_hint(chain: Sequence[str]) -> str:
 
 def exact_seconds(duration: int) -> str:
     """
-    Write a duration in seconds, exactly.
+    Convert a duration to a text in seconds, without rounding.
 
     :param duration: duration (ns), not negative.
     :returns: the number with nine decimals, and the unit.
@@ -271,32 +275,34 @@ def exact_seconds(duration: int) -> str:
 
 class ThrottledLog:
     """
-    A log that repeats a warning of the same cause after a second at the earliest.
+    A log that accepts a warning of the same cause at most once a second, or only once.
 
-    Warnings are queued, and written by `flush`. Call `flush` without a lock, since a handler of
-    the log may look up transforms.
+    Warnings are queued; `flush` writes them. Do not hold a lock while you call `flush`, since a
+    handler of the log may look up transforms.
     """
 
     def __init__(self) -> None:
         """Create a log without warnings."""
-        #: The function that writes a line; it may be replaced.
+        #: The function that writes a warning; another function may be assigned.
         self.write: Callable[[str], None] = logging.getLogger('dummy_arm.tf').warning
-        #: By cause, the time on the monotonic clock (s) from which it may be logged again.
+        #: For each cause, the time of the monotonic clock (s) from which a warning of this cause
+        #: may be queued again.
         self._next_times: dict[str, float] = {}
         self._queue: deque[str] = deque()
 
     def warn(self, *problems: str) -> None:
         """
-        Queue warnings, except those whose cause was queued less than a second ago.
+        Queue each warning, unless a warning of the same cause was queued within the last second.
 
-        :param problems: the texts of the warnings; the cause is the first word of a text.
+        :param problems: the texts of the warnings; the cause of a warning is the first word of its
+            text.
         """
         for problem in problems:
             self._warn(problem.partition(' ')[0], problem, 1.0)
 
     def warn_once(self, cause: str, problem: str) -> None:
         """
-        Queue a warning, unless its cause was queued before.
+        Queue a warning, unless a warning of the same cause was queued before.
 
         :param cause: the cause, which need not be a part of the text.
         :param problem: the text of the warning.

@@ -11,14 +11,15 @@ def nanoseconds(time: Any, name: str = 'time') -> int:
     """
     Convert the time or duration of another library to nanoseconds.
 
-    :param time: an object with `nanoseconds` (rclpy), or with `sec` and `nanosec` (messages).
+    :param time: an object with the attribute `nanoseconds` (as in rclpy), or with the attributes
+        `sec` and `nanosec` (as in messages).
     :param name: the name of the argument, for the error text.
     :returns: the time or duration (ns).
-    :raises TypeError: if `time` has neither.
+    :raises TypeError: if `time` is not such an object.
     """
     try:
-        # rclpy's types are tried first, since they are the most frequent. No type has both
-        # `nanoseconds` and `nanosec`.
+        # rclpy's types are tried first, since they are the most frequent. The order does not
+        # change the result, since no type has both `nanoseconds` and `nanosec`.
         return int(time.nanoseconds)
     except AttributeError:
         pass
@@ -32,10 +33,10 @@ def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
     """
     Convert a time or duration to nanoseconds as `nanoseconds` does; accept integers (ns), too.
 
-    :param time: an object as for `nanoseconds`, or an integer (ns), also one of numpy.
+    :param time: an object as for `nanoseconds`, or an integer (ns), which may be of a numpy type.
     :param name: the name of the argument, for the error text.
     :returns: the time or duration (ns).
-    :raises TypeError: if `time` is none of these.
+    :raises TypeError: if `time` is neither such an object nor an integer.
 
     >>> nanoseconds_or_int(5)
     5
@@ -55,10 +56,11 @@ def in_seconds(time: int) -> float:
     """
     Convert nanoseconds to seconds with the rounding of tf2.
 
-    As `tf2::timeToSec` does, whole seconds and nanoseconds are converted separately and added.
+    The whole seconds and the remaining nanoseconds are converted separately and then added, as in
+    `tf2::timeToSec`.
 
     :param time: time or duration (ns).
-    :returns: the same in seconds.
+    :returns: the time or duration in seconds.
 
     >>> in_seconds(1_500_000_000)
     1.5
@@ -71,7 +73,7 @@ def in_seconds(time: int) -> float:
 
 def display_time(time: int) -> str:
     """
-    Write a time in seconds with six decimals, as `tf2::displayTimePoint` does.
+    Convert a time to a text: the seconds with six decimals, as `tf2::displayTimePoint` does.
 
     :param time: time (ns).
     :returns: the text, without a unit.

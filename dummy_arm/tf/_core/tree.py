@@ -1,4 +1,4 @@
-"""The tree of frames: the parents of each frame over time, and tf2's search for paths in it."""
+"""The tree of frames: the parents of each frame over time, and the search for paths as in tf2."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, Optional
@@ -16,7 +16,7 @@ from dummy_arm.tf.exceptions import (
     TransformException,
 )
 
-#: tf2 reports a loop if a frame has more edges above it than this.
+#: The largest number of edges above a frame. If there are more, tf2 reports a loop.
 MAX_GRAPH_DEPTH = 1000
 _UNKNOWN = 'frame does not exist'
 
@@ -25,9 +25,9 @@ class FrameTree:
     """
     The frames of a buffer and their histories.
 
-    `histories` has every frame, in the order in which the frames were first named; the value is
-    None for a frame that was named as a parent only. Paths and errors are those of tf2; the text
-    of an error begins with tf2's words.
+    `histories` is a dict from the name of each frame to its history, in the order in which the
+    frames were first named. The value is None for a frame that was named as a parent only.
+    Paths and errors are those of tf2; the text of an error begins with tf2's words.
     """
 
     def __init__(self, cache_time: int) -> None:
@@ -45,9 +45,9 @@ class FrameTree:
         """
         The names of all frames, in the order in which they were first named.
 
-        A tuple never changes: when frames have been added, a new tuple replaces it. So an error
-        can keep the tuple, and any thread can read the error without the lock. Names are never
-        removed.
+        Names are never removed. When frames have been added, a new tuple is created, and the old
+        tuple does not change. So an error can keep a tuple, and any thread can read the error
+        without the lock.
         """
         if len(self._names) != len(self.histories):
             self._names = tuple(self.histories)
@@ -61,13 +61,13 @@ class FrameTree:
         A static pose replaces all samples of a dynamic frame, and a dynamic pose replaces a static
         one.
 
-        :param stamp: time of the pose (ns); ignored if it is static.
+        :param stamp: time of the pose (ns); ignored if the pose is static.
         :param parent: the parent.
         :param child: the child.
         :param pose: x, y, z (m) and the quaternion x, y, z, w, of length 1.
         :param authority: the name of the publisher.
         :param is_static: whether the pose is static.
-        :returns: False if the pose is older than the cache time allows, and was not inserted.
+        :returns: False if the pose was refused because it is older than the cache time allows.
         """
         histories = self.histories
         history = histories.setdefault(child, None)
@@ -84,20 +84,20 @@ class FrameTree:
 
     def has_edge(self, parent: str, child: str, is_static: bool) -> bool:
         """
-        Return True if one more sample with a certain parent makes no path invalid.
+        Return True if all paths stay valid when a sample is inserted.
 
-        :param parent: the parent.
-        :param child: the frame with the history.
-        :param is_static: whether the next sample is static.
-        :returns: whether the history of `child` contains `parent` and is of the same kind, static
-            or dynamic.
+        :param parent: the parent in the sample.
+        :param child: the child in the sample.
+        :param is_static: whether the sample is static.
+        :returns: True if the history of `child` contains `parent`, and if the history and the
+            sample are both static or both dynamic.
         """
         history = self.histories.get(child)
         return (history is not None and history.is_static is is_static
                 and parent in history.all_parents)
 
     def clear(self) -> None:
-        """Drop the samples of dynamic frames; the names of frames and static poses stay."""
+        """Drop the samples of dynamic frames; static poses and the names of all frames stay."""
         for name, history in self.histories.items():
             if isinstance(history, History):
                 self.histories[name] = History(self.cache_time)
@@ -107,7 +107,7 @@ class FrameTree:
         Check that a frame exists.
 
         :param name: the name of the frame.
-        :param where: tf2's words for the function and argument, for the error text.
+        :param where: the function and its argument, in tf2's words, for the error text.
         :raises InvalidArgumentException: if the name is empty or begins with a slash.
         :raises LookupException: if the frame does not exist.
         :raises TypeError: if the name is not a str.
@@ -150,12 +150,12 @@ class FrameTree:
                 raise TransformException.with_hint(f'{words}. ', self._nearest(name))
 
     def _nearest(self, name: str) -> Callable[[], str]:
-        """Return a function that suggests similar names, of those that exist now."""
+        """Return a function that suggests similar names of frames that exist now."""
         names = self.names
         return lambda: texts.suggest_names(name, names)
 
     def _problem(self, name: str) -> Optional[str]:
-        """Return tf2's words for what is wrong with the name of a frame; None if it exists."""
+        """Return, in tf2's words, what is wrong with a frame's name; None if the frame exists."""
         if not isinstance(name, str):
             raise TypeError(f'a frame must be a str, got {name!r} of type {type(name).__name__}')
         if not name:
@@ -170,8 +170,8 @@ class FrameTree:
 
         :param target: the target frame, which must exist.
         :param source: the source frame, which must exist.
-        :param time: the time (ns) for which the parents of the frames are used; 0: the newest
-            parents. (`Lookups` passes the latest common time instead of 0.)
+        :param time: time (ns); the path follows the parents that the frames had at this time. 0:
+            the newest parents. (`Lookups` replaces 0 by the result of `latest_common_time`.)
         :returns: the path.
         :raises ConnectivityException: if the frames are in different trees.
         :raises ExtrapolationException: if an edge has no pose at the time.
@@ -193,7 +193,8 @@ class FrameTree:
         :raises LookupException: as `path`.
         """
         from_source, from_target = self._walk(target, source, time)
-        # The frame where both sides meet is the parent of the last frame of each side.
+        # The frame at which the two lists meet is in neither of them. It is the parent of the last
+        # frame of each list.
         if from_target:
             return [*from_source, *self._parents(from_target[-1:], time), *reversed(from_target)]
         return [source, *self._parents(from_source, time)]
@@ -206,10 +207,14 @@ class FrameTree:
 
     def _walk(self, target: str, source: str, time: int) -> tuple[list[str], list[str]]:
         """
-        Return the child frames of the edges on a path: above the source, and above the target.
+        Find a path, and return the child frames of its edges.
 
-        As in tf2, first the ancestors of the source are followed as far as there are data, then
-        those of the target. So if there are several errors, the same one is raised as in tf2.
+        As in tf2, the ancestors of the source are followed first, as far as there are data. Then
+        the ancestors of the target are followed. So if there are several errors, the error that is
+        raised is the same as in tf2.
+
+        :returns: the child frames of the edges above the source, from the source upwards; and
+            those of the edges above the target, from the target upwards.
         """
         from_source: list[str] = []
         stopped_at: Optional[str] = None
@@ -247,12 +252,12 @@ class FrameTree:
         """
         Return the latest time for which every dynamic edge on a path has data.
 
-        The path is that of the newest parents.
+        The path follows the newest parents of the frames.
 
         :param target: the target frame, which must exist.
         :param source: the source frame, which must exist.
-        :returns: time (ns); 0 if there is no dynamic edge. If both names are the same: the newest
-            stamp of that frame.
+        :returns: time (ns); 0 if there is no dynamic edge. If both frames are the same, the newest
+            stamp of this frame.
         :raises ConnectivityException: if the frames are in different trees.
         :raises LookupException: if there is a loop, or a chain of more than 1000 edges.
         """
@@ -260,7 +265,7 @@ class FrameTree:
             history = self.histories[source]
             return history.latest if history else 0
         from_source: list[str] = []
-        # For each ancestor of the source frame: the number of edges between the two.
+        # For each ancestor of the source frame: the number of edges between the two frames.
         depths: dict[str, int] = {}
         for child, parent in self._ancestors(source):
             self._append(from_source, child)
@@ -278,17 +283,18 @@ class FrameTree:
         raise self._unconnected(target, source)
 
     def _ancestors(self, frame: str) -> Iterator[tuple[str, str]]:
-        """Yield (child, parent) upwards from a frame, by the newest parents; endless in a loop."""
+        """Yield (frame, newest parent) for a frame and its ancestors; in a loop, without end."""
         while (history := self.histories[frame]) and (parent := history.parent_at(0)):
             yield frame, parent
             frame = parent
 
     def root(self, frame: str) -> str:
         """
-        Return the root above a frame, by the newest parents.
+        Return the root of the tree of a frame; only the newest parents are followed.
 
         :param frame: the frame, which must exist.
-        :returns: the ancestor without a parent; any frame of the loop if there is a loop instead.
+        :returns: the topmost frame, which has no parent; if the parents form a loop instead, any
+            frame of this loop.
         """
         seen = {frame}
         for _, parent in self._ancestors(frame):
@@ -302,8 +308,8 @@ class FrameTree:
         """
         Return True if no loop can be above a frame at any time.
 
-        Upwards from the frame, every parent in each history is followed. If all of these chains of
-        parents end within 1000 edges, none of them contains a loop.
+        From the frame upwards, every parent that occurs in a history is followed. So there can be
+        several chains of parents. If all chains end within 1000 edges, no chain contains a loop.
 
         :param frame: the frame, which must exist.
         :returns: True if all chains end within 1000 edges.
@@ -318,7 +324,7 @@ class FrameTree:
         return False
 
     def _append(self, chain: list[str], frame: str) -> None:
-        """Append a frame to a chain; raise a LookupException if it becomes too long."""
+        """Append a frame to a chain; raise a LookupException if the chain becomes too long."""
         chain.append(frame)
         if len(chain) > MAX_GRAPH_DEPTH:
             # The edges are copied now, since the text is written later, without the lock.
@@ -339,7 +345,7 @@ class FrameTree:
 
     def parents(self, until: int = 0) -> Iterator[tuple[str, str, AnyHistory]]:
         """
-        Yield every frame that has a parent, its newest parent, and its history.
+        Yield each frame that has a parent, together with its newest parent and its history.
 
         :param until: use only samples up to this time (ns); 0: use all samples.
         :returns: an iterator over (frame, parent, history).
@@ -370,8 +376,9 @@ class FrameTree:
         """
         Create the error of a search that stopped at a frame without data for the time.
 
-        tf2's words describe that frame. It may be above the path, since tf2 follows the ancestors
-        of the source as far as there are data. The hint describes the path.
+        The text consists of tf2's words and a hint. tf2's words describe the frame at which the
+        search stopped. This frame may be above the path, since tf2 follows the ancestors of the
+        source as far as there are data. Therefore the hint describes the path itself.
         """
         history = self.histories[frame]
         assert isinstance(history, History)
@@ -384,10 +391,11 @@ class FrameTree:
         """
         Return the hint of an ExtrapolationException.
 
-        The newest parents of the frames determine a path. The hint names the edge on it whose
-        samples are farthest from the time (ns). If all of its edges have data at the time, the
-        frames had other parents then, and the hint names the edge above the frame at which the
-        search stopped. If there is no such path, the hint names the two roots.
+        The hint is about the path that follows the newest parents of the frames. Of the edges on
+        this path, the hint names the one whose samples are farthest from `time` (ns). If all edges
+        on this path have data at `time`, the frames had other parents at that time. The hint then
+        names the edge above `stopped_at`, the frame at which the search stopped. If the newest
+        parents do not connect the two frames, the hint names the roots of both.
         """
         from_source, from_target, meeting = self._chains_to_meeting(source, target)
         if meeting is None:
@@ -410,10 +418,11 @@ class FrameTree:
     def _chains_to_meeting(self, source: str, target: str
                            ) -> tuple[dict[str, None], dict[str, None], Optional[str]]:
         """
-        Follow the newest parents of two frames, one step each in turn, until the chains meet.
+        Follow the newest parents of two frames, alternately one step each, until the chains meet.
 
-        :returns: both chains, as the keys of dicts, each from its lowest frame upwards; and the
-            frame at which they meet, or None.
+        :returns: the chain of frames from the source upwards, the chain of frames from the target
+            upwards, and the frame at which the chains meet, or None if they do not meet. A chain
+            is a dict whose keys are the frames.
         """
         chains: tuple[dict[str, None], dict[str, None]] = {source: None}, {target: None}
         ends: list[Optional[str]] = [source, target]

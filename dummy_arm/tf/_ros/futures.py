@@ -26,7 +26,8 @@ class TransformFuture(Future):
     """
     A future whose result is a TransformStamped.
 
-    To stop waiting, cancel it, or drop the last reference to it if it has no done callback.
+    To stop waiting, cancel the future. If the future has no done callback, it is enough to drop
+    the last reference to the future.
     """
 
     def __init__(self, owner: 'PendingFutures', lookup: Callable[[], TransformStamped],
@@ -34,9 +35,10 @@ class TransformFuture(Future):
         """
         Create a future that is not done.
 
-        :param owner: the pending futures to which this one belongs.
-        :param lookup: returns the result, or raises a TransformException if it is not available.
-        :param what: the description of the transform in the text of a TimeoutException.
+        :param owner: the set of pending futures to which this future belongs.
+        :param lookup: a function that returns the result, or raises a TransformException if the
+            result is not available.
+        :param what: a description of the transform, for the text of a TimeoutException.
         """
         super().__init__()  # type: ignore[no-untyped-call]
         self.lookup, self.what = lookup, what
@@ -44,13 +46,14 @@ class TransformFuture(Future):
 
     def add_done_callback(self, callback: Callable[[Future], None]) -> None:
         """
-        Add a function that is called when this future is done, and keep the future until then.
+        Add a function that is called when this future is done; keep the future alive until then.
 
-        :param callback: called with this future.
+        :param callback: the function; its argument is this future.
         """
         super().add_done_callback(callback)  # type: ignore[no-untyped-call]
-        # An executor that spins keeps the future alive itself, but never removes its callback. If
-        # the future were kept here, too, it would stay pending after a spin that has timed out.
+        # An executor that spins until the future is done adds a callback, which it never removes.
+        # The executor itself keeps the future alive during the spin. If the future were kept here,
+        # too, the future would stay pending after a spin that has timed out.
         if not is_of_executor(callback):
             self._owner.keep(self)
 
@@ -60,7 +63,8 @@ class TransformFuture(Future):
             super().cancel()  # type: ignore[no-untyped-call]
 
 
-#: The deadline (s, monotonic clock), a tie-breaker for the heap, the timeout (s), and the future.
+#: The deadline (s, monotonic clock), a number that orders equal deadlines, the timeout (s), and a
+#: weak reference to the future.
 _Deadline = tuple[float, int, float, 'ref[TransformFuture]']
 
 
@@ -68,23 +72,26 @@ class PendingFutures:
     """
     The futures that wait for the data of a buffer.
 
-    No lock protects `_futures`: each change is one atomic operation of a dict, and a future is
-    completed only by the thread that has removed it from the dict. So a signal handler or the
-    garbage collector may interrupt any method of this class.
+    The dict `_futures` needs no lock, because each change of the dict is one atomic operation.
+    Only the thread that has removed a future from the dict completes this future. So a signal
+    handler or the garbage collector may interrupt any method of this class.
     """
 
     def __init__(self, node: Optional[Node]) -> None:
         """
         Create an empty set of futures.
 
-        :param node: the node whose executor is woken when a future is done; None: no executor.
+        :param node: the node whose executor is woken when a future is done; None: no executor
+            is woken.
         """
         self._node = node
+        #: The pending futures, by their `id`.
         self._futures: dict[int, ref[TransformFuture]] = {}
-        #: References that keep the futures with a done callback alive.
+        #: The pending futures that have a done callback; this set keeps them alive.
         self._kept: set[TransformFuture] = set()
         self._numbers = count()
-        #: New deadlines, for the thread `_thread`, which waits for them; None only wakes it.
+        #: The queue from which `_thread` gets new deadlines. If the item is None, it only wakes
+        #: `_thread`.
         self._queue: SimpleQueue[Optional[_Deadline]] = SimpleQueue()
         #: A heap of deadlines, used by `_thread` only.
         self._deadlines: list[_Deadline] = []
@@ -99,10 +106,11 @@ class PendingFutures:
         """
         Create a future, which is done at once if its lookup succeeds now.
 
-        :param lookup: returns the result, or raises a TransformException if it is not available.
+        :param lookup: a function that returns the result, or raises a TransformException if the
+            result is not available.
         :param timeout: the time after which the future ends with a TimeoutException (s); None:
-            never.
-        :param what: the description of the transform in the text of that exception.
+            there is no timeout.
+        :param what: a description of the transform, for the text of the TimeoutException.
         :returns: the future.
         """
         future = TransformFuture(self, lookup, what)
@@ -122,7 +130,7 @@ class PendingFutures:
 
     def keep(self, future: TransformFuture) -> None:
         """
-        Keep a reference to a future until it is done.
+        Keep a reference to a future until the future is done.
 
         :param future: the future, which has a done callback.
         """
@@ -132,14 +140,17 @@ class PendingFutures:
 
     def forget(self, future: TransformFuture) -> bool:
         """
-        Remove a future.
+        Remove a future from the pending futures.
 
         :param future: the future.
-        :returns: True if the future was pending; then only this caller may complete or cancel it.
+        :returns: True if the future was pending. Then the caller, and no other thread, may
+            complete or cancel the future.
         """
         was_waiting = self._futures.pop(id(future), None) is not None
         self._kept.discard(future)
-        future.lookup = _raise  # so that a future that rclpy keeps does not keep the buffer alive
+        # The lookup refers to the buffer. It is replaced so that the buffer can be freed even if
+        # rclpy still refers to the future.
+        future.lookup = _raise
         if self._thread is not None:
             self._queue.put(None)
         return was_waiting
@@ -156,7 +167,8 @@ class PendingFutures:
         for future in futures:
             try:
                 is_done |= self._try(future)
-            except BaseException as raised:  # by a done callback; first try the other futures
+            except BaseException as raised:
+                # A done callback has failed. Try the other futures before raising its error.
                 error = raised
         if error is not None:
             raise error
@@ -164,10 +176,13 @@ class PendingFutures:
 
     def _try(self, future: TransformFuture, waited: Optional[float] = None) -> bool:
         """
-        Complete a future, unless its lookup raises a TransformException and its time is not up.
+        Call the lookup of a future, and complete the future with the result.
 
-        :param waited: the timeout (s), if it has expired: then a future whose lookup raises a
-            TransformException gets a TimeoutException. None: such a future stays pending.
+        If the lookup raises a TransformException before the timeout has expired, the future stays
+        pending. After that, the future gets a TimeoutException. Other exceptions of the lookup are
+        passed to the future.
+
+        :param waited: the timeout (s), if it has expired; otherwise None.
         :returns: True if the future is done now.
         """
         try:
@@ -183,16 +198,16 @@ class PendingFutures:
         return True
 
     def _complete(self, future: TransformFuture, set_outcome: Callable[[], Any]) -> None:
-        """Set the outcome of a future, unless it has one, and wake the executor of the node."""
+        """If a future is pending, set its outcome, and wake the executor of the node."""
         if not self.forget(future):
             return
         set_outcome()
         if self._node is not None and (executor := self._node.executor) is not None:
-            with suppress(AttributeError, InvalidHandle):  # if another thread shuts it down
+            with suppress(AttributeError, InvalidHandle):  # if a thread shuts the executor down
                 executor.wake()
 
     def _end_after(self, future: TransformFuture, timeout: float) -> None:
-        """Register the timeout (s) of a future; start the thread that ends it, if necessary."""
+        """Register the timeout (s) of a future, and start `_thread` if it is not running."""
         reference = ref(future, lambda _: self._queue.put(None))
         self._queue.put((monotonic() + timeout, next(self._numbers), timeout, reference))
         with self._starting:
@@ -201,7 +216,7 @@ class PendingFutures:
                 self._thread.start()
 
     def _watch_deadlines(self) -> None:
-        """End the futures that time out, and return when no pending future has a timeout."""
+        """End the futures that time out; return when no pending future has a timeout."""
         deadlines = self._deadlines
         while True:
             if len(deadlines) > 2 * len(self._futures) + 10:
@@ -226,7 +241,8 @@ class PendingFutures:
                 if (future := reference()) is not None:
                     try:
                         self._try(future, timeout)
-                    except BaseException:  # by a done callback; it must not end this thread
+                    except BaseException:
+                        # A done callback has failed. Its error must not end this thread.
                         get_logger('tf2_buffer').error(format_exc())
                     del future
 
@@ -237,5 +253,5 @@ class PendingFutures:
 
 
 def _raise() -> TransformStamped:
-    """Raise TransformException; this replaces the lookup of a future that is done."""
+    """Raise a TransformException; `forget` replaces the lookup of a future by this function."""
     raise TransformException

@@ -18,9 +18,10 @@ from dummy_arm.tf._ros.rclpy_private import guard_condition, RCLError, WaitSet
 
 #: The longest wait (s). It is short because a signal that shuts ROS down does not wake the thread.
 _MAX_WAIT = 0.2
-#: The shortest time between two wake-ups of the executor (s). Each costs 0.1 to 0.3 ms.
+#: The shortest time between two wake-ups of the executor (s). A wake-up costs 0.1 to 0.3 ms.
 _WAKE_INTERVAL = 0.1
-#: The longest time for which `stop` joins the thread (s), which may be running a long callback.
+#: The longest time for which `stop` waits for the end of the thread (s). It is limited because the
+#: thread may be running a long callback.
 _JOIN_TIMEOUT = 0.5
 
 #: The threads that were started and have not ended.
@@ -28,20 +29,21 @@ _running: set['ListenerThread'] = set()
 
 
 class Round(NamedTuple):
-    """The result of one round of a listener's thread."""
+    """The result of one round of a listener's thread; see `ListenerThread`."""
 
     has_news: bool  #: True if data have arrived
-    is_urgent: bool  #: True if a future was completed, so that the executor must be woken at once
-    pause: float  #: how long messages of /tf may stay in the queue (s)
+    is_urgent: bool  #: True if a future was completed; then the executor is woken at once
+    pause: float  #: how long the thread may leave messages of /tf in the queue (s)
 
 
 class ListenerThread:
     """
     A thread that calls a function whenever messages arrive.
 
-    It ends when `end` is called, the node is destroyed or ROS is shut down. It waits in its own
-    wait set. A *round* is one wait and one call of the function. After a round the thread may
-    pause, so that the next round handles several messages.
+    A *round* of the thread is one wait for messages and one call of the function. The thread waits
+    in a wait set of rcl that only this thread uses. After a round the thread may pause, so that
+    the next round handles several messages. The thread ends when `end` or `stop` is called, the
+    node is destroyed or ROS is shut down.
     """
 
     def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription, tf: Subscription,
@@ -50,16 +52,16 @@ class ListenerThread:
         """
         Create the thread; `start` starts it.
 
-        :param node: the node of the subscriptions; the executor that spins it is woken.
+        :param node: the node of the subscriptions; the executor that spins the node is woken.
         :param group: the callback group of the guard condition that wakes the executor.
         :param tf_static: the subscription to /tf_static, whose messages always wake the thread.
         :param tf: the subscription to /tf, whose messages do not wake the thread during a pause.
-        :param work: called by the thread when messages have arrived, and at least 5 times per
-            second.
+        :param work: the function that the thread calls when messages have arrived, and at least 5
+            times per second. It returns the result of the round.
         :param on_end: called by the thread at its end; or by `stop`, if the thread was never
             started.
-        :param is_blocked: returns True if the calling thread holds a lock without which this
-            thread cannot end.
+        :param is_blocked: called by `stop`; returns True if the caller of `stop` holds a lock that
+            this thread needs in order to end.
         :param clock: returns the time (s).
         """
         self._node, self._context, self._clock = node, node.context, clock
@@ -80,7 +82,7 @@ class ListenerThread:
             self._thread.start()
 
     def wake(self) -> None:
-        """Make the thread start a round now."""
+        """End the wait of the thread, so that the thread calls its function now."""
         with suppress(InvalidHandle, RCLError):  # if the thread ends at this moment
             self._wake.trigger()
 
@@ -91,15 +93,15 @@ class ListenerThread:
         self._guard.trigger()
 
     def end(self) -> None:
-        """Stop the thread; this may be called by any thread, and more than once."""
-        self._node.destroy_guard_condition(self._guard)  # calls `stop`, if not destroyed before
+        """Stop the thread; any thread may call this method, and more than once."""
+        self._node.destroy_guard_condition(self._guard)  # calls `stop` the first time
 
     def stop(self) -> None:
         """
         Stop the thread and join it.
 
-        The thread is not joined if the caller is the thread itself, or if the caller holds a lock
-        without which the thread cannot end.
+        The thread is not joined if it calls this method itself, or if the caller holds a lock that
+        the thread needs in order to end.
         """
         self.has_ended = True
         if self._once.acquire(blocking=False):
@@ -120,7 +122,8 @@ class ListenerThread:
                 raise
         finally:
             self.has_ended = True
-            # Ctrl-C shuts ROS down, but does not always wake an executor that is spinning.
+            # Wake the executor: Ctrl-C shuts ROS down, but does not always wake an executor that
+            # is spinning.
             with suppress(InvalidHandle, RCLError):
                 self._guard.trigger()
             self._on_end()
@@ -153,7 +156,7 @@ class ListenerThread:
 
 
 def _after_fork_in_child() -> None:
-    """Mark the threads as ended, since a forked process has only the thread that forked."""
+    """Mark all threads as ended: only the thread that has forked runs in the child process."""
     for thread in _running:
         thread.has_ended = True
     _running.clear()
@@ -165,7 +168,7 @@ if hasattr(os, 'register_at_fork'):  # not on Windows
 
 @atexit.register
 def _stop_all() -> None:
-    """Stop all threads at exit: a thread that waits in rcl at that time aborts the process."""
+    """Stop all threads at exit, because a thread that still waits in rcl aborts the process."""
     running = list(_running)
     for thread in running:
         thread.has_ended = True

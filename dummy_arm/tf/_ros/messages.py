@@ -1,4 +1,8 @@
-"""The types of tf2_msgs; if it is not installed, a TFMessage that is created at run time."""
+"""
+The types TFMessage and FrameGraph of tf2_msgs.
+
+If tf2_msgs is not installed, TFMessage is created at run time, and FrameGraph is None.
+"""
 
 from dummy_arm.tf._ros.rclpy_private import install
 

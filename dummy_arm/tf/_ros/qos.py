@@ -11,7 +11,7 @@ def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) 
 
     :param qos: a profile, which is returned unchanged; or a depth; None: the default depth.
     :param depth: the default depth.
-    :param policies: the other policies of the profile for a depth or None.
+    :param policies: the other policies; not used if `qos` is a profile.
     :returns: the profile.
     """
     if qos is None or isinstance(qos, int):

@@ -1,8 +1,8 @@
 """
 The private parts of rclpy and rcl on which this package relies, as of ROS 2 Jazzy (rclpy 7.1).
 
-Each public name of this module relies on some behaviour of rclpy or rcl, for which there is a test
-in test/test_rclpy_private.py. It fails if an upgrade of rclpy changes that behaviour.
+Each public name of this module relies on some behaviour of rclpy or rcl. A test in
+test/test_rclpy_private.py checks this behaviour, and fails if an upgrade of rclpy changes it.
 """
 
 from collections.abc import Callable
@@ -33,12 +33,13 @@ _Message = TypeVar('_Message')
 
 #: The exception that rclpy's compiled part raises for an error code of rcl.
 RCLError = _rclpy.RCLError
-#: rcl_wait_set_t: WaitSet(number of subscriptions, of guard conditions, of timers, of clients, of
-#: services, of events, context), with clear_entities, add_subscription, add_guard_condition and
-#: wait(ns).
+#: The class of rcl_wait_set_t. The arguments of its constructor are the numbers of subscriptions,
+#: guard conditions, timers, clients, services and events, and the context. Its methods are
+#: clear_entities, add_subscription, add_guard_condition and wait(timeout in ns).
 WaitSet = _rclpy.WaitSet
-#: take_message(handle, message type, raw) takes a message, as bytes if `raw`. It returns the
-#: message and its info, or None. `install` replaces the method of rclpy, but not this name.
+#: take_message(handle, message type, raw) takes a message, as bytes if `raw` is True. It returns
+#: the message and its info, or None if there is no message. `install` replaces the method in
+#: rclpy; this name keeps the original method.
 take_message = _rclpy.Subscription.take_message
 
 
@@ -46,7 +47,7 @@ def install(message_type: Any) -> None:
     """
     Make rclpy support a TFMessage class that was created at run time.
 
-    :param message_type: the class TFMessage; for that of tf2_msgs, nothing is changed.
+    :param message_type: the class TFMessage. If it is the class of tf2_msgs, nothing is changed.
     """
     if not message_type.__module__.startswith('tf2_msgs.'):
         _exchange_bytes(message_type, serialize)
@@ -56,11 +57,12 @@ def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> Non
     """
     Make rclpy pass messages of one type to rcl, and take them from rcl, as bytes.
 
-    rclpy's compiled part converts a message by compiled functions of its class, which a class that
-    was created at run time does not have. So its messages are converted to and from bytes where
-    they are published, taken, serialized and deserialized. Other types are handled as before.
+    rclpy's compiled part converts a message with compiled functions of the message's class. A
+    class that was created at run time does not have such functions. So messages of this class are
+    converted to and from bytes here, when rclpy publishes, takes, serializes or deserializes them.
+    Messages of other types are handled as before.
 
-    :param message_type: the class of these messages.
+    :param message_type: the class of the messages that are converted here.
     :param serialize: packs a list of TransformStamped into the bytes of a message.
     """
     publish = _rclpy.Publisher.publish
@@ -83,8 +85,8 @@ def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> Non
         Take a message, in place of `Subscription.take_message`; drop it if it is malformed.
 
         :param taken_type: the class of the message.
-        :param raw: True: return its bytes.
-        :returns: the message and its info, or None.
+        :param raw: True: return the bytes of the message.
+        :returns: the message and its info; None if there is no message, or if it is malformed.
         """
         if raw or not issubclass(taken_type, message_type):
             return take_message(self, taken_type, raw)  # type: ignore[no-any-return]
@@ -105,8 +107,8 @@ def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> Non
         Serialize a message, in place of `rclpy_serialize`.
 
         :param message: a message of any type.
-        :param given_type: its class.
-        :returns: its bytes.
+        :param given_type: the class of the message.
+        :returns: the bytes of the message.
         """
         if isinstance(message, message_type):
             return serialize(message.transforms)
@@ -117,7 +119,7 @@ def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> Non
         Deserialize a message, in place of `rclpy_deserialize`.
 
         :param data: the bytes of the message.
-        :param given_type: its class.
+        :param given_type: the class of the message.
         :returns: the message.
         """
         if issubclass(given_type, message_type):
@@ -133,19 +135,19 @@ def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> Non
 def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[Any], None],
               qos: QoSProfile, group: CallbackGroup) -> Subscription:
     """
-    Subscribe a node to a topic, for an owner that takes the messages itself.
+    Subscribe a node to a topic, for a caller that takes the messages itself.
 
     The subscription is not in the node's list of subscriptions, so no executor takes its messages.
 
     :param node: the node.
     :param message_type: the class of the messages.
     :param topic: the name of the topic; the node's remappings apply.
-    :param callback: the callback attribute of the subscription; it is never called.
+    :param callback: kept as the attribute `callback` of the subscription; never called.
     :param qos: the profile of the subscription.
     :param group: the callback group of the subscription.
     :returns: the subscription.
     """
-    # As in create_subscription: a generated class does not load its type support before this call.
+    # As in create_subscription, this call loads the type support of a generated class.
     check_is_valid_msg_type(message_type)
     with node.handle:
         handle = _rclpy.Subscription(node.handle, message_type, topic, qos.get_c_qos_profile())
@@ -155,10 +157,10 @@ def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[An
 
 def incompatible_qos(subscription: Subscription) -> Any:
     """
-    Return the event of publishers whose QoS is incompatible with a subscription.
+    Create the event that reports publishers whose QoS is incompatible with a subscription.
 
-    The `take_event` of the event returns None or a status with `total_count_change` and
-    `last_policy_kind`; its `destroy_when_not_in_use` releases it.
+    The method `take_event` of the event returns None, or a status with `total_count_change` and
+    `last_policy_kind`. The method `destroy_when_not_in_use` releases the event.
 
     :param subscription: the subscription.
     :returns: the event; None if the middleware does not support it.
@@ -180,13 +182,13 @@ def guard_condition(node: Node, group: CallbackGroup, on_destroy: Callable[[], o
     :param node: the node.
     :param group: the callback group of the guard condition.
     :param on_destroy: called before the guard condition is destroyed. `destroy_node` destroys all
-        guard conditions of its node, and offers no other hook.
+        guard conditions of the node, so it calls this function, too. It has no other hook.
     :returns: the guard condition.
     """
     guard = node.create_guard_condition(lambda: None, group)
 
     def destroy() -> None:
-        """Call the hook, then destroy the guard condition."""
+        """Call `on_destroy`, then destroy the guard condition."""
         on_destroy()
         GuardCondition.destroy(guard)
 
@@ -196,21 +198,23 @@ def guard_condition(node: Node, group: CallbackGroup, on_destroy: Callable[[], o
 
 def is_of_executor(callback: Callable[..., Any]) -> bool:
     """
-    Return True if a done callback was added by an executor that spins until its future is done.
+    Return True if a done callback of a future was added by an executor.
 
-    The executor refers to the future while it spins, and never removes its callback.
+    An executor that spins until a future is done adds a done callback to the future. The executor
+    refers to the future while it spins, and never removes the callback.
 
     :param callback: the done callback.
-    :returns: True if it belongs to `rclpy.executors`.
+    :returns: True if the callback is defined in the module `rclpy.executors`.
     """
     return callback.__module__ == 'rclpy.executors'
 
 
 # rcl, by ctypes
 
-#: RCL_RET_SUBSCRIPTION_TAKE_FAILED: there is no message.
+#: The code RCL_RET_SUBSCRIPTION_TAKE_FAILED, which means that there is no message.
 _TAKE_FAILED = 401
-#: The size of a gid (bytes). `endpoint_gid` of TopicEndpointInfo begins with the gid.
+#: The size of a gid (bytes). A gid identifies a publisher. The `endpoint_gid` of a
+#: TopicEndpointInfo begins with the gid.
 GID_SIZE = 16
 
 
@@ -229,7 +233,7 @@ class _Bytes(ctypes.Structure):
 
 
 class _MessageInfo(ctypes.Structure):
-    """The struct rmw_message_info_t, with room for the longer struct of another release."""
+    """The struct rmw_message_info_t, with room for the longer structs of other releases."""
 
     _fields_ = [('source_timestamp', c_int64), ('received_timestamp', c_int64),
                 ('publication_sequence_number', c_uint64), ('reception_sequence_number', c_uint64),
@@ -253,11 +257,13 @@ def rcl_take() -> Any:
 
 
 class Taker(Generic[_Message]):
-    """A reader of messages with the gids of their publishers, which rclpy does not report."""
+    """A reader of messages and the gids of their publishers; rclpy does not report these gids."""
 
     def __init__(self, make: Callable[[bytes, str, int], _Message]) -> None:
         """
-        Create the structs that rcl writes into; `rcl_take` must not return None.
+        Create the structs into which rcl writes.
+
+        This needs the function of `rcl_take`, so `rcl_take` must not return None.
 
         :param make: creates a message from its bytes, the gid of its publisher (hex), and the time
             of its reception (ns; 0: not known).
@@ -271,15 +277,16 @@ class Taker(Generic[_Message]):
 
     def take(self, handle: Any, max_messages: int, messages: list[_Message]) -> None:
         """
-        Take the messages that have arrived; only one thread may do so at a time.
+        Take the messages that have arrived; only one thread at a time may call this method.
 
         :param handle: the handle of a subscription.
         :param max_messages: the largest number of messages to take.
-        :param messages: the list to which they are appended.
+        :param messages: the list to which the messages are appended.
         :raises InvalidHandle: if the subscription is destroyed.
         :raises RCLError: if rcl returns an error.
         """
-        self._append_taken(messages)  # a message that Ctrl-C kept from being appended
+        # If Ctrl-C has interrupted the last call, a message may be taken but not appended.
+        self._append_taken(messages)
         with handle:
             for _ in range(max_messages):
                 code = self._take(handle.pointer, self._bytes, self._info, None)
@@ -290,10 +297,10 @@ class Taker(Generic[_Message]):
                 self._append_taken(messages)
 
     def _append_taken(self, messages: list[_Message]) -> None:
-        """Append the message that was taken last, unless that was done before."""
+        """Append the message that was taken last, if it is not appended yet."""
         written, info = self._bytes, self._info
         if written.length:
             message = self._make(ctypes.string_at(written.buffer, written.length),
                                  bytes(info.gid).hex(), info.received_timestamp)
-            messages += [message]  # `append` would be a call, after which Ctrl-C can interrupt
+            messages += [message]  # not `append`: after a call, Ctrl-C can interrupt
             written.length = 0

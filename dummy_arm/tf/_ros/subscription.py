@@ -22,11 +22,12 @@ from dummy_arm.tf._wire.streams import MessageReader
 AUTHORITY = 'default_authority'
 #: The time between two checks for incompatible publishers (s).
 _CHECK_INTERVAL = 1.0
-#: The largest number of messages that are taken at once, unless the queue is longer.
+#: The largest number of messages that are taken at once. If the depth of the queue is larger, the
+#: depth is used instead.
 _MAX_MESSAGES = 1000
-#: The longest pause (s).
+#: The longest pause of the listener's thread (s).
 _LONGEST_PAUSE = 0.1
-#: The rate (messages/s) up to which there is no pause.
+#: The rate (messages/s) up to which the thread does not pause.
 _LOW_RATE = 100.0
 
 
@@ -38,23 +39,25 @@ class Topic:
         Create the topic of a subscription.
 
         :param subscription: a subscription to /tf or /tf_static.
-        :param is_static: True if it is to /tf_static.
+        :param is_static: True if the subscription is to /tf_static.
         """
         self.name: str = subscription.topic_name
         self.handle: Any = subscription.handle
         self.is_static = is_static
-        #: The largest number of messages to take at once. It bounds how long the lock is held.
+        #: The largest number of messages to take at once. It limits how long the buffer's lock is
+        #: held.
         self.max_messages = max(_MAX_MESSAGES, int(subscription.qos_profile.depth))
         self._take = partial(rclpy_private.take_message, self.handle, TFMessage, True)
 
     def take(self, messages: list[Any]) -> None:
         """
-        Take the messages that have arrived.
+        Take the messages that have arrived, at most `max_messages`.
 
-        One call of C code takes and appends all messages. So no KeyboardInterrupt is raised after
-        a message is taken and before it is appended, and no message is lost.
+        One call of C code takes and appends all these messages. So a KeyboardInterrupt cannot be
+        raised between the taking and the appending of a message, and no message is lost.
 
-        :param messages: the list to which pairs of bytes and message info are appended.
+        :param messages: the list to which one pair is appended for each message: the bytes of the
+            message, and its info.
         :raises InvalidHandle: if the subscription is destroyed.
         """
         with self.handle:
@@ -65,9 +68,9 @@ class SubscriptionSource:
     """
     The source from which a buffer pulls the messages of /tf and /tf_static.
 
-    The source has no lock of its own: the buffer holds the buffer's lock when it calls `take`. The
-    listener's thread calls `end_round` without a lock. Therefore the number of messages that
-    `end_round` uses may be too low.
+    The source has no lock of its own. The buffer holds the buffer's lock when it calls `take`. The
+    listener's thread calls `end_round` without a lock, so another thread may call `take` at the
+    same time. Therefore the number of messages that `end_round` uses may be wrong.
     """
 
     def __init__(self, tf_static: Subscription, tf: Subscription,
@@ -78,12 +81,13 @@ class SubscriptionSource:
 
         :param tf_static: the subscription to /tf_static.
         :param tf: the subscription to /tf.
-        :param on_fault: called with the error of each message that cannot be decoded.
+        :param on_fault: called with the error of each message that cannot be decoded, and with any
+            other error that is raised while messages are decoded.
         :param wake: makes the listener's thread update the buffer now.
         :param clock: returns the time (s).
         """
         self.wake, self._on_fault, self._clock = wake, on_fault, clock
-        #: The topics, each with its reader and the messages that are taken but not decoded.
+        #: For each topic: the topic, its reader, and its messages that are taken but not decoded.
         self._topics: list[tuple[Topic, MessageReader, list[Any]]] = [
             (Topic(tf_static, True), MessageReader(on_fault), []),
             (Topic(tf, False), MessageReader(on_fault), [])]
@@ -98,10 +102,12 @@ class SubscriptionSource:
         """
         Take and decode the messages that have arrived.
 
-        /tf is taken before /tf_static, but inserted after it. So if a publisher sends a static
-        transform before a dynamic one, no lookup sees the dynamic one without the static one.
+        The messages of /tf are taken before those of /tf_static, but inserted after them. So if a
+        publisher sends a static transform before a dynamic one, no lookup sees the dynamic
+        transform without the static one.
 
-        :returns: a list that this source keeps; the buffer clears it after the insertion.
+        :returns: the transforms that are decoded but not inserted. This source keeps the list, and
+            the buffer clears the list after the insertion.
         """
         try:
             for topic, _, arrived in reversed(self._topics):
@@ -121,19 +127,19 @@ class SubscriptionSource:
 
     def end_round(self) -> float:
         """
-        Compute how long the listener's thread may leave messages in the queue.
+        Compute how long the listener's thread may leave messages of /tf in the queue.
 
-        The thread calls this after each update, without a lock. It pauses because a wake-up costs
-        more than the insertion of a message. If messages arrive as fast as since the last call, at
-        least half of the queue stays free during the pause.
+        The thread calls this method after each update, without a lock. The thread pauses because a
+        wake-up costs more than the insertion of a message. If messages keep arriving at the rate
+        of the time since the last call, at least half of the queue stays free during the pause.
 
-        :returns: the pause (s).
+        :returns: the pause (s); 0: no pause.
         """
         now = self._clock()
         count, self._count, since, self._last = self._count, 0, now - self._last, now
         if count <= _LOW_RATE * since or self._depth <= 1:
             return 0.0
-        if count > 0.75 * self._depth:  # messages may have been lost: the rate is not known
+        if count > 0.75 * self._depth:  # messages may be lost, so the rate is not known
             return 0.0
         return min(_LONGEST_PAUSE, 0.5 * self._depth * since / count)
 
@@ -159,7 +165,7 @@ class QosMonitor:
         """
         Warn if there are new incompatible publishers; check once a second at most.
 
-        The text begins with the warning of rclpy's default callback.
+        The text of the warning begins with that of rclpy's default callback for this event.
         """
         if self._incompatible_qos is None or (now := self._clock()) < self._next:
             return

@@ -1,4 +1,4 @@
-"""Conversion of `geometry_msgs/msg/TransformStamped` to fields and bytes and back, with checks."""
+"""Conversion of `geometry_msgs/msg/TransformStamped` to and from fields or bytes, and checks."""
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
@@ -17,10 +17,12 @@ from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import cdr
 
-#: Whether messages check the values that are assigned to their fields (ROS_PYTHON_CHECK_FIELDS).
+#: Whether messages check the values that are assigned to their fields. The environment variable
+#: ROS_PYTHON_CHECK_FIELDS sets this.
 _CHECK_FIELDS: bool = TransformStamped()._check_fields
 
-#: The fields of a TransformStamped, each with its class or its `struct` format.
+#: The paths of the fields of a TransformStamped, each with the class of the field or, if the field
+#: is a number, with its `struct` format.
 _FIELDS: tuple[tuple[str, Union[type, str]], ...] = (
     ('header', Header), ('header.stamp', Time),
     ('header.stamp.sec', 'i'), ('header.stamp.nanosec', 'I'), ('header.frame_id', str),
@@ -39,7 +41,7 @@ def serialize(transforms: Iterable[TransformStamped]) -> bytes:
     :param transforms: the transforms of the message.
     :returns: the bytes.
     :raises TypeError: if an element is not a TransformStamped.
-    :raises ValueError: if the value of a field does not fit its type.
+    :raises ValueError: if the value of a field does not fit the type of the field.
     """
     messages = list(transforms)
     with explain_bad_fields(messages):
@@ -62,8 +64,8 @@ def row_of(message: TransformStamped) -> Row:
     Read a TransformStamped, without checks of its values.
 
     :param message: the message.
-    :returns: its stamp (ns), frame_id, child_frame_id and pose.
-    :raises TypeError: if it is not a TransformStamped.
+    :returns: the stamp (ns), frame_id, child_frame_id and pose of the message.
+    :raises TypeError: if `message` is not a TransformStamped.
     """
     sec, nanosec, frame_id, child_frame_id, pose = fields_of(message)
     return Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
@@ -74,14 +76,15 @@ def fields_of(message: TransformStamped) -> cdr.Fields:
     Read the fields of a TransformStamped, without checks of their values.
 
     :param message: the message.
-    :returns: sec, nanosec, frame_id, child_frame_id, and the pose: x, y, z (m) and the quaternion
-        x, y, z, w.
-    :raises TypeError: if it is not a TransformStamped.
+    :returns: sec, nanosec, frame_id, child_frame_id, and the pose, a tuple of x, y, z (m) and the
+        quaternion x, y, z, w.
+    :raises TypeError: if `message` is not a TransformStamped.
     """
     if not isinstance(message, TransformStamped):
         raise TypeError(
             f'expected a TransformStamped, got {message!r} of type {type(message).__name__}')
-    # The slots are read, because the sixteen properties would double the time of a conversion.
+    # Slots such as `_header` are read, because reading the sixteen properties such as `header`
+    # would double the time of a conversion.
     header, transform = message._header, message._transform
     stamp, translation, rotation = header._stamp, transform._translation, transform._rotation
     return (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
@@ -95,7 +98,8 @@ def message_of(row: Row) -> TransformStamped:
 
     :param row: stamp (ns), frame_id, child_frame_id and pose.
     :returns: the message.
-    :raises TypeError: or ValueError, if a number of the pose cannot be converted to a float.
+    :raises TypeError: as `message_of_fields`.
+    :raises ValueError: as `message_of_fields`.
     """
     stamp_ns, frame_id, child_frame_id, pose = row
     return message_of_fields((*divmod(stamp_ns, SECOND), frame_id, child_frame_id, pose))
@@ -105,14 +109,15 @@ def message_of_fields(fields: cdr.Fields) -> TransformStamped:
     """
     Create a TransformStamped from its fields.
 
-    The slots are assigned, in a tenth of the time that the constructors need. The numbers of the
-    pose are converted to float, because rclpy's compiled conversion of a message reads the slot of
-    a float64 unchecked: an int would be sent as another number.
+    Values are assigned to the slots, which takes a tenth of the time of the constructors. The
+    numbers of the pose are converted to float, because rclpy's compiled code does not check the
+    type of a value in the slot of a float64 field. It would send an int as another number.
 
-    :param fields: sec, nanosec, frame_id, child_frame_id, and the pose: x, y, z (m) and the
-        quaternion x, y, z, w.
+    :param fields: sec, nanosec, frame_id, child_frame_id, and the pose, a tuple of x, y, z (m) and
+        the quaternion x, y, z, w.
     :returns: the message.
-    :raises TypeError: or ValueError, if a number of the pose cannot be converted to a float.
+    :raises TypeError: if the type of a value in the pose cannot be converted to float.
+    :raises ValueError: if a value in the pose cannot be converted to float.
     """
     message, header, stamp = _new(TransformStamped), _new(Header), _new(Time)
     transform, translation, rotation = _new(Transform), _new(Vector3), _new(Quaternion)
@@ -121,7 +126,7 @@ def message_of_fields(fields: cdr.Fields) -> TransformStamped:
     transform._translation, transform._rotation = translation, rotation
     (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
      (x, y, z, qx, qy, qz, qw)) = fields
-    # Written out, because a loop takes ten times as long.
+    # The assignments are written out, because a loop would take ten times as long.
     translation._x, translation._y, translation._z = float(x), float(y), float(z)
     rotation._x, rotation._y, rotation._z = float(qx), float(qy), float(qz)
     rotation._w = float(qw)
@@ -137,9 +142,10 @@ def _new(message_type: type) -> Any:
 
 class explain_bad_fields:  # noqa: N801
     """
-    A context manager that raises a ValueError with the name and value of a field that is wrong.
+    A context manager that names the field that has caused an error.
 
-    It replaces the error that the field has caused in the block. Other errors are not changed.
+    If a field with a wrong value has caused an error in the block, the error is replaced by a
+    ValueError with the name and the value of the field. Other errors are not changed.
     """
 
     def __init__(self, messages: Sequence[TransformStamped]) -> None:
@@ -163,7 +169,7 @@ class explain_bad_fields:  # noqa: N801
 
 
 def _bad_field(message: TransformStamped) -> Optional[str]:
-    """Return a text about the first field whose value does not fit its type, or None."""
+    """Return a text about the first field with a wrong value; None if there is no such field."""
     for path, kind in _FIELDS:
         value: Any = message
         for name in path.split('.'):
@@ -175,7 +181,7 @@ def _bad_field(message: TransformStamped) -> Optional[str]:
 
 
 def _fits(value: object, kind: Union[type, str]) -> bool:
-    """Return True if a value is of a class, or is a number that fits a `struct` format."""
+    """Return True if a value fits its kind: a class or, for a number, a `struct` format."""
     if isinstance(kind, type):
         return isinstance(value, kind)
     try:
@@ -188,7 +194,7 @@ def _fits(value: object, kind: Union[type, str]) -> bool:
 def as_list(transform: Union[TransformStamped, Iterable[TransformStamped]]
             ) -> list[TransformStamped]:
     """
-    Return a list of one transform or of the transforms of an iterable.
+    Return one transform, or the transforms of an iterable, as a list.
 
     :param transform: a transform, or an iterable of transforms.
     :returns: the list.
@@ -201,7 +207,7 @@ def fields_to_send(messages: Iterable[TransformStamped]) -> list[cdr.Fields]:
     Read and check transforms that are to be broadcast.
 
     :param messages: the transforms.
-    :returns: the fields of each, as `fields_of` returns them.
+    :returns: the fields of each transform, as `fields_of` returns them.
     :raises TypeError: if an element is not a TransformStamped.
     :raises ValueError: if a name or a pose is not valid; see `check_edge` and `check_pose`.
     """
@@ -221,7 +227,7 @@ def check_edge(frame_id: str, child_frame_id: str) -> None:
 
     :param frame_id: the name of the parent.
     :param child_frame_id: the name of the child.
-    :raises ValueError: if a name is empty, or both are the same.
+    :raises ValueError: if a name is empty, or both names are the same.
     """
     parent, child = frame_id.removeprefix('/'), child_frame_id.removeprefix('/')
     if not parent or not child:

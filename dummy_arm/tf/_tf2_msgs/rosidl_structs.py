@@ -1,7 +1,7 @@
 """
 The C structs of rosidl that describe a message type, with their layout in ROS 2 Jazzy.
 
-They are declared in rosidl_runtime_c/message_type_support_struct.h,
+The structs are declared in rosidl_runtime_c/message_type_support_struct.h,
 rosidl_runtime_c/type_description/*.h, rosidl_typesupport_fastrtps_cpp/message_type_support.h and
 rosidl_typesupport_introspection_c/message_introspection.h. Only `type_support` uses them. Compare
 them with these headers before you support another distribution of ROS.
@@ -12,7 +12,7 @@ from ctypes import c_bool, c_char_p, c_size_t, c_uint8, c_uint32, c_uint64, c_vo
 
 
 class String(ctypes.Structure):
-    """A string: rosidl_runtime_c__String; `str()` decodes it."""
+    """The struct of a string, rosidl_runtime_c__String; `str()` decodes the string."""
 
     _fields_ = [('data', c_char_p), ('size', c_size_t), ('capacity', c_size_t)]
 
@@ -22,7 +22,7 @@ class String(ctypes.Structure):
         Create the struct of a text.
 
         :param text: the text.
-        :returns: the struct; its bytes are freed by Python.
+        :returns: the struct; Python frees its bytes.
         """
         data = text.encode()
         return cls(data, len(data), len(data) + 1)
@@ -33,10 +33,10 @@ class String(ctypes.Structure):
 
 def sequence_of(element: type) -> type:
     """
-    Create the ctypes class of a sequence of rosidl.
+    Create the ctypes class of the struct of a rosidl sequence.
 
     :param element: the class of the elements.
-    :returns: the class; its objects iterate over the elements.
+    :returns: the class; a loop over one of its objects yields the elements.
     """
     fields = [('data', POINTER(element)), ('size', c_size_t), ('capacity', c_size_t)]
     return type(f'{element.__name__}Sequence', (ctypes.Structure,), {
@@ -60,7 +60,7 @@ Fields = sequence_of(Field)
 
 
 class IndividualTypeDescription(ctypes.Structure):
-    """The description of a type without the types to which it refers."""
+    """The description of one type, without the descriptions of the types of its fields."""
 
     _fields_ = [('type_name', String), ('fields', Fields)]
 
@@ -69,7 +69,7 @@ IndividualTypeDescriptions = sequence_of(IndividualTypeDescription)
 
 
 class TypeDescription(ctypes.Structure):
-    """The description of a type and of all types to which it refers."""
+    """The description of a type, and of all types to which this type refers."""
 
     _fields_ = [('type_description', IndividualTypeDescription),
                 ('referenced_type_descriptions', IndividualTypeDescriptions)]

@@ -1,12 +1,14 @@
 """
 The class `tf2_msgs/msg/TFMessage`, created at run time where tf2_msgs is not installed.
 
-A generated message is converted by compiled functions. rclpy calls those that convert between
-Python and C; the middleware calls those that convert between C and bytes. Python functions cannot
-replace the latter. Fast DDS calls them while it holds its own lock: if they waited for the GIL
-there, two threads that publish would deadlock. Besides, a KeyboardInterrupt in a ctypes callback
-leaves its result undefined. Therefore rclpy publishes and takes this message as bytes. The message
-is serialised and deserialised outside of the middleware; see `install` in `_ros/rclpy_private.py`.
+Compiled functions convert the messages of a generated class. rclpy calls functions that convert
+between Python and C. The middleware calls functions that convert between C and bytes. Python
+functions cannot replace the functions that the middleware calls, for two reasons. First, Fast DDS
+holds its own lock while it calls them. Python functions would wait for the GIL there, so two
+threads that publish could deadlock. Second, a KeyboardInterrupt in a Python function that C calls
+by ctypes leaves the result of the function undefined. Therefore rclpy publishes and takes this
+message as bytes. The message is serialised and deserialised outside of the middleware; see
+`install` in `_ros/rclpy_private.py`.
 """
 
 from collections.abc import Collection
@@ -17,7 +19,7 @@ from rosidl_parser.definition import NamespacedType, UnboundedSequence
 
 from dummy_arm.tf._tf2_msgs import type_support
 
-#: Whether messages check the values of their fields by default, as generated messages do.
+#: The default of `check_fields`; it is the same as in generated messages.
 _CHECK_FIELDS: bool = TransformStamped()._check_fields
 
 
@@ -32,7 +34,7 @@ class Metaclass_TFMessage(type):  # noqa: N801
 
     @classmethod
     def __import_type_support__(cls) -> None:
-        """Do nothing: the type support is created when this module is imported."""
+        """Do nothing, because the import of this module has created the type support."""
 
 
 class TFMessage(metaclass=Metaclass_TFMessage):
@@ -49,10 +51,11 @@ class TFMessage(metaclass=Metaclass_TFMessage):
         """
         Create a message.
 
-        :param kwargs: `transforms`, a sequence of TransformStamped, empty by default; and
-            `check_fields`, whether assignments to the fields are checked.
-        :raises AssertionError: if fields are checked, and there is another argument or a value
-            of another type.
+        :param kwargs: `transforms`: a set or sequence of TransformStamped; by default, it is
+            empty. `check_fields`: whether values that are assigned to fields are checked; by
+            default, as in generated messages.
+        :raises AssertionError: if `check_fields` is True, and there is another argument, or
+            `transforms` is of another type.
         """
         self._check_fields = kwargs.pop('check_fields', _CHECK_FIELDS)
         if self._check_fields:
@@ -71,7 +74,7 @@ class TFMessage(metaclass=Metaclass_TFMessage):
         """
         Return the names and types of the fields.
 
-        :returns: the types by the names of the fields.
+        :returns: a dict from the name of each field to its type.
         """
         return cls._fields_and_field_types.copy()
 

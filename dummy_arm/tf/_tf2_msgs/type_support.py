@@ -1,14 +1,15 @@
 """
 The type support of `tf2_msgs/msg/TFMessage`, derived from types of geometry_msgs.
 
-The middleware identifies a type by a C struct, `rosidl_message_type_support_t`, which points to
-further structs. Like a TFMessage, a `geometry_msgs/msg/Polygon` has one field, an unbounded
-sequence. So the structs of Polygon are copied, and the name, element type, description and hash in
-them are replaced.
+The middleware identifies a message type by a C struct, `rosidl_message_type_support_t`. This
+struct points to further structs. Like a TFMessage, a `geometry_msgs/msg/Polygon` has one field, an
+unbounded sequence. So the structs of Polygon are copied, and the name, element type, description
+and hash in the copies are replaced.
 
 The structs contain pointers to functions, which C code calls while a publisher or a subscription
 is created, but not for each message. Each function is compiled code, or a ctypes callback that
-calls a compiled function. So it runs no Python bytecode, which Ctrl-C could interrupt.
+calls a compiled function. So none of these functions runs Python bytecode, which Ctrl-C could
+interrupt.
 """
 
 from collections.abc import Callable, Iterable
@@ -50,10 +51,11 @@ _INTROSPECTION = b'rosidl_typesupport_introspection_c'
 
 class _Handle(c_void_p):
     """
-    The first argument of `func` of a TypeSupport, as `operator.getitem` receives it.
+    The class of the first argument of the function `func` of a TypeSupport.
 
     C code calls `func(handle, identifier)` to get the address of the type support for one
-    typesupport library. Here `func` is `operator.getitem`; `__getitem__` is set below.
+    typesupport library. For TFMessage, `func` calls `operator.getitem(handle, identifier)`, which
+    calls `__getitem__` of this class. `__getitem__` is set at the end of this module.
     """
 
     __getitem__: Callable[[bytes], Optional[int]]
@@ -64,7 +66,7 @@ _Getter = ctypes.CFUNCTYPE(c_void_p)
 
 
 def _expect(what: str, expected: object, found: object) -> None:
-    """Raise an ImportError if a value that is read from C differs from that of ROS 2 Jazzy."""
+    """Raise an ImportError if a value that is read from C is not the value in ROS 2 Jazzy."""
     if expected != found:
         raise ImportError(
             f'cannot create {_NAME} without tf2_msgs, because {what} is not as in ROS 2 Jazzy: '
@@ -96,7 +98,7 @@ def _type_support_of(message_type: type, identifier: bytes) -> TypeSupport:
 
 
 def _description_of(handle: TypeSupport) -> tuple[TypeDescription, Iterable[TypeSource]]:
-    """Return the description of a type and its sources; check the description by its hash."""
+    """Return the description and the sources of a type; check the description by its hash."""
     address = ctypes.addressof(handle)
     hash_, description, sources = (
         ctypes.CFUNCTYPE(POINTER(layout), c_void_p)(function)(address).contents
@@ -114,7 +116,7 @@ def _hash_of(description: TypeDescription) -> bytes:
     """Compute the hash of a type description: the SHA-256 of its canonical JSON (REP-2011)."""
     def plain(individual: IndividualTypeDescription) -> dict[str, Any]:
         """
-        Convert a description to dicts and lists in the order of keys that REP-2011 prescribes.
+        Convert a description to dicts and lists, with the keys in the order of REP-2011.
 
         :param individual: the description of one type.
         :returns: the dict that is written as JSON.
@@ -134,7 +136,7 @@ def _hash_of(description: TypeDescription) -> bytes:
 
 
 def _array(sequence: type, elements: Iterable[Any]) -> Any:
-    """Create the struct of a sequence with some elements, at least one."""
+    """Create the struct of a sequence; it must have at least one element."""
     elements = list(elements)
     array = (type(elements[0]) * len(elements))(*elements)
     return sequence(array, len(elements), len(elements))
@@ -169,8 +171,8 @@ _sources = _array(TypeSources, (
 _hash = TypeHash(1, (c_uint8 * 32)(*_hash_of(_description)))
 _description_functions = [_constant(value) for value in (_hash, _description, _sources)]
 
-# The functions for rmw_fastrtps. Messages are passed to it as bytes, so it calls only the function
-# that returns whether the type is bounded.
+# The functions for rmw_fastrtps. Messages are passed to rmw_fastrtps as bytes, so rmw_fastrtps
+# calls only one of these functions: the function that returns whether the type is bounded.
 _callbacks = FastRTPSCallbacks.from_buffer_copy(
     FastRTPSCallbacks.from_address(_polygon_fastrtps.data))
 _expect("Polygon's name", (b'geometry_msgs::msg', b'Polygon'),
@@ -180,7 +182,7 @@ _callbacks.message_name = b'TFMessage'
 _fastrtps = TypeSupport(_FASTRTPS, ctypes.addressof(_callbacks), _polygon_fastrtps.func,
                         *_description_functions)
 
-# The introspection tables, from which the middleware registers the type.
+# The introspection tables, which the middleware reads when it registers the type.
 _members = Members.from_buffer_copy(Members.from_address(_polygon_introspection.data))
 _expect("Polygon's introspection", (b'geometry_msgs__msg', b'Polygon', 1, 24),
         (_members.message_namespace, _members.message_name, _members.member_count,
@@ -197,7 +199,7 @@ _members.members = ctypes.pointer(_member)
 _introspection = TypeSupport(_INTROSPECTION, ctypes.addressof(_members),
                              _polygon_introspection.func, *_description_functions)
 
-# The compiled operator.getitem calls the compiled dict.get: no bytecode runs in between.
+# operator.getitem calls dict.get. Both are compiled, so no Python bytecode runs.
 _Handle.__getitem__ = {
     _FASTRTPS: ctypes.addressof(_fastrtps),
     _INTROSPECTION: ctypes.addressof(_introspection)}.get
@@ -208,7 +210,7 @@ _handle = TypeSupport(b'rosidl_typesupport_c', None, ctypes.cast(_dispatch, c_vo
 TYPE_SUPPORT = _new_capsule(ctypes.addressof(_handle), None, None)
 CREATE_ROS_MESSAGE = Polygon.__class__._CREATE_ROS_MESSAGE
 DESTROY_ROS_MESSAGE = Polygon.__class__._DESTROY_ROS_MESSAGE
-# This message is only sent and taken as bytes. If rclpy tries to convert an object all the same,
+# A TFMessage is sent and taken only as bytes. If rclpy still tries to convert a message object,
 # these functions raise a TypeError.
 CONVERT_FROM_PY = CONVERT_TO_PY = _new_capsule(
     ctypes.cast(ctypes.pythonapi.PyErr_BadArgument, c_void_p).value, None, None)

@@ -3,12 +3,13 @@ Serialisation of `tf2_msgs/msg/TFMessage` in CDR.
 
 A message is in plain CDR (XCDR1), as every RMW of Jazzy sends it:
 
-    00 01 00 00          encapsulation: 00 00 big endian, 00 01 little endian, two bytes of options
-    uint32               number of transforms; alignment is relative to this position
+    00 01 00 00          encapsulation: 00 00 (big-endian) or 00 01 (little-endian); then two bytes
+                         of options
+    uint32               number of transforms; the positions below are counted from here
     for each transform:
       int32, uint32      stamp: seconds, nanoseconds; at the next multiple of 4
-      string, string     frame_id, child_frame_id: uint32 length with the final NUL, UTF-8, NUL;
-                         each at the next multiple of 4
+      string, string     frame_id, child_frame_id. Each name begins at the next multiple of 4 with
+                         its length (uint32, in bytes, including the final NUL); then UTF-8, NUL
       float64 x 3        translation x y z (m); at the next multiple of 8
       float64 x 4        rotation, quaternion x y z w
 """
@@ -32,7 +33,7 @@ _pack_pose = struct.Struct('<7d').pack
 
 
 class MalformedMessage(ValueError):
-    """The bytes are not a TFMessage; the error text up to the colon is the kind of the fault."""
+    """The bytes are not a TFMessage; the error text before the colon names the kind of fault."""
 
 
 def _pack_name(name: str) -> bytes:
@@ -47,7 +48,7 @@ def _pack_name(name: str) -> bytes:
 
 @lru_cache(maxsize=4096)
 def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
-    """Pack both names and the padding up to the pose; `position` is where they begin, modulo 8."""
+    """Pack both names with padding up to the pose; the names begin at `position` (modulo 8)."""
     packed = b''
     for name, alignment in ((frame_id, 4), (child_frame_id, 8)):
         packed += _pack_name(name)
@@ -168,7 +169,7 @@ def _unpack_fields(data: bytes, order: str, count: int) -> Iterator[Fields]:
 
 
 def _text(field: bytes) -> str:
-    """Decode a string as rclpy does: up to the first NUL; invalid UTF-8 is replaced."""
+    """Decode a string as rclpy does: stop at the first NUL, and replace invalid UTF-8."""
     return field.partition(b'\0')[0].decode('utf-8', 'replace')
 
 
@@ -188,10 +189,10 @@ def split_stamp(stamp_ns: int) -> tuple[int, int]:
 
 class MessageTemplate:
     """
-    A template that makes the serialisation of messages with the same frames fast.
+    A template for the fast serialisation of messages with the same frames.
 
-    Counted from the end of the encapsulation, each transform ends at a multiple of 8 bytes. So the
-    rest of the message can be changed as an array of float64.
+    Each transform ends at a multiple of 8 bytes, counted from the end of the encapsulation. So the
+    bytes after the encapsulation can be changed as an array of float64.
     """
 
     def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
@@ -233,13 +234,14 @@ class MessageTemplate:
 
 def key(data: bytes) -> bytes:
     """
-    Return a key, which depends on the two names of the first transform only.
+    Return a key that depends only on the two names of the first transform.
 
-    So messages with the same frames have the same key, and some others have it, too.
+    So messages with the same frames have the same key. Messages with other frames may have the
+    same key, too.
 
     :param data: a little-endian message.
-    :returns: the bytes of the first two names; only some of them if a name is longer than 254
-        bytes; b'' if the message is too short.
+    :returns: the bytes of the first two names; only a part of these bytes if a name is longer than
+        254 bytes; b'' if the message is too short.
     """
     try:
         end = _FIRST_NAME + 7 + data[_FIRST_NAME] & ~3
@@ -250,7 +252,7 @@ def key(data: bytes) -> bytes:
 
 #: Unpack the eight bytes of a stamp to sec and nanosec.
 unpack_stamp = struct.Struct('<iI').unpack
-#: The first bytes of a little-endian message.
+#: The first two bytes of a little-endian message.
 HEAD = _ENCAPSULATION[:2]
 
 
@@ -259,10 +261,10 @@ def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     Return the positions of the fields in little-endian messages with certain frames.
 
     :param edges: (frame_id, child_frame_id) of each of the n transforms.
-    :returns: a pair. The first is a format of the module `struct` with these fields: the head; the
-        number of transforms; and for each transform its stamp, its two names and its pose, each as
-        bytes. The second is the list of the 2 n names as they are in the message: length, UTF-8
-        and NUL.
+    :returns: a format and a list. The format is for the module `struct`. Its fields are the head,
+        the number of transforms, and four fields of bytes for each transform: the stamp, the two
+        names and the pose. The list has the bytes of the 2 n names. Each name is the same as in
+        the message: length, UTF-8 and NUL.
     :raises ValueError: if a frame id contains a NUL or is not valid Unicode.
     """
     struct_format = '<2s2xI'

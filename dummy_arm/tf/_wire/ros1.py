@@ -1,5 +1,5 @@
 """
-Deserialisation of `tf2_msgs/TFMessage` and `tf/tfMessage` of ROS 1, as in its bags.
+Deserialisation of `tf2_msgs/TFMessage` and `tf/tfMessage` of ROS 1, as in bags of ROS 1.
 
 All fields are little-endian, without alignment:
 
@@ -7,7 +7,8 @@ All fields are little-endian, without alignment:
     for each transform:
       uint32             sequence number
       uint32, uint32     stamp: seconds, nanoseconds
-      string, string     frame_id, child_frame_id: uint32 length, UTF-8
+      string, string     frame_id, child_frame_id: each name is its length (uint32, in bytes), then
+                         UTF-8
       float64 x 3        translation x y z (m)
       float64 x 4        rotation, quaternion x y z w
 """
@@ -65,7 +66,7 @@ def rows(data: bytes) -> Iterator[Row]:
 
 
 def _name(data: bytes, position: int) -> tuple[str, int]:
-    """Return the name at a position, and the position of its end."""
+    """Return the name at a position, and the position of the first byte after the name."""
     (length,) = _unpack_length(data, position)
     end = position + 4 + length
     return data[position + 4:end].decode('utf-8', 'replace'), end
@@ -73,13 +74,14 @@ def _name(data: bytes, position: int) -> tuple[str, int]:
 
 def key(data: bytes) -> bytes:
     """
-    Return a key, which depends on the two names of the first transform only.
+    Return a key that depends only on the two names of the first transform.
 
-    So messages with the same frames have the same key, and some others have it, too.
+    So messages with the same frames have the same key. Messages with other frames may have the
+    same key, too.
 
     :param data: a message.
-    :returns: the bytes of the first two names; only some of them if a name is longer than 255
-        bytes; b'' if the message is too short.
+    :returns: the bytes of the first two names; only a part of these bytes if a name is longer than
+        255 bytes; b'' if the message is too short.
     """
     try:
         end = _FIRST_NAME + 4 + data[_FIRST_NAME]
@@ -99,7 +101,7 @@ def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     Return the positions of the fields in messages with certain frames.
 
     :param edges: (frame_id, child_frame_id) of each of the n transforms.
-    :returns: as `cdr.layout`.
+    :returns: as `cdr.layout`, but the names do not end with a NUL.
     """
     struct_format = '<0sI'
     names = []

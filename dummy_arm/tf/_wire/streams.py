@@ -10,16 +10,18 @@ from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.cdr import MalformedMessage
 
-#: The largest total size (bytes) of the messages whose layouts are kept.
+#: A reader keeps the layouts of messages. When the total size (bytes) of these messages is larger
+#: than this number, the reader drops all layouts.
 _MOST_BYTES = 10_000_000
-#: The number of transforms at which a batch is closed: longer arrays would not fit the CPU caches.
+#: A batch that has this number of transforms gets no more messages, because the arrays of a larger
+#: batch would not fit in the CPU caches.
 _FULL_BATCH = 1000
 
 
 class Encoding(Protocol):
     """The encoding of messages: the module `cdr` (ROS 2) or `ros1`."""
 
-    #: The first bytes of a message; empty if it begins with the number of transforms.
+    #: The first bytes of a message; b'' if a message begins with the number of transforms.
     HEAD: bytes
 
     def unpack(self, data: bytes) -> list[Row]:
@@ -42,9 +44,10 @@ class Encoding(Protocol):
 
     def key(self, data: bytes) -> bytes:
         """
-        Return a key, which depends on the two names of the first transform only.
+        Return a key that depends only on the two names of the first transform.
 
-        So messages with the same frames have the same key, and some others have it, too.
+        So messages with the same frames have the same key. Messages with other frames may have the
+        same key, too. `MessageReader` finds a layout by this key and the length of the message.
 
         :param data: a message.
         :returns: the key.
@@ -54,8 +57,8 @@ class Encoding(Protocol):
         """
         Return the positions of the fields in messages with certain frames.
 
-        :param edges: (frame_id, child_frame_id) of each transform.
-        :returns: the format of the fields for `struct`, and the bytes of the 2 n names; see
+        :param edges: (frame_id, child_frame_id) of each of the n transforms.
+        :returns: a format for the module `struct`, and the bytes of the 2 n names; see
             `cdr.layout`.
         """
 
@@ -81,8 +84,8 @@ class _Layout:
         self.parents = [parent.removeprefix('/') for parent, _ in edges]
         self.children = [child.removeprefix('/') for _, child in edges]
         self.names = frozenset(self.children)
-        # The fields are the head, the number of transforms, and of each transform four: the stamp,
-        # frame_id, child_frame_id and the pose.
+        # The fields are the head, the number of transforms, and four fields for each transform:
+        # the stamp, frame_id, child_frame_id and the pose.
         fields, frame_ids = encoding.layout(edges)
         self._struct = struct.Struct(fields)
         self._head = encoding.HEAD, len(edges)
@@ -94,8 +97,8 @@ class _Layout:
         Read a message.
 
         :param data: the message.
-        :returns: its stamp (ns), and the bytes of the pose of each transform (7 float64); None if
-            the message has another layout or several stamps.
+        :returns: the stamp of the message (ns), and the pose of each transform as bytes
+            (7 float64); None if the message has another layout or several stamps.
         """
         if len(data) < self._struct.size:
             return None
@@ -134,13 +137,13 @@ class MessageReader:
         """
         Read messages.
 
-        Messages with a known layout and a single stamp are joined into batches. All others become
-        rows. Static messages become rows, too: their transforms must stay in order across all
-        frames, but batches keep the order only among the transforms of each single frame.
+        Messages with a known layout and a single stamp are joined into batches. All other messages
+        become rows. Static messages always become rows, because their transforms must stay in
+        order across all frames. Batches keep the order only of transforms with the same child.
 
         :param messages: the messages, in the order of their arrival.
-        :param authority: the name of their publisher.
-        :param is_static: whether they are from /tf_static.
+        :param authority: the name of the publisher of the messages.
+        :param is_static: True if the messages are from /tf_static.
         :returns: batches and rows. The transforms of each child are in the order of their arrival.
         """
         encoding, result = self._encoding, list[BatchOrRows]()
@@ -162,8 +165,9 @@ class MessageReader:
                 stamp, poses = fields
                 batch = open_batches.get(layout)
                 if batch is None or stamp <= batch.stamps[-1] or len(batch.poses) >= _FULL_BATCH:
-                    # Batches that share a child with the new one are closed first, so that they
-                    # are inserted before it, and the transforms of each child stay in order.
+                    # First, each open batch that shares a child with the new batch is closed. So
+                    # the closed batch is inserted before the new batch, and the transforms of each
+                    # child stay in order.
                     for other in tuple(open_batches):
                         if not layout.names.isdisjoint(other.names):
                             result.append(open_batches.pop(other))
@@ -176,13 +180,14 @@ class MessageReader:
         return [*result, *open_batches.values()]
 
     def _learn(self, key: tuple[int, bytes], data: bytes, rows: list[Row]) -> None:
-        """Keep the layout of a message, unless later messages of its kind must become rows."""
+        """Keep the layout of a message if later messages with this layout can become batches."""
         edges = [(row.frame_id, row.child_frame_id) for row in rows]
         if len({row.stamp_ns for row in rows}) != 1 or any(map(is_too_long, chain(*edges))):
-            return  # The buffer rejects names that are too long.
+            return  # The buffer refuses transforms with names that are too long.
         layout = _Layout(self._encoding, edges)
-        # A layout does not match big-endian messages. If a child is twice in a message, a batch
-        # would not keep the order of the transforms of this child.
+        # `layout.read` returns None for a big-endian message. If a message contains a child twice,
+        # its layout is not kept, because a batch would not keep the order of this child's
+        # transforms.
         if layout.read(data) is not None and len(layout.names) == len(edges):
             if self._size > _MOST_BYTES:
                 self._layouts.clear()
