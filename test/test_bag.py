@@ -274,8 +274,8 @@ def test_a_database_that_was_not_closed(tmp_path):
             shutil.copy(file, tmp_path / 'killed')
     killed = tmp_path / 'killed' / 'robot.db3'
     with pytest.raises(BagError, match=(
-            r'robot.db3 was not closed .*, and robot.db3-wal has data that are not in it yet: '
-            r'read it with partial=True \(--partial\)')):
+            r'robot.db3 was not closed .*, and robot.db3-wal has data that are not in the '
+            r'database yet: read the bag with partial=True \(--partial\)')):
         read(killed)
     assert read(killed, partial=True).frames()[1].latest == 200 * S
 

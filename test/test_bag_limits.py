@@ -99,7 +99,7 @@ def test_a_chunk_that_is_too_large(tmp_path, make, method, declared):
     """It is refused in one line before it takes memory, also if it declares a wrong size."""
     path = make(tmp_path, method, declared)
     output, growth = peak(path, False, LIMIT)
-    why = (f'takes {BOMB} bytes, more than the limit of {LIMIT}: if that is expected, pass '
+    why = (f'takes {BOMB} bytes, more than the limit of {LIMIT}: if this size is expected, pass '
            'a larger max_bytes to bag.read' if declared is None else
            'takes more than the 1000 bytes that it declares')
     assert re.fullmatch(rf'{re.escape(str(path))} cannot be read: a chunk of \d+ bytes {why}\..*',

@@ -303,7 +303,7 @@ def test_a_cloud_without_points(buffer):
 
 @pytest.mark.parametrize(('change', 'error'), [
     ({'fields': [PointField(name='x', datatype=PointField.INT16)]},
-     r'needs a field x of FLOAT32 or FLOAT64, it has x \(datatype 3\)'),
+     r'needs a field x of FLOAT32 or FLOAT64; its fields: x \(datatype 3\)'),
     ({'width': 9}, 'layout does not fit: 1 x 9 points of 24 bytes'),
     ({'point_step': 5}, 'x at byte 2'),
     ({'height': 2, 'row_step': 10}, '10 bytes a row')])

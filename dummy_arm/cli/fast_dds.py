@@ -43,8 +43,8 @@ def detach_discovery_listener(domain_id: int) -> bool:
     overflow, and Fast DDS waits as intended.
 
     :param domain_id: the ROS domain of the participant.
-    :returns: True if the listener was detached; False if there is no participant of Fast DDS 2.14,
-        for example because ROS uses another middleware or another version of Fast DDS.
+    :returns: False if there is no participant of Fast DDS 2.14, for example because ROS uses
+        another middleware or another version of Fast DDS; otherwise True.
     """
     try:
         library = ctypes.CDLL(_LIBRARY, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)

@@ -1,4 +1,4 @@
-"""The listener of the commands: it knows frames, their publishers, and why a frame is missing."""
+"""The TF listener of the commands, which can tell who publishes a frame, or why it is missing."""
 
 from difflib import SequenceMatcher
 import os

@@ -77,8 +77,8 @@ def column_width(widths: Iterable[int]) -> int:
     """
     Return the width to which the cells of a table column are padded.
 
-    This is the width of the widest cell among those that are narrower than 100 columns, the
-    length of an abbreviated name. A wider cell makes only its own line longer.
+    This is the width of the widest cell among those that are narrower than 100 columns. (Long
+    names are abbreviated to 100 columns.) A wider cell makes only its own line longer.
 
     :param widths: the widths of the cells, in columns of the terminal.
     :returns: the width; 0 if no cell is narrower than 100.

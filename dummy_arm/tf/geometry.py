@@ -211,7 +211,8 @@ def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.flo
     field = next((field for field in cloud.fields if field.name == name), None)
     if field is None or field.datatype not in _TYPES:
         names = ', '.join(f'{field.name} (datatype {field.datatype})' for field in cloud.fields)
-        raise ValueError(f'the cloud needs a field {name} of FLOAT32 or FLOAT64, it has {names}')
+        raise ValueError(f'the cloud needs a field {name} of FLOAT32 or FLOAT64; its fields: '
+                         f'{names or "none"}')
     kind, size = _TYPES[field.datatype]
     rows, columns, point_step = cloud.height, cloud.width, cloud.point_step
     row_step = cloud.row_step if rows > 1 else columns * point_step

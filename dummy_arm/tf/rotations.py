@@ -392,5 +392,5 @@ def _code_of(axes: Axes) -> Code:
     except (KeyError, TypeError):
         raise ValueError(
             "axes must be 's' (static) or 'r' (rotating with the body) and three of x, y, z, "
-            "neighbours differing, such as 'sxyz', 'rzyx' or 'szxz', or the code of a "
+            "where no axis follows itself, such as 'sxyz', 'rzyx' or 'szxz', or the code of a "
             f'convention, such as (0, 0, 0, 0) for sxyz; got {axes!r}') from None

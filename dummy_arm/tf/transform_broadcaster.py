@@ -77,7 +77,7 @@ class PreparedTransforms:
         """
         Create a prepared message.
 
-        :param publisher: the publisher that sends the message, of the message type TFMessage.
+        :param publisher: the publisher that sends the message; it must publish TFMessages.
         :param edges: n >= 1 pairs (frame_id, child_frame_id).
         :raises TypeError: see `TransformBroadcaster.prepare`.
         :raises ValueError: see `TransformBroadcaster.prepare`.

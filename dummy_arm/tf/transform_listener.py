@@ -52,7 +52,7 @@ class _CallbackSource:
 
     def take(self) -> list[BatchOrRows]:
         """
-        Call `wake`, because the buffer calls `take` at the start of each lookup.
+        Call `wake`: the buffer calls `take` when a lookup begins, and the lookup needs the thread.
 
         :returns: an empty list.
         """
@@ -70,10 +70,13 @@ class TransformListener:
     A subscriber to /tf and /tf_static that fills a buffer, like tf2_ros.TransformListener.
 
     The listener has its own thread. So it receives messages even if the node is not spun, and even
-    while a callback of the node runs or waits. The messages are taken as bytes and inserted
-    without conversion to message objects. A lookup uses every message that has arrived. New data
-    wake the executor that spins the node, but at most 10 times a second, because each wake-up
-    costs 0.1 to 0.3 ms. When a future of the buffer is completed, the executor is woken at once.
+    while a callback of the node runs or waits. Unless a method is overridden, the messages are
+    taken as bytes and inserted without conversion to message objects, and a lookup uses every
+    message that has arrived.
+
+    New data wake the executor that spins the node, but at most 10 times a second, because each
+    wake-up costs 0.1 to 0.3 ms. When a future of the buffer is completed, the executor is woken at
+    once.
 
     The listener ends at `unregister()`, `node.destroy_node()`, `rclpy.shutdown()` or Ctrl-C.
 
@@ -129,9 +132,8 @@ class TransformListener:
 
         :param buffer: the buffer that is filled: a Buffer, MessageBufferCore or BufferCore, or any
             object with `set_transform` and `set_transform_static`. The thread calls one of these
-            two methods for each transform in two cases: if the object is not a buffer of this
-            package, or if its class is a subclass that overrides `set_transform`,
-            `set_transform_static` or `insert`.
+            two methods for each transform if the object is not a buffer of this package, or if its
+            class is a subclass that overrides `set_transform`, `set_transform_static` or `insert`.
         :param node: the node that subscribes; its remappings apply.
         :param spin_thread: ignored: the listener always has a thread, which never spins the node.
         :param qos: the QoS profile of the subscription to /tf. An int is the depth of a reliable,
@@ -159,7 +161,7 @@ class TransformListener:
         self._calls_back = False
         #: Held only while `_attached` is replaced; no other lock is taken meanwhile. The lock is
         #: reentrant, because a signal handler or the garbage collector may interrupt the thread
-        #: that holds the lock, and may end the listener in this thread.
+        #: that holds the lock. If they end the listener, the same thread takes the lock again.
         self._attach_lock = RLock()
         self.tf_sub = subscribe(
             node, TFMessage, '/tf', self.callback, profile(qos, 100), self.group)

@@ -143,6 +143,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'Ctrl-C.\nThe frame moves around map on a circle of radius 1 m.',
         'parameters, which can also be set while the node runs:\n'
         '  rotation          identity (default), quaternion (about z, by the angle on the\n'
-        '                    circle) or euler (the same, from Euler angles with offsets)\n'
-        '  roll, pitch, yaw  offsets of the Euler angles (rad; default 0)\n\n'
+        '                    circle) or euler (roll, pitch, and yaw plus the angle on the\n'
+        '                    circle)\n'
+        '  roll, pitch, yaw  Euler angles for rotation:=euler (rad; default 0)\n\n'
         'example: dynamic_tf_publisher --ros-args -p rotation:=euler -p roll:=0.5'), command, args)

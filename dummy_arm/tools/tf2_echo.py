@@ -187,11 +187,11 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('target_frame')
     parser.add_argument('echo_rate', nargs='?', type=number, metavar='rate',
                         help=f'how often to print the transform (Hz; default: {RATE:g})')
-    parser.add_argument('-r', '--rate', type=number, help='the same, as an option')
+    parser.add_argument('-r', '--rate', type=number, help='the rate (Hz), as an option')
     parser.add_argument('-t', '--time', type=seconds, default=0,
                         help='time of the transform (s; default: 0, the latest)')
     parser.add_argument('-p', '--precision', type=digits, default=PRECISION, metavar='DIGITS',
                         help='digits after the point (default: %(default)s)')
-    parser.add_argument('--once', action='store_true', help='print it once, then exit')
+    parser.add_argument('--once', action='store_true', help='print the transform once, then exit')
     add_bag_options(parser)
     return run(parser, command, args)

@@ -35,11 +35,11 @@ class Chain:
         self._ages = Delays()
         #: The time of the last sample (ns).
         self._latest = 0
-        #: The latest time for which every transform on the path had data when the last sample was
-        #: taken (ns); 0 if all transforms on the path are static.
+        #: The latest time (ns) for which every transform on the path had data when the ends were
+        #: last connected; 0 if all transforms on the path are static.
         self._common = 0
-        #: After a jump back in time, until the buffer is cleared: the value that `_common` had
-        #: before the jump (ns). Otherwise: 0.
+        #: After a jump back in time, the value that `_common` had before the jump (ns), until the
+        #: buffer is cleared, or until the time has passed this value again. Otherwise: 0.
         self._stale = 0
 
     def sample(self) -> None:
@@ -47,7 +47,8 @@ class Chain:
         Add the current age of the newest transform between the ends to the statistics.
 
         Nothing is added if the ends are not connected, if all transforms on the path are static,
-        or if the time is not known.
+        if the time is not known, or if the time has jumped back and the buffer is not cleared yet.
+        A jump back in time removes the ages from the statistics.
         """
         now, before = self._frame_listener.now(), self._latest
         self._latest = now
@@ -59,7 +60,7 @@ class Chain:
             self._common = buffer.get_latest_common_time(*self.ends).nanoseconds
         except TransformException:  # `lines` reports the error
             return
-        if self._stale and self._common >= self._stale:  # the buffer is not cleared yet
+        if now < self._stale <= self._common:  # the buffer is not cleared yet
             return
         self._stale = 0
         if self._common and now:  # now is 0 while no message has arrived on /clock
@@ -203,7 +204,8 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     """
     parser = Parser(
         'tf2_monitor', 'Print the rate and the delay of the transforms of each frame and each '
-        'node every second; with two frames, only on the path between them, with its net delay.',
+        'node every second. If two frames are named, print only the frames and nodes on the path '
+        'between these frames, and the net delay of the path.',
         'examples: tf2_monitor\n          tf2_monitor map end_effector')
     parser.add_argument('source_frame', nargs='?')
     parser.add_argument('target_frame', nargs='?')

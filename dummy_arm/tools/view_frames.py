@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 #: The formats of drawings.
 FORMATS = ('.pdf', '.svg', '.png')
-#: File name endings that are refused. If a name has none of these endings and none of `FORMATS`,
-#: such as `v1.2`, .pdf is appended.
+#: File name endings that are refused. To a name with any other ending that is not in `FORMATS`,
+#: .pdf is appended: `v1.2` becomes `v1.2.pdf`.
 OTHER_FORMATS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
 #: The largest number of frames in a drawing. A drawing of more frames is not legible, and can
 #: take minutes to compute.
@@ -181,8 +181,8 @@ def output_path(output: str) -> Path:
     if path.name in ('', '..') or output.endswith('/'):
         raise UsageError(f'{output!r} is not a file name')
     if path.suffix.lower() in OTHER_FORMATS:
-        raise UsageError(f'{output!r} must end in {", ".join(FORMATS)}; without such an ending, '
-                         '.pdf is added, but other formats are not available')
+        raise UsageError(f'{output!r} must end in {", ".join(FORMATS)}, or have no ending that '
+                         'names a format; then .pdf is added')
     if path.suffix.lower() not in FORMATS:
         path = path.with_name(f'{path.name}.pdf')
     if not os.access(path.parent, os.W_OK):
@@ -270,8 +270,8 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('-t', '--wait-time', type=number, metavar='SECONDS',
                         help=f'how long to listen (s; default: {DEFAULT_WAIT:g})')
     parser.add_argument('-o', '--output', default='frames', metavar='NAME',
-                        help='the file of the drawing, which ends in .pdf, .svg or .png; .pdf '
-                             'is added to other names (default: %(default)s)')
+                        help='the file of the drawing, in the format .pdf, .svg or .png; to a '
+                             'name without a format, .pdf is added (default: %(default)s)')
     parser.add_argument('--text', action='store_true',
                         help='print the tree with rates, ages and publishers, and write no file')
     parser.add_argument('--watch', action='store_true',

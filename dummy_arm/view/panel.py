@@ -62,7 +62,9 @@ class FrameChoice:
 
     def set_options(self, names: Iterable[str], proposal: str) -> None:
         """
-        Add frames to the dropdown; earlier frames stay, since they may be published again.
+        Add frames to the dropdown, and set the proposal.
+
+        Earlier frames stay in the dropdown, since they may be published again.
 
         :param names: the names of the frames.
         :param proposal: the frame to use until a viewer chooses one; '' for none.
@@ -103,7 +105,8 @@ class Panel:
         self._names_chosen: Optional[bool] = None
         self.trail = FrameChoice(gui, 'Trail of', 'the frame whose recent path is drawn')
         self.selected = FrameChoice(
-            gui, 'Frame', 'the frame whose details are shown; a click on its axes selects it, too')
+            gui, 'Frame',
+            'the frame whose details are shown; to select a frame, you can also click on its axes')
         self._details = gui.add_html('')
         button = gui.add_button('Focus on all frames')
         button.on_click(self._on_look_at_all)
@@ -178,6 +181,6 @@ class Panel:
 
 
 def _within(value: Any, smallest: float, largest: float) -> float:
-    """Clamp a number from a control: a viewer may type any number, also one out of range."""
+    """Clamp a number that a viewer typed, or return the smallest one if it is not finite."""
     number = float(value)
     return min(max(number, smallest), largest) if isfinite(number) else smallest

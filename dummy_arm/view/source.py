@@ -16,7 +16,9 @@ if TYPE_CHECKING:
 
 #: The buffer of a bag, or of a node.
 AnyBuffer = Union[BufferCore, 'Buffer']
-#: A stamp of a bag is ignored if it differs from the median stamp by this time or more (ns).
+#: To find the begin and the end of a bag, the first and the last stamp of each frame are used. A
+#: first stamp is ignored if it differs by this time or more (ns) from the median of the first
+#: stamps; the same applies to the last stamps.
 _FAR = 24 * 3600 * SECOND
 #: How long a live buffer keeps transforms, and the length of a trail (s).
 LENGTH = 20

@@ -196,7 +196,8 @@ class BagContext:
                       if msgtype in _TYPES and re.search('/tf(_static)?$', topic)}
         others = sorted(namespaces - {self._namespace})
         if others == ['']:
-            return f'no TFMessage on {expected}, but without a namespace: omit the namespace'
+            return (f'no TFMessage on {expected}, but on topics without a namespace: omit the '
+                    'namespace')
         if others:
             return (f'no TFMessage on {expected}, but in the namespace '
                     f'{comma_list([logged(name) or "/" for name in others], _SHOWN)}: pass it as '

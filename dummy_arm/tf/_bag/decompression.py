@@ -44,8 +44,8 @@ class Oversized(Exception):
             800'.
         :param limit: the largest size that is allowed (bytes).
         """
-        super().__init__(f'{what} takes {size} bytes, more than the limit of {limit}: if that is '
-                         'expected, pass a larger max_bytes to bag.read')
+        super().__init__(f'{what} takes {size} bytes, more than the limit of {limit}: if this '
+                         'size is expected, pass a larger max_bytes to bag.read')
 
 
 def pieces(source: BinaryIO, method: str, tick: Tick) -> Iterator[bytes]:

@@ -173,8 +173,8 @@ def _files(directory: Path, context: BagContext) -> tuple[list[Path], Optional[b
             return files, None
         raise BagError(
             f'{directory} has no metadata.yaml, which is written when a recording ends: read one '
-            f'of its files ({", ".join(names[:_SHOWN])}), or if they are one recording, repair it '
-            'by ros2 bag reindex or read it with partial=True (--partial)')
+            f'of its files ({", ".join(names[:_SHOWN])}), or, if the files are one recording, '
+            'repair the bag by ros2 bag reindex or read it with partial=True (--partial)')
     try:
         from ruamel.yaml import YAML
         information = YAML(typ='safe').load(_text(metadata))[
@@ -657,7 +657,7 @@ def _records_of_sqlite(path: Path, whole: Path, context: BagContext, is_compress
     has_log = log.exists() and log.stat().st_size > 0
     if has_log and not context.partial:
         raise BagError(f'{path} was not closed after recording, and {log.name} has data that '
-                       'are not in it yet: read it with partial=True (--partial)')
+                       'are not in the database yet: read the bag with partial=True (--partial)')
     with ExitStack() as stack:
         if context.partial:
             directory = Path(stack.enter_context(TemporaryDirectory()))

@@ -40,7 +40,7 @@ class Insertion:
         Create the insertion for one buffer.
 
         :param lookups: the lookups of the buffer. Transforms are inserted into `lookups.tree`;
-            `lookups.paths` is cleared when a frame gets a new parent.
+            `lookups.paths` is cleared when the parent of a frame may change.
         :param max_frames: the largest number of frames; a transform that would add another frame
             is refused.
         :param max_samples: the largest number of samples of all dynamic frames together; None:
@@ -350,9 +350,9 @@ def too_many_samples_of_a_frame(child: str, limit: int, authority: str) -> str:
     return (f'TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
             f'"{logged(child)}" from authority "{logged(authority)}" before the cache time is '
             f'over: at most {limit} are kept of one frame ({_MAX_SAMPLES_PER_SECOND} per second '
-            f'of cache time, at least {MAX_SAMPLES_PER_STAMP}). The same is done for every other '
-            'frame with too many transforms. Check whether the stamps of this frame advance too '
-            'slowly.')
+            f'of cache time, at least {MAX_SAMPLES_PER_STAMP}). The oldest transforms of every '
+            'other frame with too many transforms are dropped, too. Check whether the stamps of '
+            'this frame advance too slowly.')
 
 
 def too_many_samples(child: str, limit: int, authority: str) -> str:
@@ -366,8 +366,8 @@ def too_many_samples(child: str, limit: int, authority: str) -> str:
     """
     return (f'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "{logged(child)}" '
             f'from authority "{logged(authority)}" before the cache time is over: max_samples of '
-            f'the buffer allows {limit} dynamic transforms. The same is done for every other '
-            'frame that receives new transforms. Use a shorter cache time, or raise '
-            'max_samples.')
+            f'the buffer allows {limit} dynamic transforms. The oldest transforms of every '
+            'other frame that receives new transforms are dropped, too. Use a shorter cache time, '
+            'or raise max_samples.')
 
 

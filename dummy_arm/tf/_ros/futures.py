@@ -157,9 +157,9 @@ class PendingFutures:
 
     def check(self) -> bool:
         """
-        Complete the futures whose lookups succeed now.
+        Complete the futures whose lookups succeed now, or raise another error than before.
 
-        :returns: True if a future was completed.
+        :returns: True if a future does not stay pending.
         """
         futures = [future for reference in self._futures.copy().values()
                    if (future := reference()) is not None]
@@ -178,12 +178,12 @@ class PendingFutures:
         """
         Call the lookup of a future, and complete the future with the result.
 
-        If the lookup raises a TransformException before the timeout has expired, the future stays
-        pending. After that, the future gets a TimeoutException. Other exceptions of the lookup are
-        passed to the future.
+        If the lookup raises a TransformException, the future stays pending; but if the timeout has
+        expired, the future gets a TimeoutException. Other exceptions of the lookup are passed to
+        the future.
 
         :param waited: the timeout (s), if it has expired; otherwise None.
-        :returns: True if the future is done now.
+        :returns: False if the future stays pending.
         """
         try:
             outcome = partial(future.set_result, future.lookup())

@@ -237,7 +237,7 @@ def check_edge(frame_id: str, child_frame_id: str) -> None:
     if parent == child:
         raise ValueError(
             f"transform '{frame_id}' -> '{child_frame_id}': a frame cannot be its own parent; "
-            'name two frames')
+            'use two different names')
 
 
 def check_pose(frame_id: str, child_frame_id: str, pose: Sequence[float]) -> None:

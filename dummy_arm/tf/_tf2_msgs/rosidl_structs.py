@@ -99,7 +99,7 @@ class TypeSupport(ctypes.Structure):
 
 
 class FastRTPSCallbacks(ctypes.Structure):
-    """The functions that rmw_fastrtps calls for a type: message_type_support_callbacks_t."""
+    """The name of a type, and its functions for rmw_fastrtps: message_type_support_callbacks_t."""
 
     _fields_ = [('message_namespace', c_char_p), ('message_name', c_char_p),
                 *((name, c_void_p) for name in (
@@ -108,7 +108,7 @@ class FastRTPSCallbacks(ctypes.Structure):
 
 
 class Member(ctypes.Structure):
-    """A field of a message in memory: rosidl_typesupport_introspection_c__MessageMember."""
+    """How a field is stored in memory: rosidl_typesupport_introspection_c__MessageMember."""
 
     _fields_ = [('name', c_char_p), ('type_id', c_uint8), ('string_upper_bound', c_size_t),
                 ('members', c_void_p), ('is_key', c_bool), ('is_array', c_bool),
@@ -119,7 +119,7 @@ class Member(ctypes.Structure):
 
 
 class Members(ctypes.Structure):
-    """A message type in memory: rosidl_typesupport_introspection_c__MessageMembers."""
+    """How a message is stored in memory: rosidl_typesupport_introspection_c__MessageMembers."""
 
     _fields_ = [('message_namespace', c_char_p), ('message_name', c_char_p),
                 ('member_count', c_uint32), ('size_of', c_size_t),

@@ -54,8 +54,8 @@ class TFMessage(metaclass=Metaclass_TFMessage):
         :param kwargs: `transforms`: a set or sequence of TransformStamped; by default, it is
             empty. `check_fields`: whether values that are assigned to fields are checked; by
             default, as in generated messages.
-        :raises AssertionError: if `check_fields` is True, and there is another argument, or
-            `transforms` is of another type.
+        :raises AssertionError: if there is another argument, or if `transforms` is of another
+            type; but nothing is raised if `check_fields` is False.
         """
         self._check_fields = kwargs.pop('check_fields', _CHECK_FIELDS)
         if self._check_fields:
