@@ -3,6 +3,8 @@
 import re
 import signal
 import time
+from types import SimpleNamespace
+from typing import Any, Optional
 
 from conftest import ARM, run_in_terminal, tool
 import pytest
@@ -16,8 +18,9 @@ from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._ros.transform_stamped import message_of
 from dummy_arm.tf._wire import cdr
+from dummy_arm.tf.exceptions import LookupException
 from dummy_arm.tf.publisher_listener import ReceivedMessage
-from dummy_arm.tools.tf2_monitor import format_streams, main
+from dummy_arm.tools.tf2_monitor import Chain, format_streams, main
 
 S, MS = 10**9, 10**6
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -169,6 +172,35 @@ def test_time_that_is_set_back():
     assert streams_of(traffic)['odom', '/a'].summary is None
     observe(5 * S)
     assert streams_of(traffic)['odom', '/a'].summary.maximum_delay == pytest.approx(0, abs=1e-2)
+
+
+def test_the_net_delay_after_time_was_set_back():
+    """Old data do not count; new data count, also if they come when the old time has passed."""
+    now = 100 * S
+    common: Optional[int] = now
+
+    def latest(*_):
+        if common is None:
+            raise LookupException('not connected')
+        return Time(nanoseconds=common)
+
+    listener: Any = SimpleNamespace(
+        now=lambda: now, buffer=SimpleNamespace(get_latest_common_time=latest))
+    chain = Chain(listener, ('map', 'robot'))
+
+    def delays():
+        chain.sample()
+        summary = summarize([chain._ages], now)
+        return summary and (summary.average_delay, summary.maximum_delay)
+
+    assert delays() == (0.0, 0.0)
+    now = 50 * S
+    assert delays() is None  # the buffer still has the data of before
+    common = None
+    now = 90 * S
+    assert delays() is None
+    now, common = 103 * S, 102 * S
+    assert delays() == (1.0, 1.0)
 
 
 def test_a_clock_that_does_not_run():
