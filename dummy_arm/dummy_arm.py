@@ -182,8 +182,8 @@ class DummyArm(Node):
                 f'publishing {MAP} -> {logged(base)} on /tf_static and {chain} on /tf at '
                 f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
         t = self._seconds(now_ns)
-        # Settled waves keep their present limits, also at earlier times. Without this, the limits
-        # would return to their old values after time was set back.
+        # After time was set back, each wave would return to the limit that it had at that time.
+        # `settled` makes the present limit hold at all times.
         if t < self._t:
             self._waves = [wave.settled() for wave in self._waves]
         self._t = t

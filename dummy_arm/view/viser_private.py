@@ -1,5 +1,5 @@
 """
-A server of viser that checks requests and messages, with private parts of viser and websockets.
+A server of viser that checks requests and messages. It uses private parts of both libraries.
 
 This module is written for viser 1.1. It relies on the following facts, for which
 test/test_viser_private.py has tests:
@@ -115,7 +115,7 @@ class GuardedServer(viser.ViserServer):
         :param listening: the listening socket that the server uses.
         :raises CommandError: if requests cannot be checked with this version of viser.
         """
-        # Without this, viser prints with rich where it serves and when it stops.
+        # Without this, viser prints its address, and a line when it stops, by the library `rich`.
         rich.reconfigure(quiet=True)
         # Without this, viser warns of messages to a client that has just disconnected.
         warnings.filterwarnings('ignore', 'Queued a ')

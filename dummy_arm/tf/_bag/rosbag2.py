@@ -13,9 +13,9 @@ The order of the messages:
   is read as partial, files are read in the order of the numbers in their names.
 - An mcap file is normally read with the index at its end. Messages are then ordered by log time,
   and chunks that certainly have no TF messages are not decompressed.
-- An mcap file is read sequentially if it has no index, if it is compressed as a whole, or if the
-  bag is read as partial. Chunks, and messages outside chunks, are then in the order of the file.
-  The messages in a chunk are ordered by log time.
+- An mcap file is read sequentially if its index is missing or lists no chunks, if the file is
+  compressed as a whole, or if the bag is read as partial. Chunks, and messages outside chunks, are
+  then in the order of the file. The messages in a chunk are ordered by log time.
 - The messages of an sqlite3 file are ordered by time. If the bag is read as partial, they are
   ordered by id, which is the order of writing.
 
@@ -68,7 +68,7 @@ from dummy_arm.tf._wire import cdr
 
 _Records = Iterator[tuple[Stream, bytes]]
 
-#: Progress is reported every `_ADVANCE` records or rows.
+#: Progress is reported every `_ADVANCE` records or rows, or after each chunk of an mcap file.
 _ADVANCE = 100
 #: The largest number of files that the text of an error lists.
 _SHOWN = 5
@@ -228,7 +228,11 @@ def _text(metadata: Path) -> str:
 
 
 def _declares_messages(metadata: str) -> Optional[bool]:
-    """Return whether metadata declare that each message is compressed; None: not declared."""
+    """
+    Return whether the compression mode in metadata is MESSAGE: each message is compressed.
+
+    :returns: None if the metadata name no compression mode.
+    """
     found = re.search(r'^ *compression_mode: *["\']?(\w*)', metadata, re.MULTILINE)
     return found[1].lower() == 'message' if found else None
 
@@ -453,7 +457,7 @@ class _McapReader:
         return self._chunk(length)
 
     def sequential(self) -> _Records:
-        """Yield the stream and the bytes of each TF message, in the order of the file."""
+        """Yield the stream and the bytes of each TF message, chunk by chunk."""
         source, number = self._source, 0
         while True:
             self._context.tick()
@@ -669,7 +673,7 @@ def _records_of_sqlite(path: Path, whole: Path, context: BagContext, is_compress
 
 def _without_incomplete_page(path: Path, log: Path, directory: Path, tick: Tick) -> Path:
     """
-    Return the path of a database; if its last page is incomplete, of a copy without this page.
+    Copy a database without its last page if that page is incomplete; return the path to read.
 
     SQLite would read the missing rest of the page as zeros.
 
@@ -787,7 +791,8 @@ class _SqliteReader:
         """
         Return whether each message is declared to be compressed.
 
-        If `metadata.yaml` beside the file does not declare this, the table `metadata` is read.
+        If `metadata.yaml` does not name this file or no compression mode, the table `metadata` of
+        the database is read instead.
         """
         metadata = self._path.with_name('metadata.yaml')
         refuse_special(metadata)
@@ -817,7 +822,7 @@ class _SqliteReader:
 
     def _recover(self, query: str) -> Iterator[_Row]:
         """
-        Yield the rows that can be read, ordered by id; note how many rows are damaged.
+        Yield the rows that can be read, ordered by id; note how many ids were skipped.
 
         :param query: the query for all rows, without a WHERE clause.
         """
@@ -868,10 +873,11 @@ class _SqliteReader:
 
     def _find_readable(self, query: str, first: int) -> Optional[int]:
         """
-        Return the next id from which rows can be read again; None if there is no such id.
+        Return an id from which rows can be read again; None if no such id is found.
 
-        From `first` on, ids are tried in steps until rows can be read. A step is twice as long as
-        the step before. The last step is then bisected. So the search needs few queries.
+        The ids `first` + 1, 2, 4, 8, ... are tried until rows can be read. The range between the
+        last two ids is then bisected. So the search needs few queries, but it may skip readable
+        rows between damaged ones.
 
         :param query: as in `_recover`.
         :param first: an id from which rows cannot be read.

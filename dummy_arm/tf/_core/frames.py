@@ -6,8 +6,8 @@ from typing import NamedTuple, Optional
 
 from dummy_arm.tf._core.times import display_time, in_seconds
 
-#: To compute a rate, tf2 divides the number of samples by their time span, but at least by this
-#: time span (ns).
+#: To compute a rate, tf2 divides the number of samples by the time between the oldest and the
+#: newest sample. If that time is shorter than `_SHORTEST_SPAN` (ns), tf2 divides by the latter.
 _SHORTEST_SPAN = 100_000
 #: Matches a key that YAML reads as a string, even without quotes.
 _PLAIN = re.compile(r'(?!(?i:true|false|yes|no|on|off|null|y|n)$)[A-Za-z_][\w/.-]*', re.ASCII)
@@ -71,7 +71,7 @@ def as_yaml(frames: Iterable[Frame]) -> str:
 
 def _yaml_key(name: str) -> str:
     """
-    Write a name as a YAML key, quoted only if necessary.
+    Write a name as a YAML key, quoted if YAML might read it as something else than this string.
 
     >>> print(_yaml_key('base_link'))
     base_link

@@ -88,7 +88,7 @@ def shortened(name: str) -> str:
 
 def logged(name: str) -> str:
     """
-    Abbreviate and escape a name for log lines; append the length of an abbreviated name.
+    Escape a name for log lines; abbreviate a long name, and append the length that it had.
 
     :param name: the name of a frame, node or topic.
     :returns: the printable name.
@@ -219,8 +219,8 @@ def extrapolation_hint(frame: str, parent: str, oldest: int, latest: int, time: 
     """
     Return the hint for an edge that has no data at the requested time.
 
-    The hint names the edge, and says how long before the requested time its data end, or how long
-    after the requested time its data begin.
+    The hint names the edge. It also says how much time is between the requested time and the
+    nearest data of the edge.
 
     :param frame: the child frame of the edge.
     :param parent: the newest parent of the frame.
@@ -292,7 +292,7 @@ class ThrottledLog:
 
     def warn(self, *problems: str) -> None:
         """
-        Queue each warning, unless a warning of the same cause was queued within the last second.
+        Queue each warning, but at most one warning of each cause per second.
 
         :param problems: the texts of the warnings; the cause of a warning is the first word of its
             text.
@@ -302,7 +302,7 @@ class ThrottledLog:
 
     def warn_once(self, cause: str, problem: str) -> None:
         """
-        Queue a warning, unless a warning of the same cause was queued before.
+        Queue a warning, but only one of each cause. Use other causes than in `warn`.
 
         :param cause: the cause, which need not be a part of the text.
         :param problem: the text of the warning.

@@ -111,13 +111,14 @@ def message_of_fields(fields: cdr.Fields) -> TransformStamped:
 
     Values are assigned to the slots, which takes a tenth of the time of the constructors. The
     numbers of the pose are converted to float, because rclpy's compiled code does not check the
-    type of a value in the slot of a float64 field. It would send an int as another number.
+    type of a value in the slot of a float64 field. From an int, it would send a wrong number.
 
     :param fields: sec, nanosec, frame_id, child_frame_id, and the pose, a tuple of x, y, z (m) and
         the quaternion x, y, z, w.
     :returns: the message.
     :raises TypeError: if the type of a value in the pose cannot be converted to float.
     :raises ValueError: if a value in the pose cannot be converted to float.
+    :raises OverflowError: if an integer in the pose is too large for a float.
     """
     message, header, stamp = _new(TransformStamped), _new(Header), _new(Time)
     transform, translation, rotation = _new(Transform), _new(Vector3), _new(Quaternion)
