@@ -1,11 +1,11 @@
 """
 The geometry of the arm, and the motion of the arm as a pure function of time.
 
-The first frame is base_link. Then follow the frames of the links (there is one link for each
-joint) and the frame end_effector. Each frame is the parent of the next frame. A joint rotates its
-link about an axis through the origin of the frame of the link. The angle of a joint is
-limit * sin(phase), and the phase changes at a constant speed. If all phases are zero, all frames
-are aligned with base_link. Units are m, rad and s; quaternions are x, y, z, w.
+The frames are base_link, one frame for each link, and end_effector, in this order. Each frame is
+the parent of the next frame. Each joint rotates one link, about an axis through the origin of the
+frame of the link. The angle of a joint is limit * sin(phase), and the phase changes at a constant
+speed. If all phases are zero, the axes of all frames are parallel to those of base_link. Units are
+m, rad and s; quaternions are x, y, z, w.
 """
 
 from collections.abc import Sequence
@@ -50,7 +50,7 @@ _X, _Z = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class Arm:
-    """A chain of joints; end_effector is at x = `tool` (m) on the x axis of the last link."""
+    """A chain of joints; end_effector is at (`tool`, 0, 0) (m) in the frame of the last link."""
 
     joints: tuple[Joint, ...] = (
         Joint('joint_1', 0.3, _Z, _Z, 0.3, math.radians(45)),
@@ -60,7 +60,7 @@ class Arm:
 
     @property
     def frames(self) -> tuple[str, ...]:
-        """The names of the frames in the order from parent to child: base_link to end_effector."""
+        """The names of the frames, from base_link to end_effector."""
         return ('base_link', *(joint.name for joint in self.joints), 'end_effector')
 
     def angles(self, phases: ArrayLike) -> NDArray[np.float64]:
@@ -76,10 +76,9 @@ class Arm:
         """
         Compute the pose of each frame relative to its parent frame, from the phases.
 
-        The frame base_link has no parent in the arm, and is left out.
-
         :param phases: (n,): the phase of each of the n joints (rad).
-        :returns: (n + 1, 7) float64: for each frame a row: x, y, z (m), quaternion x, y, z, w.
+        :returns: (n + 1, 7) float64: one row for each frame except base_link. Each row has x, y, z
+            (m) and the quaternion x, y, z, w.
         """
         return self.poses_at(self.angles(phases).tolist())
 
@@ -87,10 +86,9 @@ class Arm:
         """
         Compute the pose of each frame relative to its parent frame, from the joint angles.
 
-        The frame base_link has no parent in the arm, and is left out.
-
         :param angles: n angles, one for each joint (rad).
-        :returns: (n + 1, 7) float64: for each frame a row: x, y, z (m), quaternion x, y, z, w.
+        :returns: (n + 1, 7) float64: one row for each frame except base_link. Each row has x, y, z
+            (m) and the quaternion x, y, z, w.
         """
         poses = np.zeros((len(self.joints) + 1, 7))
         for pose, joint, angle in zip(poses, self.joints, angles):
@@ -108,9 +106,9 @@ class Wave:
     The motion of one joint: the joint angle limit * sin(phase) as a function of the time t (s).
 
     The phase is `phase_at_change` (rad) at the time `speed_changed` (s), and advances at `speed`
-    (rad/s). The limit goes from `limit_before` to `limit` (rad) in the second that begins at
-    `limit_changed` (s). `with_speed` and `with_limit` return a new wave, which at the time of the
-    change has the same angle as the old wave.
+    (rad/s). In the second that begins at the time `limit_changed` (s), the limit changes smoothly
+    from `limit_before` to `limit` (rad). `with_speed` and `with_limit` return a new wave. At the
+    time of the change, the new wave and the old wave have the same angle.
     """
 
     speed: float
@@ -131,7 +129,7 @@ class Wave:
 
     def limit_at(self, t: float) -> float:
         """
-        Compute the limit; after a change, it goes smoothly to its new value within one second.
+        Compute the limit.
 
         :param t: time (s).
         :returns: the limit (rad).
@@ -161,7 +159,7 @@ class Wave:
 
     def with_limit(self, limit: float, t: float) -> 'Wave':
         """
-        Return this wave with another limit, to which the limit goes smoothly within one second.
+        Return this wave with another limit, which is reached smoothly within one second.
 
         :param limit: the new limit (rad).
         :param t: time of the change (s).
@@ -170,5 +168,5 @@ class Wave:
         return replace(self, limit=limit, limit_before=self.limit_at(t), limit_changed=t)
 
     def settled(self) -> 'Wave':
-        """Return this wave without the transition: the limit is `limit` at every time."""
+        """Return this wave without a change of the limit: the limit is `limit` at every time."""
         return replace(self, limit_changed=-math.inf)

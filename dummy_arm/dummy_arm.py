@@ -59,7 +59,7 @@ def number_parameters(arm: Arm) -> dict[str, NumberParameter]:
     """
     Return the numeric parameters of the node.
 
-    :param arm: the arm, whose joints have three parameters each.
+    :param arm: the arm; each of its joints has three parameters.
     :returns: the parameters by name.
     """
     table = {'rate': NumberParameter(50.0, 0.1, 10000.0, 'Hz', 'rate of the messages on /tf')}
@@ -162,7 +162,7 @@ class DummyArm(Node):
                 self._waves[i] = self._waves[i].with_limit(limit, t)
 
     def _seconds(self, time_ns: int) -> float:
-        """Return the time since the first tick (s)."""
+        """Return the time from the first tick to `time_ns` (s)."""
         return (time_ns - (self._start_ns or 0)) * 1e-9
 
     def _warn_of_clock(self) -> None:
@@ -182,8 +182,8 @@ class DummyArm(Node):
                 f'publishing {MAP} -> {logged(base)} on /tf_static and {chain} on /tf at '
                 f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
         t = self._seconds(now_ns)
-        # After time was set back, each wave would return to the limit that it had at that time.
-        # `settled` makes the present limit hold at all times.
+        # If the clock was set back, `t` may be before the last change of a limit. At such a time,
+        # a wave has its old limit. `settled` makes the present limit hold at all times.
         if t < self._t:
             self._waves = [wave.settled() for wave in self._waves]
         self._t = t

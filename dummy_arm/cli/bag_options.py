@@ -1,4 +1,4 @@
-"""The options of commands that can read transforms from a bag."""
+"""The command-line options for reading transforms from a bag."""
 
 from argparse import ArgumentParser
 from pathlib import Path
@@ -31,9 +31,10 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
     Read the bag of the option `--bag`; if stderr is a terminal, show a progress bar.
 
     :param bag: path of the bag; None: no bag was given.
-    :param namespace: namespace of the topics `tf` and `tf_static`; '': /tf and /tf_static.
-    :param partial: True: if the bag is cut off or damaged, read its undamaged parts; False: damage
-        is an error.
+    :param namespace: namespace of the topics `tf` and `tf_static`. If it is '', the topics are
+        `/tf` and `/tf_static`.
+    :param partial: what to do if the bag is cut off or damaged. True: read its undamaged parts.
+        False: raise a CommandError.
     :returns: a buffer with the transforms of the bag; None if no bag was given.
     :raises UsageError: if the path is empty, or if `namespace` or `partial` is set without a bag.
     :raises CommandError: if the bag cannot be read.
@@ -50,9 +51,10 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
 
     def on_progress(done: float) -> None:
         """
-        Move the bar, and raise KeyboardInterrupt if Ctrl-C or SIGTERM was received.
+        Move the bar.
 
         :param done: the fraction of the bag that has been read, from 0 to 1.
+        :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received.
         """
         check_signals()
         show_progress(done)

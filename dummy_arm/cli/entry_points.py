@@ -1,8 +1,8 @@
 """
 The entry points of the commands.
 
-This module imports little. Therefore, the handlers of Ctrl-C and SIGTERM are set before the slow
-imports of a command begin.
+Importing this module is fast. Each entry point first sets the handlers of Ctrl-C and SIGTERM, and
+then imports the module of its command. This import can be slow.
 """
 
 from importlib import import_module
@@ -54,8 +54,9 @@ def web_view() -> int:
 
 
 def _run(module: str) -> int:
-    """Import a module, run its `main` and return the exit code; it is 0 after a signal."""
-    # Without this call, a KeyboardInterrupt during an import might be reported as another error.
+    """Import a module, run its `main`, and return the exit code."""
+    # Without this call, Ctrl-C would raise KeyboardInterrupt in the middle of an import, and the
+    # import might turn it into another exception.
     record_signals()
     try:
         main = import_module(module).main

@@ -1,7 +1,7 @@
 """
-A workaround for an error of Fast DDS 2.14, because of which destroying a node can hang.
+Destroy a node without the hang that an error in Fast DDS 2.14 can cause.
 
-The workaround calls functions of Fast DDS that ROS does not expose. test/test_fast_dds.py tests
+This module calls functions of Fast DDS that ROS does not expose. test/test_fast_dds.py tests
 the behaviour of these functions.
 """
 
@@ -22,7 +22,7 @@ _TIMEOUT = 1  # s
 
 def destroy(node: Node) -> None:
     """
-    Destroy a node, and avoid the hang of Fast DDS 2.14.
+    Destroy a node without the hang that `detach_discovery_listener` describes.
 
     :param node: the node, which must be the last node of this process in its ROS domain.
     """
@@ -34,17 +34,19 @@ def detach_discovery_listener(domain_id: int) -> bool:
     """
     Detach the discovery listener from the Fast DDS participant of this process.
 
-    Without this function, rmw_fastrtps detaches the listener when the last node is destroyed, with
-    an infinite timeout. In `DomainParticipant::set_listener`, Fast DDS 2.14 adds this timeout to
-    now(), and the sum overflows. A callback of the listener may be pending at this moment, because
-    another participant has just been found or lost. In this case, Fast DDS busy-waits for ever
-    while it holds the lock that the callback needs. This can happen when one Ctrl-C ends several
-    nodes. This function sets a timeout of one second. With this timeout, the sum does not
-    overflow, and Fast DDS waits as intended.
+    When the last node is destroyed, rmw_fastrtps calls `DomainParticipant::set_listener` to detach
+    the listener. The timeout of this call is infinite. Fast DDS 2.14 adds the timeout to now(),
+    and the sum overflows. If a callback of the listener is pending at this moment, Fast DDS
+    busy-waits for ever while it holds the lock that the callback needs. A callback is pending if
+    another participant has just been found or lost, for example when one Ctrl-C ends several
+    nodes.
+
+    This function detaches the listener before rmw_fastrtps does, and uses a timeout of one second.
+    With this timeout, the sum does not overflow, and Fast DDS waits as intended.
 
     :param domain_id: the ROS domain of the participant.
-    :returns: False if there is no participant of Fast DDS 2.14, for example because ROS uses
-        another middleware or another version of Fast DDS; otherwise True.
+    :returns: True if the listener was detached; False if this process has no participant of Fast
+        DDS 2.14 in the domain.
     """
     try:
         library = ctypes.CDLL(_LIBRARY, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)

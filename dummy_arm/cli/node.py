@@ -16,8 +16,8 @@ from dummy_arm.cli.fast_dds import destroy
 from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
 from dummy_arm.cli.signals import begin_cleanup, signal_received
 
-#: The longest wait in the middleware (s). A signal does not end this wait, because the signal
-#: handler only records the signal.
+#: The timeout of `spin_once` (s). A signal is noticed only after `spin_once` has returned, because
+#: the signal handler only records the signal.
 _LONGEST_WAIT = 0.2
 
 
@@ -28,8 +28,8 @@ def run_node(make_node: Callable[[], Node], ros_args: Sequence[str]) -> int:
     :param make_node: a function that creates the node; it may raise a UsageError.
     :param ros_args: the command line, with the name of the command.
     :returns: the exit code, which is 0.
-    :raises UsageError: if `make_node` raises it, or if the node rejects a parameter that is set in
-        the ROS arguments.
+    :raises UsageError: if `make_node` raises a UsageError, or if the node rejects a parameter that
+        is set in the ROS arguments.
     :raises CommandError: if ROS cannot be initialised.
     """
     with ros_context(ros_args), suppress(ExternalShutdownException):
@@ -70,8 +70,9 @@ def spinning_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
     :param ros_args: as for `run_node`.
     :returns: a context manager; the target of `as` is the node.
     :raises UsageError: if the node rejects a parameter that is set in the ROS arguments.
-    :raises CommandError: if ROS cannot be initialised, or if the executor raises an error. An
-        error of the executor interrupts the block in the same way as Ctrl-C.
+    :raises CommandError: if ROS cannot be initialised, or if the executor raises an error. Such an
+        error first interrupts the block in the same way as Ctrl-C; then this function raises the
+        CommandError.
     """
     with ros_context(ros_args):
         node, stop_requested = rclpy.create_node(name), Event()
@@ -86,7 +87,7 @@ def spinning_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
             except BaseException as error:
                 if not stop_requested.is_set():
                     errors.append(error)
-                    interrupt_main()  # otherwise the command would go on with old data
+                    interrupt_main()  # without this, the command would go on with old data
 
         thread = Thread(target=spin, name=f'spin of {name}')
         thread.start()

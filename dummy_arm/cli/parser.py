@@ -23,7 +23,7 @@ class UsageError(ValueError):
 
 
 class CommandError(Exception):
-    """A failure of a command; the text gives the reason and, if there is one, a remedy."""
+    """A failure of a command. The text of the error gives the reason, and may name a remedy."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -69,7 +69,7 @@ def number(text: str) -> float:
     :raises argparse.ArgumentTypeError: if the text is not a number, or the number is not finite.
     """
     try:
-        value = float(text.replace('_', '?'))  # without this, '1_0' would be 10
+        value = float(text.replace('_', '?'))  # float would read '1_0' as 10
     except ValueError:
         raise argparse.ArgumentTypeError(f'{text!r} is not a number') from None
     if not isfinite(value):
@@ -87,9 +87,9 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         parsed arguments, and `ros_args`, which is the command line with the name of the command.
         The function returns the exit code, and may raise a UsageError or a CommandError.
     :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code that `command` returns; 0 if a signal ended the command, or if the
-        program that reads its output has ended; 2 after a UsageError; 1 after a CommandError or an
-        OSError. These errors are printed on stderr in one line.
+    :returns: the exit code that `command` returns, or one of these. 0: a signal ended the command,
+        or the program that reads the output of the command has ended. 1: a CommandError or an
+        OSError. 2: a UsageError. The errors are printed on stderr in one line.
     :raises SystemExit: if the arguments cannot be parsed (code 2), or after `--help` (code 0).
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
@@ -100,7 +100,7 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         return command(ros_args=arguments, **vars(options))
     except KeyboardInterrupt:
         return 0
-    except BrokenPipeError:  # for example, `head` read the output and has ended
+    except BrokenPipeError:  # for example, the output is piped to `head`, which has ended
         _close_stdout()
         return 0
     except (UsageError, CommandError) as error:

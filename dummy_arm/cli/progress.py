@@ -17,11 +17,10 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
     """
     Show a progress bar until the end of the `with` block.
 
-    Nothing is shown if stderr is not a terminal or tqdm is not installed.
+    Nothing is shown if stderr is not a terminal, or if the library `tqdm` is not installed.
 
     :param total: the value at which the bar is full.
-    :param kwargs: further arguments of tqdm, the library for progress bars, such as `desc` and
-        `bar_format`.
+    :param kwargs: further arguments of the class `tqdm.tqdm`, such as `desc`.
     :returns: a context manager. In `with progress(10) as show:`, `show(3)` sets the bar to 3.
     """
     try:
@@ -49,13 +48,13 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
 
 def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False) -> bool:
     """
-    Wait until a condition holds or the time is over, with a progress bar.
+    Show a progress bar while waiting until a condition holds or the time is over.
 
     :param seconds: how long to wait at most (s).
     :param what: the text beside the bar.
     :param until: a function that returns whether the condition holds. It is called at once, and
         then every 0.05 s. The default is a condition that never holds.
-    :returns: True if the condition holds; False if the time is over and it does not hold.
+    :returns: True if the condition holds; False if the time ended before the condition held.
     :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received; see `dummy_arm.cli.signals`.
     """
     start = time.monotonic()

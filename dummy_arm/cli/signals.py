@@ -2,8 +2,9 @@
 Let Ctrl-C and SIGTERM end a command normally.
 
 At the first signal, the signal handler raises no exception; it only records the signal. The
-command checks for a recorded signal where it can stop without leaving anything half done. The
-second signal raises KeyboardInterrupt at once, except during the cleanup at the end of a command.
+command checks for a recorded signal at points where it can stop without leaving anything half
+done. The second signal raises KeyboardInterrupt at once, except during the cleanup at the end of a
+command.
 """
 
 import signal
@@ -11,12 +12,12 @@ import time
 from typing import Any
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
-#: The longest single `time.sleep` (s). The first signal does not end a `time.sleep`, because the
-#: signal handler raises no exception then (PEP 475).
+#: The longest single `time.sleep` (s). If the signal handler raises no exception, the signal does
+#: not end a `time.sleep` (PEP 475).
 _STEP = 0.05
 
 _received: list[int] = []
-#: The number of signals that are only recorded; the next signal raises KeyboardInterrupt.
+#: The number of signals that are only recorded. Each signal after them raises KeyboardInterrupt.
 _recorded = 1
 
 
@@ -24,8 +25,8 @@ def record_signals() -> dict[int, Any]:
     """
     Record SIGINT and SIGTERM from now on; the second signal raises KeyboardInterrupt.
 
-    :returns: the previous handlers, by signal number. If this function was called before and its
-        handlers are still set, nothing changes and the result is empty.
+    :returns: the previous handlers, by signal number. If the handlers of this module are already
+        set, nothing changes and the result is empty.
     """
     global _recorded
     if signal.getsignal(signal.SIGINT) is _record:
@@ -37,10 +38,11 @@ def record_signals() -> dict[int, Any]:
 
 def begin_cleanup() -> None:
     """
-    Make the third signal raise KeyboardInterrupt from now on, not the second one.
+    From now on, make the third signal raise KeyboardInterrupt instead of the second one.
 
-    At Ctrl-C, a command that make has started may receive one signal from the terminal and another
-    one from make. The second signal must not interrupt the cleanup that the first signal caused.
+    If the program `make` has started a command, Ctrl-C may send the command two signals: one from
+    the terminal and one from `make`. The second signal must not interrupt the cleanup that the
+    first signal caused.
     """
     global _recorded
     _recorded = 2

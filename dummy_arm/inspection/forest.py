@@ -35,7 +35,7 @@ class Forest:
         self._children: dict[str, list[str]] = {} if root is None else {root: []}
         for frame in self.frames.values():
             self._children.setdefault(frame.parent, []).append(frame.name)
-        #: The names of the frames without a parent in this forest.
+        #: The names of the frames that have no parent in this forest.
         self.roots = [name for name in self._children if name not in self.frames]
         #: For each loop, the names of its frames: each frame is the parent of the next frame, and
         #: the last frame is the parent of the first.
@@ -72,8 +72,8 @@ class Forest:
         """
         Yield each loop once.
 
-        From each frame, go to its parent, then to the parent of that frame, and so on. If this
-        leads back to a frame of the same path, there is a loop.
+        From each frame, follow the path from parent to parent. If the path comes back to one of
+        its own frames, there is a loop.
         """
         seen = set(self.roots)
         for start in self.frames:
@@ -110,7 +110,7 @@ class Forest:
         """
         Return the lines of the children of a frame, the last child first.
 
-        The caller pops the lines from the end of the list, so the first child comes first.
+        The order is reversed, since the caller pops the lines from the end of the list.
 
         :param indent: the branches with which the line of every child begins.
         :param level: the level of the children; 1: they are children of a root.

@@ -1,4 +1,4 @@
-"""The TF listener of the commands, which can tell who publishes a frame, or why it is missing."""
+"""The TF listener of the commands: it knows who publishes a frame, and why a frame is missing."""
 
 from difflib import SequenceMatcher
 import os
@@ -67,12 +67,12 @@ class FrameListener:
         """
         Return why there is no transform, and which frames exist.
 
-        If no frame exists at all, the text of `why_no_frames` is added once: by the first call at
-        least one second after the start.
+        If no frame exists at all, the text of `why_no_frames` is added, but only once, and not in
+        the first second after the start.
 
         :param target: the frame in which the transform is expressed.
         :param source: the frame whose pose is looked up.
-        :param time: time of the transform (ns); 0: the latest time for which every edge on the
+        :param time: the time of the transform (ns); 0: the latest time for which every edge on the
             path has data.
         :returns: the reason; '' if there is a transform.
         """

@@ -14,8 +14,8 @@ from dummy_arm.tf.formatting import display_time, dot_quoted, in_seconds, visibl
 
 #: The interval (s) at which `draw` calls `tick`.
 _STEP = 0.05
-#: The program of the process that draws. Its sys.path is that of this process, since by default,
-#: `python -c` looks for modules in the working directory first.
+#: The Python program that draws the graph, in a process of its own. It uses the `sys.path` of the
+#: calling process, since by default, `python -c` first looks for modules in the working directory.
 _DRAWING = """
 import sys
 file_format, *sys.path = sys.argv[1:]
@@ -45,7 +45,7 @@ def as_dot(forest: Forest, now: int) -> str:
     lines = ['digraph G {',
              f'label="view_frames Result\\nRecorded at time: {display_time(now)}";',
              'labelloc=t;',
-             # Some other fonts draw ff as one character, so a search for "end_effector" fails.
+             # In some other fonts, "ff" is one character, so a search for "end_effector" fails.
              'fontname=monospace;',
              'node [fontname=monospace];',
              'edge [fontname=monospace, fontsize=10];']
@@ -59,8 +59,8 @@ def _id(name: str) -> str:
     """
     Return the DOT identifier of a frame.
 
-    Control characters in the name are escaped, since graphviz copies the identifier into an SVG
-    file, which must not contain control characters.
+    Control characters in the name are escaped: graphviz copies the identifier into an SVG file,
+    and an SVG file must not contain control characters.
     """
     return dot_quoted(name if name.isprintable() else repr(name))
 
@@ -79,7 +79,7 @@ def _edge_label(frame: Frame) -> str:
 
 
 def _label(text: str) -> str:
-    """Escape a text for a label that shows it literally; newlines are kept."""
+    """Escape a text for a DOT label, so that the label shows the text with its line breaks."""
     text = '\n'.join(visible(line) for line in text.split('\n'))
     for character, escaped in (('&', '&amp;'), ('<', '&lt;'), ('"', '&quot;'), ('\\', '\\\\'),
                                ('\n', '\\n')):
@@ -105,11 +105,11 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
         raise DrawingError(
             f'drawing needs pygraphviz, which cannot be imported ({error}): pip install '
             'pygraphviz; or with ROS on Ubuntu: apt install python3-pygraphviz') from None
-    # Graphviz runs in a process of its own, since a signal does not interrupt C code. This process
-    # has a session of its own, so that Ctrl-C reaches only the process that called `draw`. (Before
-    # version 2, pygraphviz starts the program dot as another process of the same session.) The
-    # graph is passed in a file, since a pipe does not work: if communicate() times out before it
-    # has sent all its input, a second communicate() does not send the rest.
+    # Graphviz runs in a new process, which can be killed; in this process, Ctrl-C could not
+    # interrupt the C code of graphviz. The new process has its own session, so that Ctrl-C reaches
+    # only this process, which then kills the new one. The graph is passed in a file, not in a
+    # pipe: if communicate() times out before all input is sent, the next call of communicate()
+    # does not send the rest.
     try:
         with TemporaryFile() as graph:
             graph.write(dot.encode())
@@ -135,7 +135,7 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
 
 def _communicate(process: 'subprocess.Popen[bytes]', tick: Callable[[], object]
                  ) -> tuple[bytes, bytes]:
-    """Wait until a process ends; return its output on stdout and stderr."""
+    """Call `tick` regularly until a process ends; return what it wrote to stdout and stderr."""
     while True:
         tick()
         with suppress(subprocess.TimeoutExpired):
@@ -143,7 +143,11 @@ def _communicate(process: 'subprocess.Popen[bytes]', tick: Callable[[], object]
 
 
 def _kill(process: 'subprocess.Popen[bytes]') -> None:
-    """Kill a process and, except on Windows, the processes that it has started."""
+    """
+    Kill the process that draws and, except on Windows, the processes that it has started.
+
+    (Before version 2, pygraphviz starts the program dot as another process.)
+    """
     if sys.platform == 'win32':
         process.kill()
     else:

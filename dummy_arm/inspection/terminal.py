@@ -14,10 +14,11 @@ _HOME_AND_CLEAR = '\x1b[H\x1b[2J'
 
 def show(lines: Sequence[str], count: Optional[int] = None) -> None:
     """
-    Show lines: on a terminal, in place of the earlier text; elsewhere, print all lines.
+    Print lines; if stdout is a terminal, clear the terminal first.
 
     On a terminal, each line is cut off at the width of the terminal. If not all lines fit, the
-    last line says how many more lines there are.
+    last line says how many more lines there are. If stdout is not a terminal, an empty line is
+    printed after the lines.
 
     :param lines: the lines; for a terminal, the first `height()` lines are enough.
     :param count: the number of all lines, if `lines` has only the first of them; None: `lines` has
@@ -39,7 +40,7 @@ def height() -> Optional[int]:
     """
     Return the number of lines of the terminal.
 
-    :returns: the number; None if stdout is not a terminal, so that there is no limit.
+    :returns: the number; None if stdout is not a terminal.
     """
     return shutil.get_terminal_size().lines if sys.stdout.isatty() else None
 
@@ -77,11 +78,10 @@ def column_width(widths: Iterable[int]) -> int:
     """
     Return the width to which the cells of a table column are padded.
 
-    This is the width of the widest cell among those that are narrower than 100 columns. (Long
-    names are abbreviated to 100 columns.) A wider cell makes only its own line longer.
+    Cells with a width of 100 or more are ignored, so that they make only their own lines longer.
 
-    :param widths: the widths of the cells, in columns of the terminal.
-    :returns: the width; 0 if no cell is narrower than 100.
+    :param widths: the widths of the cells, as `width` returns them.
+    :returns: the width of the widest cell that is not ignored; 0 if all cells are ignored.
 
     >>> column_width([3, 4, 2000])
     4
@@ -97,7 +97,7 @@ def padded(text: str, columns: int) -> str:
 
     :param text: the text.
     :param columns: the width that the text should have on a terminal.
-    :returns: the padded text; the unchanged text if this is wide enough already.
+    :returns: the padded text; the unchanged text if it is wide enough already.
 
     >>> padded('map', 5)
     'map  '
@@ -115,7 +115,7 @@ def cut(line: str, columns: int) -> str:
 
     :param line: the line.
     :param columns: the largest width that the result may have on a terminal.
-    :returns: the beginning of the line. If only half of a wide character fits, it is left out.
+    :returns: the beginning of the line, without a wide character of which only half would fit.
 
     >>> cut('base_link', 4)
     'base'
@@ -132,7 +132,7 @@ def cut(line: str, columns: int) -> str:
 
 def fixed_point(value: float, precision: int) -> str:
     """
-    Format a number with a fixed number of digits after the point, without a negative zero.
+    Format a number with a fixed number of digits after the point; zero has no minus sign.
 
     :param value: the number.
     :param precision: the number of digits after the point.

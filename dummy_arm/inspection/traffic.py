@@ -13,14 +13,14 @@ from dummy_arm.tf.formatting import in_seconds, SECOND
 if TYPE_CHECKING:
     from dummy_arm.tf.publisher_listener import ReceivedMessage
 
-#: Statistics cover this many whole seconds of the clock, and the current second.
+#: The window of the statistics: the current second of the clock, and this many seconds before it.
 WINDOW = 10
-#: The messages of a publisher are not counted for this time (ns) after its first message, since
-#: they may be late: they may have waited until the publisher had discovered the subscription.
+#: The messages of a publisher are not counted for this time (ns) after its first message. They may
+#: be late: they may have waited until the publisher had discovered the subscription.
 _SETTLING = SECOND // 5
 #: The largest number of pairs of a frame and a publisher for which statistics are kept.
 _MOST = 100_000
-#: The number of publishers for which the time of the first message is kept.
+#: The largest number of publishers for which the time of the first message is kept.
 _MOST_PUBLISHERS = 10_000
 
 
@@ -59,7 +59,7 @@ class Delays:
         Count an arrival.
 
         :param arrival: the time of the arrival (ns).
-        :param delay: the time since the stamp (ns).
+        :param delay: the time from the stamp to the arrival (ns).
         """
         self.last = arrival
         number = arrival // SECOND
@@ -81,7 +81,7 @@ class Delays:
 
     def within(self, now: int) -> list[_Second]:
         """
-        Return the statistics within the window.
+        Return the arrivals within the window, second by second.
 
         :param now: the end of the window (ns).
         :returns: an item for each second that has arrivals.
@@ -121,7 +121,7 @@ class Stream(NamedTuple):
 
 
 class _Arrivals:
-    """The transforms received from a publisher, either of one frame or of all its frames."""
+    """The transforms received from a publisher, either of one frame or of all frames."""
 
     __slots__ = ('delays', 'is_dynamic')
 
@@ -137,22 +137,24 @@ class Traffic:
         """
         Create the statistics, without a message.
 
-        :param now: returns the time of the clock that stamps refer to (ns); 0 if no /clock message
-            has arrived.
+        :param now: a function that returns the time on the clock of the stamps (ns), or 0 if no
+            /clock message has arrived.
         :param only: the only child frame that is counted; '': all frames.
-        :param system_clock: returns the time of the clock that reception times refer to (ns).
+        :param system_clock: a function that returns the time on the clock of the reception times
+            (ns).
         """
         self._system_clock = system_clock
         self._now, self._only, self._bytes_of_name = now, only, only.encode()
         self._lock = Lock()
-        #: By the frame and the gid of the publisher; the frame '' means all frames of the
+        #: The key is a frame and the gid of a publisher; the frame '' stands for all frames of the
         #: publisher.
         self._arrivals: dict[tuple[str, str], _Arrivals] = {}
         #: By gid: the reception time of the first dynamic message of the publisher (ns).
         self._since: dict[str, int] = {}
         #: The time that `now` returned last (ns).
         self._latest = 0
-        #: The system time (ns) at which `_read_clocks` last noticed a jump back in time; 0: never.
+        #: The system time (ns) at which `_read_clocks` last saw that `now` had jumped back; 0:
+        #: never.
         self._set_back = 0
 
     def observe(self, messages: 'Iterable[ReceivedMessage]') -> None:
@@ -164,14 +166,14 @@ class Traffic:
         with self._lock:
             now, system = self._read_clocks()
             for message in messages:
-                # Skip messages without the bytes of the name, since decoding them is slow.
+                # Decoding is slow, so messages that do not have the bytes of the name are skipped.
                 if message.find(self._bytes_of_name) < 0:
                     continue
                 with suppress(ValueError):  # the listener logs this error
                     self._count(message, now - system if now else None)
 
     def _read_clocks(self) -> tuple[int, int]:
-        """Return the times of both clocks (ns); if time has jumped back, discard all delays."""
+        """Return the times of both clocks (ns); if `now` has jumped back, discard all delays."""
         now, system = self._now(), self._system_clock()
         if now < self._latest - SECOND:
             self._set_back = system
@@ -184,7 +186,7 @@ class Traffic:
         """
         Count the transforms of a message.
 
-        :param offset: the time of the stamps' clock minus the system time (ns); None: not known.
+        :param offset: the time of `now` minus the time of the system clock (ns); None: not known.
         """
         rows = message.rows()
         if self._only:
@@ -207,7 +209,7 @@ class Traffic:
             arrivals.delays.add(arrival, arrival - row.stamp_ns)
 
     def _arrivals_of(self, frame: str, gid: str) -> _Arrivals:
-        """Return the arrivals of a frame and publisher; at most `_MOST` pairs are kept."""
+        """Return the arrivals of a frame from a publisher; at most `_MOST` of them are kept."""
         arrivals = self._arrivals.get((frame, gid))
         if arrivals is None:
             arrivals = _Arrivals()
@@ -220,7 +222,8 @@ class Traffic:
         """
         Summarise the received transforms by frame and node.
 
-        :param names_of: returns the full names of nodes by the gids of their publishers.
+        :param names_of: a function that takes gids of publishers, and returns a dict from each gid
+            to the full name of the node.
         :param present: the gids of the publishers that still exist.
         :returns: a stream for each pair of a frame and a node, sorted by the two names; then, for
             each node, a stream for all its frames.

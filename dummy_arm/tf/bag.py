@@ -17,12 +17,13 @@ from dummy_arm.tf.buffer_core import BufferCore
 __all__ = ['BagError', 'read']
 
 _ALL_TIME = 2**63 - 1  # ns
-#: The approximate total size of the messages that are inserted at once (bytes).
+#: Messages are inserted in groups. A group ends when its messages take more memory than this
+#: (bytes).
 _BATCH_BYTES = 500_000
 #: The memory that a message takes in addition to its data (bytes).
 _OVERHEAD = 100
-#: A message longer than this (bytes) is inserted one transform at a time, because a list of all
-#: its transforms could fill the memory.
+#: The transforms of a message that is longer than this (bytes) are inserted one at a time, because
+#: a list of all these transforms could fill the memory.
 _LONG = 2**22
 
 
@@ -32,25 +33,27 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     """
     Read the transforms of a bag.
 
-    :param path: the path of a bag. For rosbag2: its directory, or a .mcap or .db3 file. For ROS 1:
-        a .bag file.
-    :param cache_time: how long transforms are kept (ns), as in `BufferCore`; None: no limit.
+    :param path: the path of a bag: a directory of rosbag2, a .mcap or .db3 file of rosbag2, or a
+        .bag file of ROS 1.
+    :param cache_time: how long transforms are kept (ns); see `BufferCore`. If it is None, there is
+        no time limit.
     :param namespace: the namespace of the topics `tf` and `tf_static`. If it is '', the topics are
         `/tf` and `/tf_static`.
     :param partial: what to do if the bag is cut off or damaged. True: read the undamaged parts and
         log a warning. False: raise a BagError.
-    :param max_bytes: the largest size of a chunk or a message after decompression (bytes). This
-        limits the memory that decompression can take.
-    :param max_samples: the largest number of dynamic transforms that are kept, as in `BufferCore`;
-        None: no limit.
+    :param max_bytes: the largest decompressed size (bytes) that is allowed for a chunk or a
+        message. This argument limits the memory that decompression can take.
+    :param max_samples: the largest number of dynamic transforms that are kept; see `BufferCore`.
+        If it is None, the number is not limited.
     :param on_progress: called repeatedly with the fraction of the bag that has been read, from 0
-        to 1. If on_progress raises an exception, `read` ends and raises this exception.
+        to 1. If on_progress raises an exception, `read` ends and raises the same exception.
     :returns: a buffer with the transforms of the bag. The authority of a transform from a bag of
         ROS 1 is the name of the node that published the transform. The authority of a transform
         from a bag of rosbag2 is 'not recorded'.
     :raises BagError: if the path is not a bag, if the bag has no transforms, or if a library that
-        is needed to read the bag is not installed. If `partial` is False, also if the bag is cut
-        off or damaged, or has a chunk or a message that is larger than max_bytes.
+        is needed to read the bag is not installed. If `partial` is False, a BagError is also
+        raised if the bag is cut off or damaged, or has a chunk or a message that is larger than
+        max_bytes.
     :raises ValueError: if max_bytes, cache_time or max_samples is out of range.
     :raises OSError: if the path does not exist, or is a file that cannot be opened.
     """
@@ -100,7 +103,11 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
 def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
                  on_malformed: Callable[[MalformedMessage], None], tick: Callable[[], None]
                  ) -> None:
-    """Insert long messages, one transform at a time; skip a malformed message as a whole."""
+    """
+    Insert the transforms of long messages, one transform at a time.
+
+    No transform of a malformed message is inserted.
+    """
     for data in messages:
         try:
             for _ in stream.encoding.rows(data):
@@ -118,7 +125,7 @@ def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
     Yield the stream and the bytes of each TF message of a bag.
 
     :raises BagError: if the path is not a bag, if a library that reads bags cannot be imported,
-        or if the bag is damaged and is not read as partial.
+        or if the bag is damaged and `context.partial` is False.
     :raises OSError: if the path does not exist, or is a file that cannot be opened.
     """
     kind = kind_of(path)
@@ -144,7 +151,7 @@ def _grouped_by_stream(records: Iterable[tuple[Stream, bytes]], in_order: bool
     """
     Yield groups of messages; a group is a dict that maps streams to lists of messages.
 
-    A group has about `_BATCH_BYTES` bytes at most.
+    A group ends at the latest when its messages take more than `_BATCH_BYTES` bytes.
 
     The messages of one stream keep their order. Static messages also keep their order relative to
     the messages of other streams.

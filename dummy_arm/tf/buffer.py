@@ -28,7 +28,7 @@ from dummy_arm.tf.message_buffer import message, MessageBufferCore
 
 class Buffer(MessageBufferCore, BufferInterface):
     """
-    A buffer with the API of tf2_ros.Buffer: it waits for transforms, and transforms objects.
+    A buffer with the API of tf2_ros.Buffer: it can wait for transforms and transform objects.
 
     An edge connects a frame with its parent; a path is the edges between two frames. Timeouts run
     on the wall clock, even if the node uses simulated time. In a block of
@@ -49,7 +49,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param max_frames: the largest number of frames; see `BufferCore`.
         :param max_samples: the largest number of samples; see `BufferCore`.
         :raises TypeError: if the cache time is not a duration.
-        :raises ValueError: if the cache time is negative, or max_samples is less than 1.
+        :raises ValueError: if the cache time is negative, or `max_samples` is less than 1.
         """
         MessageBufferCore.__init__(
             self, cache_time, max_frames=max_frames, max_samples=max_samples)
@@ -74,7 +74,9 @@ class Buffer(MessageBufferCore, BufferInterface):
 
     def after_insertion(self) -> bool:
         """
-        Log refused transforms, and complete the futures whose transforms are available now.
+        Log why transforms were refused, and complete futures.
+
+        A future is completed if the transform for which it waits is available now.
 
         Call this without holding the lock of the buffer, if possible.
 
@@ -91,7 +93,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Drop the sources, futures, context and logger, which work in the parent process only.
 
-        :param was_held: True if the fork had taken the lock of the buffer; see `Engine`.
+        :param was_held: True if the lock of the buffer was taken before the fork; see `Engine`.
         """
         super().after_fork_in_child(was_held)
         self._context = None
@@ -109,10 +111,10 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: the transform from the source frame to the target frame. Its stamp is `time`, or
-            the latest time described above if `time` is zero.
+        :returns: the transform from the source frame to the target frame. The stamp of the
+            transform is `time`; if `time` is zero, the stamp is the latest time described above.
         :raises TransformException: if there is no such transform; the class of the error says why.
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         if timeout is NO_WAIT:
             return self.lookup_transform_core(target_frame, source_frame, time)
@@ -123,10 +125,10 @@ class Buffer(MessageBufferCore, BufferInterface):
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
             fixed_frame: str, timeout: Duration = NO_WAIT) -> TransformStamped:
         """
-        Return the pose of the source frame at one time in the target frame at another time.
+        Return the pose of the source frame at one time, in the target frame at another time.
 
-        The source frame is located in the fixed frame at the source time, and the target frame at
-        the target time.
+        The source frame is located in the fixed frame at `source_time`, and the target frame is
+        located in the fixed frame at `target_time`.
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
@@ -136,10 +138,11 @@ class Buffer(MessageBufferCore, BufferInterface):
             which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: the transform from the source frame to the target frame. Its stamp is
-            `target_time`, or the latest time described above if `target_time` is zero.
+        :returns: the transform from the source frame to the target frame. The stamp of the
+            transform is `target_time`; if `target_time` is zero, the stamp is the latest time
+            described above.
         :raises TransformException: if there is no such transform; the class of the error says why.
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         return message(target_frame, source_frame, self._wait(
             _seconds(timeout), self._lookups.pose_full, target_frame, nanoseconds(target_time),
@@ -158,7 +161,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param timeout: how long to wait at most, on the wall clock; None: no limit.
         :returns: the transform from the source frame to the target frame.
         :raises TimeoutException: if the transform is still not available after the timeout.
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         return await self.wait_for_transform_async(target_frame, source_frame, time, timeout)
 
@@ -178,7 +181,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param timeout: how long to wait at most, on the wall clock; None: no limit.
         :returns: the transform from the source frame to the target frame.
         :raises TimeoutException: if the transform is still not available after the timeout.
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         return await self.wait_for_transform_full_async(
             target_frame, target_time, source_frame, source_time, fixed_frame, timeout)
@@ -195,9 +198,9 @@ class Buffer(MessageBufferCore, BufferInterface):
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :param return_debug_tuple: True: return the text of the error, too.
-        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of this
-            bool and the text of the error ('' if there is no error).
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
+            this bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         error = self._why_not(_seconds(timeout), self._lookups.check, target_frame, source_frame,
                               nanoseconds(time))
@@ -219,9 +222,9 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :param return_debug_tuple: True: return the text of the error, too.
-        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of this
-            bool and the text of the error ('' if there is no error).
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
+            this bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         error = self._why_not(
             _seconds(timeout), self._lookups.check_full, target_frame, nanoseconds(target_time),
@@ -233,17 +236,17 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Return a future that is completed when a transform is available.
 
-        To stop waiting, cancel the future. A future without a done callback also stops waiting
-        when nothing refers to it any more.
+        To stop waiting, cancel the future. If the future has no done callback, it is enough to
+        drop the last reference to the future.
 
         :param target_frame: as in `lookup_transform`.
         :param source_frame: as in `lookup_transform`.
         :param time: as in `lookup_transform`.
         :param timeout: the time, on the wall clock, after which the future ends with a
             TimeoutException; None: no limit.
-        :returns: a future whose result is the TransformStamped. If the transform is available
-            now, the future is already done.
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :returns: a future whose result is the TransformStamped. If the transform is already
+            available, the future is already done.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         return self._create_future(
             partial(self.lookup_transform_core, target_frame, source_frame, time), timeout,
@@ -262,7 +265,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param fixed_frame: as in `lookup_transform_full`.
         :param timeout: as in `wait_for_transform_async`.
         :returns: a future, as in `wait_for_transform_async`.
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         return self._create_future(
             partial(self.lookup_transform_full_core, target_frame, target_time, source_frame,
@@ -289,7 +292,12 @@ def _seconds(timeout: Duration) -> float:
 
 
 def _create_jump_handle(clock: Clock, buffer: Buffer) -> JumpHandle:
-    """Register `time_jump_callback` for jumps back by 1 s or more, and for changes of source."""
+    """
+    Register `time_jump_callback` with the clock.
+
+    `time_jump_callback` is called when the clock jumps back by 1 s or more, or when the clock
+    switches between system time and simulated time.
+    """
     handle = clock.create_jump_callback(
         JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1), on_clock_change=True),
         post_callback=partial(_on_time_jump, ref(buffer)))
@@ -318,5 +326,5 @@ def _on_frames_request(buffer_ref: ref[Buffer], _: Any, response: Any) -> Any:
 
 
 def _unregister(handle: JumpHandle) -> None:
-    with suppress(InvalidHandle):  # if the clock was destroyed before
+    with suppress(InvalidHandle):  # if the clock is already destroyed
         handle.unregister()

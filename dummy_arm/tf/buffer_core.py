@@ -1,4 +1,4 @@
-"""A buffer that needs no ROS: it stores transforms and looks them up, with tf2's results."""
+"""A buffer that needs no ROS: it stores and looks up transforms, with the results of tf2."""
 
 from typing import Any, Optional, Union
 
@@ -11,18 +11,18 @@ class BufferCore(Engine):
     """
     A buffer that keeps transforms for the cache time, and looks up the poses of frames.
 
-    Frame ids have no leading slash. A time or a duration is an int (ns), or an object with
-    `nanoseconds` or with both `sec` and `nanosec`. An edge connects a frame with its parent; a
-    path is the edges between two frames. In a lookup, time 0 means the latest time for which every
-    edge on the path has data. All methods may be called in any thread.
+    Frame ids have no leading slash. A time or a duration is an int (ns), or an object that has
+    either the attribute `nanoseconds` or the attributes `sec` and `nanosec`. An edge connects a
+    frame with its parent; a path is the edges between two frames. In a lookup, time 0 means the
+    latest time for which every edge on the path has data. All methods may be called in any thread.
 
     A lookup that fails raises a subclass of TransformException:
 
-    - LookupException: a frame does not exist, or the tree has a loop or a path of more than 1000
-      edges.
+    - LookupException: a frame does not exist, its ancestors form a loop, or it has more than 1000
+      ancestors.
     - InvalidArgumentException: a frame id is empty or has a leading slash.
     - ConnectivityException: the frames are in different trees.
-    - ExtrapolationException: an edge on the path has no data for the time.
+    - ExtrapolationException: an edge on the path has no data for the requested time.
 
     If the target frame and the source frame are the same, `lookup_transform` returns the identity,
     even if the frame does not exist.
@@ -40,10 +40,10 @@ class BufferCore(Engine):
             is refused.
         :param max_samples: the largest number of dynamic samples of all frames together; a sample
             takes 60 to 100 bytes. At this limit, a new sample replaces the oldest sample of the
-            same frame. A second limit is that one frame keeps at most 10 000 samples for each
-            second of the cache time. None: neither of these two limits applies.
+            same frame. There is also a limit for each single frame: 10 000 samples for each second
+            of the cache time. None: neither of these two limits applies.
         :raises TypeError: if the cache time is not a duration.
-        :raises ValueError: if the cache time is negative, or max_samples is less than 1.
+        :raises ValueError: if the cache time is negative, or `max_samples` is less than 1.
         """
         super().__init__(cache_time, max_frames, max_samples)
 
@@ -97,10 +97,10 @@ class BufferCore(Engine):
         :param time: time of the transform (ns); 0: the latest time for which every edge on the
             path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :returns: the transform from the source frame to the target frame. Its stamp is `time`, or
-            the latest time described above if `time` is 0.
+        :returns: the transform from the source frame to the target frame. The stamp of the
+            transform is `time`; if `time` is 0, the stamp is the latest time described above.
         :raises TransformException: if there is no such transform; the class of the error says why.
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         stamp, pose = self._wait(_seconds(timeout), self._lookups.pose, target_frame, source_frame,
                                  nanoseconds_or_int(time))
@@ -109,10 +109,10 @@ class BufferCore(Engine):
     def lookup_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
                               source_time: Any, fixed_frame: str, timeout: Any = 0) -> Transform:
         """
-        Return the pose of the source frame at one time in the target frame at another time.
+        Return the pose of the source frame at one time, in the target frame at another time.
 
-        The source frame is located in the fixed frame at the source time, and the target frame at
-        the target time.
+        The source frame is located in the fixed frame at `source_time`, and the target frame is
+        located in the fixed frame at `target_time`.
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame (ns); 0: the latest time for
@@ -122,10 +122,11 @@ class BufferCore(Engine):
             which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :returns: the transform from the source frame to the target frame. Its stamp is
-            `target_time`, or the latest time described above if `target_time` is 0.
+        :returns: the transform from the source frame to the target frame. The stamp of the
+            transform is `target_time`; if `target_time` is 0, the stamp is the latest time
+            described above.
         :raises TransformException: if there is no such transform; the class of the error says why.
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         stamp, pose = self._wait(
             _seconds(timeout), self._lookups.pose_full, target_frame,
@@ -145,9 +146,9 @@ class BufferCore(Engine):
             path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
         :param return_debug_tuple: True: return the text of the error, too.
-        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of this
-            bool and the text of the error ('' if there is no error).
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
+            this bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         error = self._why_not(_seconds(timeout), self._lookups.check, target_frame, source_frame,
                               nanoseconds_or_int(time))
@@ -168,9 +169,9 @@ class BufferCore(Engine):
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
         :param return_debug_tuple: True: return the text of the error, too.
-        :returns: whether the transform is available; with `return_debug_tuple`, a tuple of this
-            bool and the text of the error ('' if there is no error).
-        :raises TypeError: if a frame is not a str, or a time or the timeout has a wrong type.
+        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
+            this bool and the text of the error ('' if there is no error).
+        :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         error = self._why_not(
             _seconds(timeout), self._lookups.check_full, target_frame,
@@ -185,7 +186,7 @@ class BufferCore(Engine):
         :param target_frame: the frame at one end of the path.
         :param source_frame: the frame at the other end.
         :returns: the latest time (ns); 0 if all edges are static. If both frames are the same:
-            the stamp of the newest sample of this frame, or 0 if it has none.
+            the stamp of the newest sample of this frame, or 0 if the frame has no dynamic samples.
         :raises TransformException: if there is no path; the class of the error says why.
         :raises TypeError: if a frame is not a str.
         """

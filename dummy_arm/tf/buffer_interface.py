@@ -1,4 +1,9 @@
-"""The base class of buffers that transform objects, and the functions for each object type."""
+"""
+The base class of buffers that transform objects.
+
+The functions that transform objects are registered in `TransformRegistration`. The functions that
+convert objects to other types are registered in `ConvertRegistration`.
+"""
 
 from collections.abc import Callable
 from copy import deepcopy
@@ -36,7 +41,7 @@ class NotImplementedException(Exception):
     """A subclass of BufferInterface does not implement a method."""
 
     def __init__(self) -> None:
-        """Create the exception, with the text of tf2_ros."""
+        """Create the exception, with the same text as in tf2_ros."""
         self.errstr = 'CanTransform or LookupTransform not implemented'
         super().__init__(self.errstr)
 
@@ -62,15 +67,17 @@ class BufferInterface:
         PolygonStamped and PointCloud2 are registered. Register other types with
         `TransformRegistration`.
 
-        :param object_stamped: an object with a header, of a registered type. A zero stamp means
+        :param object_stamped: an object of a registered type. A zero stamp in its header means
             the latest time for which every edge on the path has data.
         :param target_frame: the frame in which the result is expressed.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :param new_type: the type to which the result is converted; None: no conversion.
-        :returns: the object in the target frame; its type is `new_type`, if given.
-        :raises TypeException: if no function is registered that transforms the type of the object,
-            or that converts to `new_type`.
-        :raises TransformException: if there is no such transform; the class of the error says why.
+        :returns: the object in the target frame. If `new_type` is not None, the object has this
+            type.
+        :raises TypeException: if no registered function transforms the object, or if no registered
+            function converts the result to `new_type`.
+        :raises TransformException: if the needed transform is not available; the class of the
+            error says why.
         """
         do_transform = self.registration.get(type(object_stamped))
         header = object_stamped.header
@@ -84,7 +91,7 @@ class BufferInterface:
         """
         Transform an object from the frame and time in its header to another frame and time.
 
-        :param object_stamped: an object with a header, of a registered type. A zero stamp means
+        :param object_stamped: an object of a registered type. A zero stamp in its header means
             the latest time for which every edge between the frame of the object and the fixed
             frame has data.
         :param target_frame: the frame in which the result is expressed.
@@ -93,10 +100,12 @@ class BufferInterface:
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :param new_type: as in `transform`.
-        :returns: the object in the target frame; its type is `new_type`, if given.
-        :raises TypeException: if no function is registered that transforms the type of the object,
-            or that converts to `new_type`.
-        :raises TransformException: if there is no such transform; the class of the error says why.
+        :returns: the object in the target frame. If `new_type` is not None, the object has this
+            type.
+        :raises TypeException: if no registered function transforms the object, or if no registered
+            function converts the result to `new_type`.
+        :raises TransformException: if the needed transform is not available; the class of the
+            error says why.
         """
         do_transform = self.registration.get(type(object_stamped))
         header = object_stamped.header
@@ -125,7 +134,7 @@ class BufferInterface:
                               source_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT
                               ) -> TransformStamped:
         """
-        Return the pose of the source frame at one time in the target frame at another time.
+        Return the pose of the source frame at one time, in the target frame at another time.
 
         A subclass implements this.
 
@@ -204,7 +213,7 @@ _conversions: dict[Any, Callable[..., Any]] = {}
 
 def register_default(message_type: type, transform: Callable[..., Any]) -> None:
     """
-    Register the functions of a message type, except those that a user has already registered.
+    Register the functions of a message type, but do not replace functions of the user.
 
     :param message_type: the type. Its objects are messages, so they need no conversion.
     :param transform: the function that transforms the objects; see `TransformRegistration.add`.
@@ -285,20 +294,20 @@ class ConvertRegistration:
     def add_from_msg(self, key: TransformableObjectType,
                      callback: Callable[[MsgStamped], TransformableObject]) -> None:
         """
-        Register the function that creates an object of a type from a message.
+        Register the function that converts messages to objects of a type.
 
-        :param key: the type of the object.
-        :param callback: the function; it is called with the message and returns the object.
+        :param key: the type of the objects.
+        :param callback: the function; it is called with a message and returns the object.
         """
         _from_messages[key] = callback
 
     def add_to_msg(self, key: TransformableObjectType,
                    callback: Callable[[TransformableObject], MsgStamped]) -> None:
         """
-        Register the function that creates a message from an object of a type.
+        Register the function that converts objects of a type to messages.
 
-        :param key: the type of the object.
-        :param callback: the function; it is called with the object and returns the message.
+        :param key: the type of the objects.
+        :param callback: the function; it is called with an object and returns the message.
         """
         _to_messages[key] = callback
 
@@ -315,9 +324,9 @@ class ConvertRegistration:
     def get_from_msg(self, key: TransformableObjectType
                      ) -> Callable[[MsgStamped], TransformableObject]:
         """
-        Return the function that creates an object of a type from a message.
+        Return the function that converts messages to objects of a type.
 
-        :param key: the type of the object.
+        :param key: the type of the objects.
         :returns: the function, as in `add_from_msg`.
         :raises TypeException: if no function is registered for `key`.
         """
@@ -326,9 +335,9 @@ class ConvertRegistration:
     def get_to_msg(self, key: TransformableObjectType
                    ) -> Callable[[TransformableObject], MsgStamped]:
         """
-        Return the function that creates a message from an object of a type.
+        Return the function that converts objects of a type to messages.
 
-        :param key: the type of the object.
+        :param key: the type of the objects.
         :returns: the function, as in `add_to_msg`.
         :raises TypeException: if no function is registered for `key`.
         """

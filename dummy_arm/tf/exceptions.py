@@ -1,4 +1,8 @@
-"""The exceptions of tf2. A lookup error has the text of tf2, and a hint may follow the text."""
+"""
+The exceptions of tf2.
+
+The text of a lookup error begins with the words of tf2. A hint may follow these words.
+"""
 
 
 from collections.abc import Callable
@@ -18,11 +22,12 @@ class TransformException(Exception):
         Create an error whose text ends with a hint.
 
         The hint is computed only when the text is first read, because many texts are never read:
-        a lookup or a future that waits for a transform raises and discards many errors.
+        while a lookup or a future waits for a transform, many errors are raised and discarded.
 
-        :param words: the text of tf2.
+        :param words: the words of tf2.
         :param hint: a function that returns the hint, which is appended to `words`. The function
-            may be called in any thread, by a caller that does not hold the lock of the buffer.
+            is called in the thread that first reads the text. This can be any thread that does
+            not hold the lock of the buffer.
         :returns: the error.
         """
         error = cls(words)
@@ -60,4 +65,4 @@ class InvalidArgumentException(TransformException):
 
 
 class TimeoutException(TransformException):
-    """The timeout of a future has expired, and the transform is not available."""
+    """The transform is still not available when the timeout of a future expires."""

@@ -1,9 +1,9 @@
 """
-Functions that format frame ids and times for output, as in the error texts of this package.
+Functions that convert frame ids and times to printable text.
 
-Frame ids are received from other programs and may contain control characters. Print
-`visible(name)`, or `shortened(name)` where there is little room, so that none of these characters
-reaches the terminal.
+Frame ids are received from other programs and may contain control characters. To keep these
+characters from the terminal, print `visible(name)` instead of `name`. Where there is little room,
+print `shortened(name)`.
 """
 
 from dummy_arm.tf._core.frames import dot_quoted

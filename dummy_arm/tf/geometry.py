@@ -1,11 +1,11 @@
 """
-Transform messages with points, vectors, poses and clouds.
+Functions that apply a transform to points, vectors, poses, polygons and point clouds.
 
-The functions have the same names and results as those of tf2_geometry_msgs. `do_transform_cloud`
-has the name and the results of the function of tf2_sensor_msgs.
+The functions have the same names and results as in tf2_geometry_msgs. `do_transform_cloud` has the
+same name and results as in tf2_sensor_msgs.
 
 Each function takes a transform whose child frame is the frame of the data. The result is expressed
-in the parent frame of the transform. A stamped result has the same header as the transform.
+in the parent frame of the transform. A result with a header has the header of the transform.
 """
 
 from array import array
@@ -38,12 +38,12 @@ from dummy_arm.tf.buffer_interface import from_msg_msg as from_msg_msg
 from dummy_arm.tf.buffer_interface import register_default
 from dummy_arm.tf.buffer_interface import to_msg_msg as to_msg_msg
 
-#: A quaternion whose squared norm is less than this counts as no rotation, as in
-#: tf2_geometry_msgs.
+#: If the squared norm of a quaternion is less than this, the quaternion is replaced by the
+#: identity, as in tf2_geometry_msgs.
 _NO_ROTATION = 2.0 ** -52
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
-#: The datatypes that x, y and z of a cloud may have: each with its name in numpy and its size
-#: (bytes).
+#: The datatypes that the fields x, y and z of a cloud may have: each with its name in numpy and
+#: its size (bytes).
 _TYPES = {PointField.FLOAT32: ('f4', 4), PointField.FLOAT64: ('f8', 8)}
 
 
@@ -132,9 +132,9 @@ def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDAr
     """
     Rotate the covariance matrix of a pose.
 
-    The result is R C R^T, where C is the given matrix and R = diag(rotation, rotation). See A.
-    Leon-Garcia, Probability, Statistics, and Random Processes for Electrical Engineering, 3rd ed.,
-    2008, section 6.3.
+    The result is R C R^T, where C is the given matrix. R is a block-diagonal matrix with two
+    blocks; each block is the rotation matrix of the transform. See A. Leon-Garcia, Probability,
+    Statistics, and Random Processes for Electrical Engineering, 3rd ed., 2008, section 6.3.
 
     :param cov_in: (36,): the six rows of C, one after the other. C is the covariance of x, y, z
         (m) and of the rotations about the x, y and z axes (rad), in the child frame of the
@@ -168,7 +168,7 @@ def _pose(position: Union[Point, Vector3], orientation: Quaternion) -> FramePose
 
 
 def _rotation(orientation: Quaternion) -> rotations.Quaternion:
-    """Return a rotation as a unit quaternion; the zero quaternion stands for no rotation."""
+    """Return a rotation as a unit quaternion; for the zero quaternion, return the identity."""
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     if x * x + y * y + z * z + w * w < _NO_ROTATION:
         return _IDENTITY
@@ -180,12 +180,13 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
     """
     Transform x, y and z of the points of a cloud; all other fields are copied.
 
-    :param cloud: a cloud of any layout, with fields x, y, z of FLOAT32 or FLOAT64. If a coordinate
-        of a point is NaN, the three coordinates of this point are NaN in the result.
+    :param cloud: a cloud of any layout; its fields x, y, z have the datatype FLOAT32 or FLOAT64.
+        If a coordinate of a point is NaN, the three coordinates of this point are NaN in the
+        result.
     :param transform: a transform whose child frame is the frame of the cloud.
     :returns: a new cloud, which does not share its data with the given cloud. The new cloud has
-        the header of the transform. A Transform has no header; then the new cloud has the header
-        of the given cloud.
+        the header of the transform. If `transform` is a Transform, which has no header, the new
+        cloud has the header of the given cloud.
     :raises ValueError: if one of the fields x, y, z is missing or has another datatype, or if the
         layout does not fit the data.
     """
@@ -207,7 +208,7 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
 
 
 def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.floating[Any]]:
-    """Return a view into `data`, of shape (height, width): one field of all points."""
+    """Return one field of all points, as a view of shape (height, width) into `data`."""
     field = next((field for field in cloud.fields if field.name == name), None)
     if field is None or field.datatype not in _TYPES:
         names = ', '.join(f'{field.name} (datatype {field.datatype})' for field in cloud.fields)

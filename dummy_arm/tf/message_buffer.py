@@ -1,4 +1,4 @@
-"""The buffer of tf2_py, with the times and messages of ROS; it has no node and does not wait."""
+"""A buffer like that of tf2_py: it uses the messages of ROS, has no node and does not wait."""
 
 from typing import Optional
 
@@ -17,11 +17,11 @@ _LATEST = Time()
 
 class MessageBufferCore(Engine):
     """
-    A buffer with the API of tf2_py.BufferCore, for rclpy's times and TransformStamped messages.
+    A buffer with the API of tf2_py.BufferCore, for TransformStamped messages and rclpy's times.
 
-    A time is any object with `nanoseconds` (rclpy's Time) or with `sec` and `nanosec` (a Time
-    message). An edge connects a frame with its parent; a path is the edges between two frames. A
-    lookup raises the same exceptions as a lookup of `dummy_arm.tf.BufferCore`.
+    A time may be a Time of rclpy or a Time message. An edge connects a frame with its parent; a
+    path is the edges between two frames. A lookup raises the same exceptions as a lookup of
+    `dummy_arm.tf.BufferCore`.
     """
 
     def __init__(self, cache_time: Optional[Duration] = None, *, max_frames: int = 100_000,
@@ -29,11 +29,11 @@ class MessageBufferCore(Engine):
         """
         Create an empty buffer.
 
-        :param cache_time: how long samples are kept; None: 10 s; see `dummy_arm.tf.BufferCore`.
+        :param cache_time: how long samples are kept, as in `dummy_arm.tf.BufferCore`; None: 10 s.
         :param max_frames: the largest number of frames; see `dummy_arm.tf.BufferCore`.
         :param max_samples: the largest number of samples; see `dummy_arm.tf.BufferCore`.
         :raises TypeError: if the cache time is not a duration.
-        :raises ValueError: if the cache time is negative, or max_samples is less than 1.
+        :raises ValueError: if the cache time is negative, or `max_samples` is less than 1.
         """
         super().__init__(10 * SECOND if cache_time is None else cache_time, max_frames,
                          max_samples)
@@ -82,7 +82,7 @@ class MessageBufferCore(Engine):
             the path has data.
         :returns: the transform from the source frame to the target frame.
         :raises TransformException: if there is no such transform; the class of the error says why.
-        :raises TypeError: if a frame is not a str, or the time has a wrong type.
+        :raises TypeError: if a frame or the time has a wrong type.
         """
         return message(target_frame, source_frame, self._pull_and_call(
             self._lookups.pose, target_frame, source_frame, nanoseconds(time)))
@@ -90,10 +90,10 @@ class MessageBufferCore(Engine):
     def lookup_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                    source_time: Time, fixed_frame: str) -> TransformStamped:
         """
-        Return the pose of the source frame at one time in the target frame at another time.
+        Return the pose of the source frame at one time, in the target frame at another time.
 
-        This method does not wait. The source frame is located in the fixed frame at the source
-        time, and the target frame at the target time.
+        This method does not wait. The source frame is located in the fixed frame at `source_time`,
+        and the target frame is located in the fixed frame at `target_time`.
 
         :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
@@ -102,10 +102,11 @@ class MessageBufferCore(Engine):
         :param source_time: time of the source frame; a zero Time: the latest time for
             which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
-        :returns: the transform from the source frame to the target frame. Its stamp is
-            `target_time`, or the latest time described above if `target_time` is zero.
+        :returns: the transform from the source frame to the target frame. The stamp of the
+            transform is `target_time`; if `target_time` is zero, the stamp is the latest time
+            described above.
         :raises TransformException: if there is no such transform; the class of the error says why.
-        :raises TypeError: if a frame is not a str, or a time has a wrong type.
+        :raises TypeError: if a frame or a time has a wrong type.
         """
         return message(target_frame, source_frame, self._pull_and_call(
             self._lookups.pose_full, target_frame, nanoseconds(target_time), source_frame,
@@ -120,9 +121,9 @@ class MessageBufferCore(Engine):
         :param source_frame: the frame whose pose is looked up.
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
-        :returns: two values: whether the transform is available, and the text of the error ('' if
+        :returns: a tuple: whether the transform is available, and the text of the error ('' if
             there is no error).
-        :raises TypeError: if a frame is not a str, or the time has a wrong type.
+        :raises TypeError: if a frame or the time has a wrong type.
         """
         return debug_tuple(self._why_not(
             0.0, self._lookups.check, target_frame, source_frame, nanoseconds(time)))
@@ -139,9 +140,9 @@ class MessageBufferCore(Engine):
         :param source_time: time of the source frame; a zero Time: the latest time for
             which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
-        :returns: two values: whether the transform is available, and the text of the error ('' if
+        :returns: a tuple: whether the transform is available, and the text of the error ('' if
             there is no error).
-        :raises TypeError: if a frame is not a str, or a time has a wrong type.
+        :raises TypeError: if a frame or a time has a wrong type.
         """
         return debug_tuple(self._why_not(
             0.0, self._lookups.check_full, target_frame, nanoseconds(target_time), source_frame,
@@ -154,7 +155,8 @@ class MessageBufferCore(Engine):
         :param target_frame: the frame at one end of the path.
         :param source_frame: the frame at the other end.
         :returns: the latest time; a zero Time if all edges are static. If both frames are the
-            same: the stamp of the newest sample of this frame, or zero if it has none.
+            same: the stamp of the newest sample of this frame, or a zero Time if the frame has no
+            dynamic samples.
         :raises TransformException: if there is no path; the class of the error says why.
         :raises TypeError: if a frame is not a str.
         """
@@ -163,16 +165,20 @@ class MessageBufferCore(Engine):
 
     def _chain(self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
                fixed_frame: str) -> list[str]:
-        """Return the frames on the path from the source via the fixed to the target frame."""
+        """
+        Return the frames on the path from the source frame to the target frame.
+
+        The path leads via the fixed frame.
+        """
         return self._pull_and_call(self._lookups.chain, target_frame, nanoseconds(target_time),
                           source_frame, nanoseconds(source_time), fixed_frame)
 
     def _allFramesAsDot(self, time: Time = _LATEST) -> str:  # noqa: N802
-        """Return tf2's DOT graph of all frames; a nonzero time adds the ages of transforms."""
+        """Return tf2's DOT graph of all frames; if `time` is not zero, it shows transform ages."""
         return as_dot(self.frames(), self.frame_names(), nanoseconds(time))
 
     def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
-        """Return whether the buffer has a frame."""
+        """Return whether the buffer has a frame of this name."""
         return self._pull_and_call(self._tree.histories.__contains__, frame_id)
 
     def _getFrameStrings(self) -> list[str]:  # noqa: N802

@@ -1,4 +1,9 @@
-"""A listener that knows the publisher of each transform, by the publisher's gid (identifier)."""
+"""
+A listener that knows which node has published a transform.
+
+Each publisher has a *gid*, by which the middleware identifies the publisher. A gid arrives with
+each message, and the ROS graph tells to which node the publisher with this gid belongs.
+"""
 
 from collections import deque
 from collections.abc import Iterable
@@ -19,11 +24,12 @@ from dummy_arm.tf.transform_listener import TransformListener
 
 #: The name of a publisher whose node is not known.
 UNKNOWN = 'unknown publisher'
-#: The time between two regular queries for the publishers (s).
+#: The time between two regular queries of the ROS graph (s).
 _QUERY_INTERVAL = 0.5
-#: If there are more names than this, the oldest names of publishers that are gone are dropped.
+#: If there are more node names than this, the oldest names of publishers that are gone are
+#: dropped.
 _MOST_NAMES = 10_000
-#: The name that rmw reports for a publisher whose node is not discovered yet.
+#: The node name that rmw reports for a publisher whose node is not discovered yet.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 #: The largest number of messages that are kept for `received`, and the largest sum of their sizes
 #: (bytes).
@@ -43,8 +49,8 @@ class ReceivedMessage(bytes):
         Create a message.
 
         :param data: the bytes of a TFMessage.
-        :param gid: the gid of the publisher, in hex; '': not known.
-        :param reception_time: the time of arrival, on the system clock (ns); 0: now.
+        :param gid: the gid of the publisher, in hex; '' if the gid is not known.
+        :param reception_time: the time of arrival, on the system clock (ns); 0: the current time.
         :returns: the message.
         """
         message = cls(data)
@@ -65,7 +71,7 @@ class ReceivedMessage(bytes):
 class Received(NamedTuple):
     """The messages that have arrived since the last call of `PublisherListener.received`."""
 
-    messages: list[ReceivedMessage]  #: those of one topic in the order of their arrival
+    messages: list[ReceivedMessage]  #: the messages of each topic are in the order of arrival
     dropped: int  #: the number of older messages that were dropped, to limit the memory
 
 
@@ -88,7 +94,7 @@ class _NodeNames:
 
     def query_if_due(self) -> None:
         """
-        Query the ROS graph if this method has not queried it in the last half second.
+        Query the ROS graph, but at most every half second.
 
         Because of these regular queries, the name of a node is known even if the node ends before
         `names_of` is called.
@@ -142,7 +148,7 @@ class _GidSource(SubscriptionSource):
         Create the source.
 
         :param args: the arguments of SubscriptionSource.
-        :param names: the names of the publishers' nodes, which the source updates.
+        :param names: the table of node names, which the source updates.
         """
         super().__init__(*args)
         names.topics = {topic.name for topic, _, _ in self._topics}
@@ -184,13 +190,13 @@ class _GidSource(SubscriptionSource):
         """
         Update the names of the nodes; then do the same as `SubscriptionSource.end_round`.
 
-        :returns: the pause: how long messages may stay in the queue (s).
+        :returns: how long the thread can pause before its next round (s).
         """
         self._names.query_if_due()
         return super().end_round()
 
     def _keep(self, messages: list[Any], is_static: bool) -> None:
-        """Move decoded messages to `_kept`; if there are too many there, drop the oldest ones."""
+        """Move messages to `_kept`; if `_kept` is then too large, drop its oldest messages."""
         for message in messages:
             message.is_static = is_static
         size = sum(map(len, messages))
@@ -204,9 +210,9 @@ class _GidSource(SubscriptionSource):
 
     def received(self) -> Received:
         """
-        Return the kept messages and remove them from `_kept`; the caller holds the buffer's lock.
+        Return the kept messages and clear `_kept`; the caller must hold the buffer's lock.
 
-        :returns: the messages since the last call.
+        :returns: the messages that have arrived since the last call.
         """
         received = Received(list(self._kept), self._dropped)
         self._kept.clear()
@@ -242,14 +248,15 @@ class PublisherListener(TransformListener):
 
     @property
     def present(self) -> frozenset[str]:
-        """The gids of the publishers that exist, in hex; updated every half second."""
+        """The gids (in hex) of the publishers that exist; updated every half second."""
         return self._names.present
 
     def received(self) -> Received:
         """
-        Return the messages that have arrived since the last call, or since the start.
+        Return the messages that have arrived since the last call of this method.
 
-        Between two calls, the newest messages are kept: at most 10 000, and at most 16 MiB.
+        Between two calls, only the newest messages are kept: at most 10 000 messages, and at most
+        16 MiB.
 
         :returns: the messages, and the number of older messages that were dropped.
         """
@@ -258,10 +265,10 @@ class PublisherListener(TransformListener):
 
     def frames(self) -> list[Frame]:
         """
-        Return the frames of the buffer; the authority of a frame is the full name of a node.
+        Return the frames of the buffer, each with the name of the node that has published it.
 
-        :returns: the frames that have a parent, as `buffer.frames()` returns them, but with the
-            full name of the publisher's node as `authority`.
+        :returns: the frames that have a parent, as `buffer.frames()` returns them. But the
+            `authority` of a frame is the full name of the publisher's node, or `UNKNOWN`.
         """
         frames: list[Frame] = self.buffer.frames()
         names = self.names_of(frame.authority for frame in frames)

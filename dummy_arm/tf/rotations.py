@@ -2,8 +2,8 @@
 Rotations as quaternions x, y, z, w; the functions are named as in tf_transformations.
 
 Angles are in rad. A quaternion that is given as an argument may have either sign, and any length
-(norm) except zero. A quaternion that is returned has length 1. The docstring of a function says so
-if the function differs from these rules.
+(norm) except zero. A quaternion that is returned has length 1. If a function differs from these
+rules, its docstring says so.
 """
 
 from collections.abc import Iterable
@@ -27,15 +27,14 @@ from dummy_arm.tf._core.pose import Quaternion as Quaternion
 #: - frame: 0 if the axes are static; 1 if the axes rotate with the body.
 #:
 #: If frame is 1, the other three numbers describe the axes in reverse order, from the last axis to
-#: the first. For example, the code of 'rzyx' is (0, 0, 0, 1): in reverse order, its axes are
-#: x, y, z.
+#: the first. For example, the code of 'rzyx' is (0, 0, 0, 1): z, y, x in reverse order is x, y, z.
 Code = tuple[int, int, int, int]
 #: A convention of Euler angles: its name, such as 'sxyz', or its code, such as (0, 0, 0, 0).
 Axes = Union[str, Code]
 
-#: The largest error by rounding. A quaternion counts as a unit quaternion if its length differs
-#: from 1 by less than this error. Two unit quaternions count as the same rotation if the length of
-#: their sum, or of their difference, is less than this error.
+#: The largest error by rounding. If the length of a quaternion differs from 1 by less than this
+#: error, the quaternion is not normalised. If the length of the sum or of the difference of two
+#: unit quaternions is less than this error, the two quaternions are treated as the same rotation.
 _ROUNDING = 4.0 * sys.float_info.epsilon
 #: The largest error that is accepted in a matrix, which may have been typed by hand.
 _TOLERANCE = 1e-3
@@ -51,7 +50,7 @@ def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') 
     :param ak: the angle about the third axis (rad).
     :param axes: the convention: its name, or its `Code`. A name begins with 's' if the axes are
         static, or with 'r' if the axes rotate with the body; then come the names of the three
-        axes. Examples are 'sxyz' for roll, pitch, yaw and 'rzyx' for yaw, pitch, roll.
+        axes. Examples: 'sxyz' (roll, pitch, yaw) and 'rzyx' (yaw, pitch, roll).
     :returns: the unit quaternion.
     :raises ValueError: if an angle is not finite, or the convention does not exist.
 
@@ -64,7 +63,7 @@ def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') 
     >>> rounded(quaternion_from_euler(math.pi / 2, 0.0, math.pi / 2, 'sxyz'))
     [0.5, 0.5, 0.5, 0.5]
 
-    With 'rxyz', the yaw is about the z axis that the roll has rotated:
+    With 'rxyz', the axes rotate with the body. So the yaw is a rotation about the rotated z axis:
 
     >>> rounded(quaternion_from_euler(math.pi / 2, 0.0, math.pi / 2, 'rxyz'))
     [0.5, -0.5, 0.5, 0.5]
@@ -85,7 +84,7 @@ def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') 
 def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
                           ) -> tuple[float, float, float]:
     """
-    Return the Euler angles of a rotation; this is the inverse of `quaternion_from_euler`.
+    Return the Euler angles of a rotation; the inverse function is `quaternion_from_euler`.
 
     `ai` and `ak` are in (-pi, pi]. `aj` is in [-pi/2, pi/2] if the three axes differ. If the last
     axis is the same as the first axis, as in 'sxyx', the range of `aj` depends on the first two
@@ -212,7 +211,9 @@ def quaternion_conjugate(quaternion: Iterable[float]) -> Quaternion:
 
 def quaternion_inverse(quaternion: Iterable[float]) -> Quaternion:
     """
-    Return the inverse of a quaternion: the product of the two quaternions is (0, 0, 0, 1).
+    Return the inverse of a quaternion.
+
+    The product of a quaternion and its inverse is (0, 0, 0, 1).
 
     :param quaternion: x, y, z, w.
     :returns: the inverse. Its length is 1 divided by the length of the given quaternion.
@@ -239,10 +240,10 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
     :param shortestpath: True: rotate by the smaller angle. False: if the dot product of the
         quaternions is negative, rotate by the larger angle, in the opposite direction. If the two
         rotations are equal, there is no axis, and `spin` and `shortestpath` have no effect.
-    :returns: the unit quaternion; at fraction 0 `quat0`, and at fraction 1 `quat1`, both
-        normalised.
-    :raises ValueError: if a quaternion is not finite or has length zero, or fraction or spin is
-        not finite.
+    :returns: the unit quaternion. At fraction 0, the result is `quat0`, normalised; at fraction 1,
+        the result is `quat1`, normalised.
+    :raises ValueError: if a quaternion is not finite or has length zero, or if `fraction` or
+        `spin` is not finite.
     """
     fraction, turns = _numbers((fraction, spin), 2, 'fraction and spin must be finite numbers')
     begin, end = _unit(quat0), _unit(quat1)
@@ -264,7 +265,9 @@ def quaternion_slerp(quat0: Iterable[float], quat1: Iterable[float], fraction: f
 
 def multiply(left: Iterable[float], right: Iterable[float]) -> Quaternion:
     """
-    Return the product of two quaternions: the rotation by `right`, then by `left`; no checks.
+    Return the product of two quaternions: the rotation by `right`, then by `left`.
+
+    The arguments are not checked.
 
     :param left: x, y, z, w, of any length.
     :param right: x, y, z, w, of any length.
@@ -296,13 +299,13 @@ def matrix(rotation: Iterable[float]) -> NDArray[np.float64]:
 
 
 def _wxyz(rotation: Iterable[float]) -> Quaternion:
-    """Return a quaternion x, y, z, w in the order of transforms3d, w, x, y, z."""
+    """Reorder a quaternion from x, y, z, w to w, x, y, z, which is the order of transforms3d."""
     x, y, z, w = map(float, rotation)
     return w, x, y, z
 
 
 def _xyzw(rotation: NDArray[np.float64]) -> Quaternion:
-    """Return a quaternion of transforms3d, w, x, y, z, in the order x, y, z, w."""
+    """Reorder a quaternion from w, x, y, z, which is the order of transforms3d, to x, y, z, w."""
     w, x, y, z = rotation.tolist()
     return x, y, z, w
 
@@ -331,7 +334,7 @@ def _length(vector: tuple[float, ...], needed: str) -> float:
 
 
 def _unit(given: Iterable[float]) -> Quaternion:
-    """Return a quaternion normalised; a quaternion of unit length is returned unchanged."""
+    """Normalise a quaternion; a quaternion of unit length is returned unchanged."""
     q = _quaternion(given)
     length = _length(q, _NEEDED)
     return q if abs(length - 1.0) < _ROUNDING else _divided(q, length)
@@ -365,7 +368,7 @@ _CODES = _all_codes()
 
 def _code_of(axes: Axes) -> Code:
     """
-    Return the code of a convention of Euler angles, for the name or the code of the convention.
+    Return the code of a convention of Euler angles; `axes` is the name or the code itself.
 
     :raises ValueError: if there is no such convention.
 
@@ -379,8 +382,8 @@ def _code_of(axes: Axes) -> Code:
     >>> _code_of('RZYX')
     (0, 0, 0, 1)
 
-    In 'szxz', the first axis is z (2), the second axis x follows z in the cycle x, y, z, x (0),
-    the third axis is the same as the first axis (1), and the axes are static (0):
+    In 'szxz', the first axis is z (2). The second axis is x, which follows z in the cycle
+    x, y, z, x (0). The third axis is the same as the first axis (1). The axes are static (0):
 
     >>> _code_of('szxz')
     (2, 0, 1, 0)

@@ -30,7 +30,7 @@ class StaticTransformBroadcaster:
 
         :param node: the node that publishes; its remappings apply.
         :param qos: the QoS profile of the publisher. An int is the depth of a reliable, transient
-            local profile. None: the same profile with depth 1.
+            local profile. None means the same as the int 1.
         """
         self.pub_tf = node.create_publisher(
             TFMessage, '/tf_static',
@@ -41,7 +41,7 @@ class StaticTransformBroadcaster:
     def sendTransform(  # noqa: N802
             self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:
         """
-        Send one or several transforms, together with the newest one of each other child frame.
+        Send transforms, together with the newest transform of each other child frame.
 
         If a transform is invalid, nothing is sent, and the transforms that were sent before stay
         in effect.

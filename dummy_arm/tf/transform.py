@@ -17,9 +17,10 @@ class Transform(NamedTuple):
     The pose of the frame `child_frame_id` in the frame `frame_id`.
 
     The transform converts the coordinates of points from the child frame to `frame_id`. In the
-    result of a lookup, `frame_id` is the target frame and `child_frame_id` is the source frame. A
-    variable for such a result is best named `target_from_source`, because `a_from_b @ b_from_c` is
-    then `a_from_c`.
+    result of a lookup, `frame_id` is the target frame and `child_frame_id` is the source frame.
+
+    `target_from_source` is a good name for a variable with the result of a lookup. Such names show
+    which transforms can be composed: `a_from_b @ b_from_c` is `a_from_c`.
     """
 
     stamp: int  #: time (ns)
@@ -34,8 +35,9 @@ class Transform(NamedTuple):
         Create a transform from a message.
 
         :param message: a geometry_msgs/TransformStamped, or an object with the same fields.
-        :returns: the transform, with all values as they are in the message.
-        :raises TypeError: if the stamp has neither `nanoseconds` nor both `sec` and `nanosec`.
+        :returns: the transform, with the unchanged values of the message.
+        :raises TypeError: if the stamp has neither the attribute `nanoseconds` nor the two
+            attributes `sec` and `nanosec`.
         """
         stamp, transform = message.header.stamp, message.transform
         t, r = transform.translation, transform.rotation

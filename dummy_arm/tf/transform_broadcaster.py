@@ -36,7 +36,7 @@ class TransformBroadcaster:
 
         :param node: the node that publishes; its remappings apply.
         :param qos: the QoS profile of the publisher. An int is the depth of a reliable, volatile
-            profile. None: the same profile with depth 100.
+            profile. None means the same as the int 100.
         """
         self.pub_tf = node.create_publisher(
             TFMessage, '/tf', QoSProfile(depth=100) if qos is None else qos)
@@ -98,8 +98,7 @@ class PreparedTransforms:
         """
         Send one pose for each edge, in one message; all poses have the same stamp.
 
-        :param stamp: an int (ns), or an object with `nanoseconds` (rclpy's Time) or with `sec` and
-            `nanosec` (a Time message).
+        :param stamp: an int (ns), a Time of rclpy, or a Time message.
         :param poses: (n, 7) float64: one row for each edge, in the order of `edges`. A row is the
             pose of the child frame in its parent: x, y, z (m) and the quaternion x, y, z, w.
         :raises TypeError: if the stamp has another type.

@@ -33,12 +33,12 @@ class _CallbackSource:
 
     This source has two purposes:
 
-    - It ends the lookups that wait in the buffer. This source is removed when the listener ends,
-      and waiting lookups end when the last source of the buffer is removed.
-    - It can start the listener's thread early, if a subclass of TransformListener overrides a
-      callback. In this case, the thread normally starts when the constructor of the subclass has
-      returned. If the constructor looks up or waits for a transform, the buffer calls `take` or
-      `wake`, and the thread starts then.
+    - It makes waiting lookups end when the listener ends: the listener then removes this source,
+      and the lookups that wait in a buffer end when the buffer has lost its last source.
+    - It starts the listener's thread early if necessary. If a subclass of TransformListener
+      overrides a callback, the thread normally starts when the constructor of the subclass has
+      returned. But this constructor may look up or wait for a transform. Then the buffer calls
+      `take` or `wake`, which starts the thread.
     """
 
     def __init__(self, start: Callable[[], None]) -> None:
@@ -52,7 +52,10 @@ class _CallbackSource:
 
     def take(self) -> list[BatchOrRows]:
         """
-        Call `wake`: the buffer calls `take` when a lookup begins, and the lookup needs the thread.
+        Start the listener's thread, as `wake` does; return no transforms.
+
+        The buffer calls this method at the start of each lookup. The lookup needs the thread,
+        because only the thread passes messages to the callbacks, which insert the transforms.
 
         :returns: an empty list.
         """
@@ -60,19 +63,24 @@ class _CallbackSource:
         return []
 
     def wake(self) -> None:
-        """Start the listener's thread, if the calling thread has created the listener."""
+        """
+        Start the listener's thread, if the calling thread has created the listener.
+
+        A call in another thread has no effect. The constructor of a subclass may still be running
+        then, and the callbacks may need attributes that the constructor has not set yet.
+        """
         if get_ident() == self._thread_id:
             self._start()
 
 
 class TransformListener:
     """
-    A subscriber to /tf and /tf_static that fills a buffer, like tf2_ros.TransformListener.
+    A subscriber to /tf and /tf_static that fills a buffer, as tf2_ros.TransformListener does.
 
     The listener has its own thread. So it receives messages even if the node is not spun, and even
-    while a callback of the node runs or waits. Unless a method is overridden, the messages are
-    taken as bytes and inserted without conversion to message objects, and a lookup uses every
-    message that has arrived.
+    while a callback of the node runs or waits. Normally, the messages are taken as bytes and
+    inserted without conversion to message objects, and a lookup uses every message that has
+    arrived.
 
     New data wake the executor that spins the node, but at most 10 times a second, because each
     wake-up costs 0.1 to 0.3 ms. When a future of the buffer is completed, the executor is woken at
@@ -81,9 +89,10 @@ class TransformListener:
     The listener ends at `unregister()`, `node.destroy_node()`, `rclpy.shutdown()` or Ctrl-C.
 
     A subclass may override `callback` and `static_callback`. If it overrides one of them, the
-    thread calls `callback` for each message of /tf, and `static_callback` for each message of
-    /tf_static. The calls begin when the constructor of the subclass has returned, or as soon as
-    this constructor looks up or waits for a transform in the buffer.
+    thread creates message objects. It calls `callback` for each message of /tf, and
+    `static_callback` for each message of /tf_static. A lookup then uses only what these two
+    methods have inserted. The calls begin when the constructor of the subclass has returned, or as
+    soon as this constructor looks up or waits for a transform in the buffer.
     """
 
     #: The wrapper of a subclass's constructor: it calls the constructor, then starts the thread.
@@ -131,15 +140,16 @@ class TransformListener:
         If a subclass overrides a callback, the thread starts later; see the class docstring.
 
         :param buffer: the buffer that is filled: a Buffer, MessageBufferCore or BufferCore, or any
-            object with `set_transform` and `set_transform_static`. The thread calls one of these
-            two methods for each transform if the object is not a buffer of this package, or if its
-            class is a subclass that overrides `set_transform`, `set_transform_static` or `insert`.
+            object with the methods `set_transform` and `set_transform_static`. If the object is
+            not a buffer of this package, the thread calls one of these two methods for each
+            transform. The thread does the same for a buffer of this package whose class overrides
+            `insert`, `set_transform` or `set_transform_static`.
         :param node: the node that subscribes; its remappings apply.
         :param spin_thread: ignored: the listener always has a thread, which never spins the node.
         :param qos: the QoS profile of the subscription to /tf. An int is the depth of a reliable,
-            volatile profile. None: the same profile with depth 100.
+            volatile profile. None means the same as the int 100.
         :param static_qos: the QoS profile of the subscription to /tf_static. An int is the depth
-            of a reliable, transient local profile. None: the same profile with depth 100.
+            of a reliable, transient local profile. None means the same as the int 100.
         :param source: a function that creates the object that takes messages from the
             subscriptions; for use inside this package only.
         """
@@ -156,8 +166,8 @@ class TransformListener:
         #: The generation of the attached buffer after the last update by this listener. A
         #: generation is a number that grows with each insertion. -1: there was no update yet.
         self._generation = -1
-        #: True if messages are passed to the callbacks. That is so if the buffer is not an
-        #: `Engine`, or if a callback of the listener or a setter of the buffer is overridden.
+        #: True if messages are passed to the callbacks. There are three cases: the buffer is not
+        #: an `Engine`; `_overrides_callbacks` returns True; `_overrides_setters` returns True.
         self._calls_back = False
         #: Held only while `_attached` is replaced; no other lock is taken meanwhile. The lock is
         #: reentrant, because a signal handler or the garbage collector may interrupt the thread
@@ -209,7 +219,7 @@ class TransformListener:
         """
         Remove the current source from the current buffer, then add a source to a new buffer.
 
-        :param attached: the new buffer and its source; None: no new buffer.
+        :param attached: the new buffer, and the source that is added to it; None: no new buffer.
         """
         with self._attach_lock:
             if self._thread.has_ended:
@@ -253,13 +263,13 @@ class TransformListener:
             self._buffer.set_transform_static(self._converted(transform), AUTHORITY)
 
     def _converted(self, message: TransformStamped) -> Union[TransformStamped, Transform]:
-        """Return a transform as the type that the setters of the buffer take."""
+        """Convert a transform to the type that `set_transform` of the buffer takes."""
         if isinstance(self._buffer, BufferCore):
             return Transform.from_message(message)
         return message
 
     def _work(self) -> Round:
-        """Insert new messages, or pass them to the callbacks; the listener's thread calls this."""
+        """Do one round of the listener's thread: insert new messages, or call the callbacks."""
         for monitor in self._qos_monitors:
             monitor.check()
         attached, result = self._attached, Round(False, False, 0.0)
@@ -280,7 +290,11 @@ class TransformListener:
         return result
 
     def _call_back(self) -> bool:
-        """Call the callbacks with the messages that have arrived; return True if there are any."""
+        """
+        Call the callbacks with the messages that have arrived.
+
+        :returns: True if messages have arrived.
+        """
         has_news = False
         for topic, callback in zip(self._topics, (self.static_callback, self.callback)):
             arrived: list[Any] = []
@@ -295,10 +309,10 @@ class TransformListener:
 
     def _on_fault(self, error: BaseException) -> None:
         """
-        Log an error, and count it if it is a malformed message.
+        Log an error; if a message was malformed, increment `malformed`.
 
-        Each kind of malformed message is logged once. Other errors are logged at most once a
-        second.
+        For malformed messages, each kind of fault is logged once. Other errors are logged at most
+        once a second.
         """
         if isinstance(error, cdr.MalformedMessage):
             self.malformed += 1
@@ -313,7 +327,8 @@ class TransformListener:
         buffer = self._buffer
         try:
             self._attach(None)
-            if isinstance(buffer, Engine):  # Ctrl-C may have interrupted `unregister`
+            # If Ctrl-C has interrupted `unregister`, a source may still be in the buffer.
+            if isinstance(buffer, Engine):
                 for source in self._messages, self._callbacks:
                     buffer.remove_source(source)
         except BaseException as error:  # raised by a done callback of a future

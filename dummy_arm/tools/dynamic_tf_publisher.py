@@ -2,13 +2,15 @@
 The command `dynamic_tf_publisher`: publish a frame that moves on a circle around map.
 
 Ten times a second, the node publishes on /tf the pose of the frame moving_frame in the frame map.
-The parameter `rotation` selects the orientation of moving_frame:
+From one message to the next, the angle of moving_frame on the circle grows by 0.1 rad. The
+parameter `rotation` selects the orientation of moving_frame:
 
 - identity: the axes of moving_frame are parallel to those of map.
-- quaternion: moving_frame is rotated about the z axis by its angle on the circle.
+- quaternion: moving_frame is rotated about the z axis, by the angle on the circle.
 - euler: the rotation is computed from three Euler angles. The roll angle is the parameter `roll`,
   the pitch angle is the parameter `pitch`, and the yaw angle is the angle on the circle plus the
-  parameter `yaw`. By default, these parameters are 0; the result is the same as for quaternion.
+  parameter `yaw`. If all three parameters are 0 (the default), the rotation is the same as for
+  quaternion.
 
 The function `run` parses the command line. The function `run_node` creates and spins the node, and
 destroys it at Ctrl-C.
@@ -30,7 +32,7 @@ from dummy_arm.tf.rotations import quaternion_from_euler
 
 #: The values of the parameter `rotation`.
 ROTATIONS = ('identity', 'quaternion', 'euler')
-#: The parameters that are added to the Euler angles of the same names (rad).
+#: The parameters for the Euler angles (rad).
 OFFSETS = ('roll', 'pitch', 'yaw')
 #: Time between two messages (s).
 PERIOD = 0.1

@@ -19,7 +19,7 @@ from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import sleep
 from dummy_arm.tf.formatting import suggest_names
 
-#: The longest wait for the node, then for its services, and then for each response (s).
+#: The timeout (s) of each wait: for the node, for its services, and for each response.
 PATIENCE = 5.0
 #: How long to wait for a response before the request is sent again (s). A node that has just been
 #: discovered may not respond to the first request.
@@ -142,9 +142,9 @@ def read(text: str, current_type: int) -> Any:
     :param current_type: type of the current value, a constant of rcl_interfaces/msg/ParameterType.
     :returns: the value.
     :raises OverflowError: if an integer does not fit into int64.
-    :raises argparse.ArgumentTypeError: if the current value is a DOUBLE and the text is an integer
-        in a notation that `number` does not accept, such as 0x10; or if the current value is a
-        DOUBLE_ARRAY and an element of the list in the text is not a number.
+    :raises argparse.ArgumentTypeError: for a DOUBLE: if the text is an integer that `number` does
+        not accept, such as 0x10. For a DOUBLE_ARRAY: if the text is a list, and an element of this
+        list is not a number.
     :raises ValueError: if the text has the form of a YAML date, but no such date exists.
     :raises yaml.YAMLError: if the text is not valid YAML.
     """

@@ -19,7 +19,7 @@ from dummy_arm.tf.rotations import quaternion_from_euler
 TRANSLATION = ('x', 'y', 'z')
 QUATERNION = ('qx', 'qy', 'qz', 'qw')
 EULER = ('roll', 'pitch', 'yaw')
-#: The old-style arguments that come before the two frames; the order of the angles is that of
+#: The old-style arguments that come before the two frames. The angles are in the same order as in
 #: tf2.
 OLD_EULER = (*TRANSLATION, 'yaw', 'pitch', 'roll')
 OLD_QUATERNION = (*TRANSLATION, *QUATERNION)
@@ -32,7 +32,7 @@ class StaticTransformPublisher(Node):
     """
     A node that publishes one static transform.
 
-    The read-only parameters of the node are the translation, the rotation and the frames of the
+    The node has read-only parameters for the translation, the rotation and the frames of the
     transform.
     """
 
@@ -47,7 +47,7 @@ class StaticTransformPublisher(Node):
         :param child_frame_id: the child frame.
         :param is_old_style: whether to warn that old-style arguments are deprecated.
         """
-        # The random name, as in tf2, lets several of these nodes run at the same time.
+        # As in tf2, the end of the name is random, so that several of these nodes can run at once.
         tail = ''.join(secrets.choice(_CHARACTERS) for _ in range(16))
         super().__init__(f'static_transform_publisher_{tail}')
         if is_old_style:
@@ -84,8 +84,8 @@ def command(translation: Sequence[float], rotation: Sequence[float], frame_id: s
     Publish the pose of a child frame in its parent frame, until Ctrl-C or SIGTERM.
 
     :param translation: x, y, z (m).
-    :param rotation: quaternion x, y, z, w. Its length must be close to 1; the node publishes it
-        with length 1.
+    :param rotation: quaternion x, y, z, w. Its length must be close to 1; the quaternion is
+        scaled to length 1 before it is published.
     :param frame_id: the parent frame.
     :param child_frame_id: the child frame.
     :param is_old_style: whether to warn that old-style arguments are deprecated.
@@ -117,15 +117,15 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
     """
     Call `command` with the values of the flags or of the old-style arguments.
 
-    :param old_style: the arguments that are given without a flag; empty: none.
+    :param old_style: the old-style arguments, which have no flags; empty if there are none.
     :param ros_args: the command line, with the name of the command.
     :param frame_id: the parent frame; None: the flag is not given.
     :param child_frame_id: the child frame; None: the flag is not given.
     :param flags: the values of the other flags: x, y and z (m); qx, qy, qz and qw; roll, pitch and
         yaw (rad). None: the flag is not given.
     :returns: the exit code.
-    :raises UsageError: in the cases of `command`, or if arguments are missing or exclude each
-        other.
+    :raises UsageError: if an argument is missing, if an old-style argument is not a number, if two
+        arguments exclude each other, or in the cases of `command`.
     """
     given = [name for name, value in flags.items() if value is not None]
     if old_style:

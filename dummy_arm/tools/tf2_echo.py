@@ -18,8 +18,8 @@ from dummy_arm.tf.rotations import euler_from_quaternion
 RATE = 1.0  # Hz
 PRECISION = 3
 _MAX_DIGITS = 17
-#: While the transform is not available: the interval between two log lines, and the interval
-#: between two lookups (s).
+#: While the transform is not available: the interval between two log lines (s), and the interval
+#: between two checks for the transform (s).
 _LOG_PERIOD, _LOOKUP_PERIOD = 1.0, 0.05
 #: Decimal arithmetic that raises an exception instead of rounding.
 _EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
@@ -27,10 +27,10 @@ _EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
 
 def format_transform(transform: Transform, precision: int = PRECISION) -> str:
     """
-    Format a transform as tf2_echo of tf2_ros prints it.
+    Format a transform like tf2_echo of tf2_ros.
 
-    The text differs from that of tf2_ros in three ways: nanoseconds have leading zeros, the angles
-    are correct at gimbal lock, and a zero never has a minus sign.
+    Unlike in tf2_ros, nanoseconds have leading zeros, the angles are correct at gimbal lock, and a
+    zero never has a minus sign.
 
     :param transform: the transform.
     :param precision: the number of digits after the point.
@@ -65,22 +65,23 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
 
     :param source_frame: the frame in which the pose is expressed.
     :param target_frame: the frame whose pose is printed.
-    :param echo_rate: how often the transform is printed (Hz), given as a positional argument.
-    :param rate: the same rate, given as an option. At most one of `echo_rate` and `rate` may be
-        set; if both are None, the transform is printed once a second.
+    :param echo_rate: the rate (Hz) at which the transform is printed, if it is given as a
+        positional argument.
+    :param rate: the same rate (Hz), if it is given by the option `--rate`. At most one of
+        `echo_rate` and `rate` may be set. If both are None, the rate is 1 Hz.
     :param time: time of the transform (ns); 0: the latest time for which every edge on the path
         has data.
     :param precision: the number of digits after the point, from 0 to 17.
     :param once: True: print the transform once, then end.
-    :param bag: path of a bag. The transform is read from the bag and printed once. None: subscribe
-        to /tf and /tf_static.
-    :param namespace: the namespace of the topics in the bag.
+    :param bag: path of the bag to read; None: subscribe to /tf and /tf_static. With a bag, the
+        transform is printed only once.
+    :param namespace: the namespace of the topics in the bag, as in `read_bag`.
     :param partial: True: if the bag is damaged, read its undamaged parts.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
         `--ros-args`.
     :returns: the exit code.
-    :raises UsageError: if the name of a frame is empty, if a number is out of range, or if the
-        rate is given twice or together with a bag; also in the cases of `read_bag`.
+    :raises UsageError: if the name of a frame is empty, if a number is out of range, if both
+        rates are given, or if a rate is given with a bag; also in the cases of `read_bag`.
     :raises CommandError: if the bag cannot be read, or if the bag does not contain the transform.
     """
     source_frame, target_frame = (name.removeprefix('/') for name in (source_frame, target_frame))
@@ -143,8 +144,8 @@ def seconds(text: str) -> int:
 
     :param text: the time (s).
     :returns: the time (ns).
-    :raises argparse.ArgumentTypeError: if the text is not a time, or the time is not a whole
-        number of ns.
+    :raises argparse.ArgumentTypeError: if the text is not a number, or if the time is not a whole
+        number of ns from 0 to 2**63 - 1.
     """
     try:
         time = _EXACT.multiply(_EXACT.create_decimal(text.replace('_', '?')), SECOND)

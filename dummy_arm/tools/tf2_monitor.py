@@ -13,7 +13,7 @@ from dummy_arm.tf.formatting import SECOND, shortened, visible
 if TYPE_CHECKING:
     from dummy_arm.inspection.frame_listener import FrameListener
 
-#: The interval between two outputs (s), and how many times messages are collected in an interval.
+#: The interval between two outputs (s), and how often messages are collected in each interval.
 _REFRESH, _SAMPLES = 1.0, 20
 
 
@@ -21,7 +21,8 @@ class Chain:
     """
     The path between two frames, and the delay of this path over time.
 
-    The delay is the age of the newest transform between the two frames.
+    The delay is the current time minus the latest time for which every transform on the path has
+    data.
     """
 
     def __init__(self, frame_listener: 'FrameListener', ends: tuple[str, str]) -> None:
@@ -33,22 +34,22 @@ class Chain:
         """
         self._frame_listener, self.ends = frame_listener, ends
         self._ages = Delays()
-        #: The time of the last sample (ns).
+        #: The time of the last call of `sample` (ns).
         self._latest = 0
         #: The latest time (ns) for which every transform on the path had data when the ends were
         #: last connected; 0 if all transforms on the path are static.
         self._common = 0
-        #: After a jump back in time, the value that `_common` had before the jump (ns), until the
-        #: buffer is cleared, or until the time has passed this value again. Otherwise: 0.
+        #: After a jump back in time: the value that `_common` had before the jump (ns). It is set
+        #: to 0 again when the buffer has been cleared, or when the clock has reached this value.
         self._stale = 0
 
     def sample(self) -> None:
         """
-        Add the current age of the newest transform between the ends to the statistics.
+        Add the current delay of the path to the statistics.
 
         Nothing is added if the ends are not connected, if all transforms on the path are static,
         if the time is not known, or if the time has jumped back and the buffer is not cleared yet.
-        A jump back in time removes the ages from the statistics.
+        At a jump back in time, the earlier delays are removed from the statistics.
         """
         now, before = self._frame_listener.now(), self._latest
         self._latest = now
@@ -128,7 +129,7 @@ def _table(title: str, node_title: str, streams: Sequence[Stream]) -> Iterator[s
 
 
 def _rate_and_delays(stream: Stream) -> str:
-    """Return the middle cells of a table line; together, they have 41 columns or more."""
+    """Return the text of the rate and the delays in a table line, at least 41 characters wide."""
     if stream.is_static:
         return f'{"static":>11}{"":30}'
     if stream.summary is None:

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 #: The formats of drawings.
 FORMATS = ('.pdf', '.svg', '.png')
-#: File name endings that are refused. To a name with any other ending that is not in `FORMATS`,
-#: .pdf is appended: `v1.2` becomes `v1.2.pdf`.
+#: File name endings that are refused. A name with any other ending that is not in `FORMATS` gets
+#: the additional ending .pdf: `v1.2` becomes `v1.2.pdf`.
 OTHER_FORMATS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
 #: The largest number of frames in a drawing. A drawing of more frames is not legible, and can
 #: take minutes to compute.
@@ -67,13 +67,13 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
 
     :param output: path of the drawing. The ending of the path gives the format: .pdf, .svg or
         .png; for other endings, see `output_path`. The graph is also written, in the DOT language,
-        to a .gv file in the same directory.
+        to a .gv file of the same name in the same directory.
     :param wait_time: how long to listen (s); None: 5 s.
     :param text: True: print the tree instead of drawing it.
     :param watch: True: print the tree every second, until Ctrl-C.
     :param bag: path of the bag to read; None: listen. With a bag, ages are relative to the newest
         transform of the bag.
-    :param namespace: the namespace of the topics in the bag.
+    :param namespace: the namespace of the topics in the bag, as in `read_bag`.
     :param partial: True: if the bag is damaged, read its undamaged parts.
     :param root: draw or print only this frame and its descendants; None: all frames.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
@@ -173,8 +173,8 @@ def output_path(output: str) -> Path:
 
     :param output: the path. If it does not end in .pdf, .svg or .png, .pdf is appended.
     :returns: the path with its ending.
-    :raises UsageError: if `output` is not the name of a file, or if it has the ending of another
-        format (`OTHER_FORMATS`).
+    :raises UsageError: if `output` is not the name of a file, or if its ending is in
+        `OTHER_FORMATS`.
     :raises CommandError: if the directory of the file is not writable.
     """
     path = Path(output)
@@ -192,13 +192,13 @@ def output_path(output: str) -> Path:
 
 def save(forest: Forest, now: int, path: Path) -> None:
     """
-    Draw frames to a file, and write their graph to a .gv file in the same directory.
+    Draw frames to a file, and write their graph to a .gv file of the same name.
 
     The .gv file is written even if the frames cannot be drawn.
 
     :param forest: the frames.
     :param now: the time that is shown as the time of recording (ns).
-    :param path: the file of the drawing, which ends in .pdf, .svg or .png.
+    :param path: the path of the drawing; it ends in .pdf, .svg or .png.
     :raises CommandError: if the frames cannot be drawn, or a file cannot be written.
     """
     dot, dot_path = as_dot(forest, now), path.with_suffix('.gv')
@@ -224,7 +224,7 @@ def _span(forest: Forest, now: int) -> str:
     """
     Return a line with the times of the oldest and the newest dynamic transform.
 
-    :param now: the time to which ages are relative (ns). The line names this time, too.
+    :param now: the time to which ages are relative (ns).
     """
     dynamic = [frame for frame in forest.frames.values() if not frame.is_static]
     if not dynamic:

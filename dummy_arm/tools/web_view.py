@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 HOST = '127.0.0.1'
 _LAST_PORT = 65535
-#: The interval between two updates (s): while a browser shows the page, and while no
-#: browser shows it.
+#: The interval between two updates of the page (s): `_UPDATE_PERIOD` while a browser shows the
+#: page, `_IDLE_PERIOD` while no browser shows it.
 _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 
 
@@ -29,14 +29,14 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[str] = N
     :param host: the address at which the page is served.
     :param port: the port of the page; None: 8080, or the next free port if 8080 is in use.
     :param bag: path of the bag to play; None: show /tf and /tf_static.
-    :param namespace: the namespace of the topics in the bag.
+    :param namespace: the namespace of the topics in the bag, as in `read_bag`.
     :param partial: True: if the bag is damaged, read its undamaged parts.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
         `--ros-args`.
     :returns: the exit code.
-    :raises UsageError: if this machine does not have the address; also in the cases of `read_bag`.
-    :raises CommandError: if the port is in use, if the port needs root privileges, or if the bag
-        cannot be read.
+    :raises UsageError: if `host` is not an address of this machine; see also `read_bag`.
+    :raises CommandError: if the bag cannot be read, if the port is in use, if the port needs root
+        privileges, or if viser cannot be used.
     """
     if buffer := read_bag(bag, namespace, partial):
         from dummy_arm.view.source import BagSource

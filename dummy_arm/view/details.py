@@ -15,9 +15,9 @@ from dummy_arm.view.rods import TIMEOUT
 from dummy_arm.view.snapshot import REACH, Snapshot
 from dummy_arm.view.source import Source
 
-#: If a frame has no new stamp for longer than this (s), its rate is not shown.
+#: If a frame has had no new stamp for more than this time (s), its rate is not shown.
 _SILENT = 1.0
-#: The largest number of names in a list.
+#: The largest number of names that a line of the overview lists.
 _MAX_NAMES = 5
 _STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
           'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
@@ -25,9 +25,9 @@ _STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
 
 def overview(snapshot: Snapshot, source: Source, fixed: str = '') -> str:
     """
-    Return the overview: the number of frames, and every problem with them.
+    Return the overview: the number of frames that are shown, and every problem.
 
-    :param snapshot: the frames that are shown.
+    :param snapshot: the frames, including frames that have timed out.
     :param source: the source of the frames.
     :param fixed: the fixed frame that a viewer has chosen; '' if none was chosen.
     :returns: HTML.
@@ -59,13 +59,12 @@ def overview(snapshot: Snapshot, source: Source, fixed: str = '') -> str:
 
 def details(snapshot: Snapshot, name: str, source: Source) -> str:
     """
-    Return the details of one frame: its poses, its rate and delay, and its publisher.
+    Return the details of one frame: its poses, its rate, its delay and its publisher.
 
-    :param snapshot: the frames that are shown.
-    :param name: the name of the frame; '': the text asks for the choice of a frame. If the frame
-        is not in the snapshot, the text says so.
+    :param snapshot: the frames, including frames that have timed out.
+    :param name: the name of the frame; '' if no frame is selected.
     :param source: the source of the frames.
-    :returns: HTML.
+    :returns: HTML: a table if the snapshot has the frame; if not, one sentence.
     """
     if name not in snapshot.names:
         text = f'{_text(name)} is not available.' if name else 'Click a frame, or choose one.'
@@ -92,7 +91,7 @@ def details(snapshot: Snapshot, name: str, source: Source) -> str:
 
 
 def _published(frame: Frame, silence: float, source: Source) -> str:
-    """Return the rows about the publication of a frame."""
+    """Return the rows with the rate, the delay and the publisher of a frame."""
     publication = source.publication(frame)
     rows = _title('', '', 'published')
     if frame.is_static:
@@ -107,7 +106,7 @@ def _published(frame: Frame, silence: float, source: Source) -> str:
 
 def _pose(prefix: str, stamp: int, translation: NDArray[np.float64],
           rotation: NDArray[np.float64]) -> str:
-    """Return the rows of a pose, with the rotation as a quaternion and as roll, pitch, yaw."""
+    """Return the rows of a pose: time, position, quaternion, and roll, pitch, yaw."""
     quaternion = (*rotation.tolist(),)
     angles = [degrees(angle) for angle in euler_from_quaternion(quaternion)]
     return ''.join((
@@ -119,7 +118,7 @@ def _pose(prefix: str, stamp: int, translation: NDArray[np.float64],
 
 
 def _title(key: str, name: str, text: str) -> str:
-    """Return a heading row: a text, followed by the name of a frame in bold, or by no name."""
+    """Return a heading row: a text, then the name of a frame in bold; the name may be ''."""
     return (f'<tr><td colspan="2" style="padding-top: .4em">{text} '
             f'<b data-value="{key}">{_text(name)}</b></td></tr>')
 

@@ -11,7 +11,7 @@ from dummy_arm.view.scene import NAMES_AT_ONCE
 from dummy_arm.view.snapshot import Snapshot
 
 _NONE = '(none)'
-#: The shortest and the longest axis (m).
+#: The smallest and the largest length of an axis (m).
 _SIZES = 0.02, 2.0
 #: The step of the time slider (s).
 _TIME_STEP = 0.01
@@ -21,8 +21,8 @@ class FrameChoice:
     """
     A dropdown of frames; until a viewer chooses a frame, the program proposes one.
 
-    The callback of the dropdown stores the choice at once. If the choice were read from the
-    dropdown later, `set_options` might have overwritten it.
+    The callback of the dropdown stores the choice at once, since `set_options` can overwrite the
+    value of the dropdown.
     """
 
     def __init__(self, gui: viser.GuiApi, label: str, hint: str) -> None:
@@ -49,7 +49,7 @@ class FrameChoice:
 
     @property
     def chosen(self) -> str:
-        """The frame that a viewer has chosen; '' before any choice, and for the entry (none)."""
+        """The frame that a viewer has chosen; '' if no frame is chosen."""
         return self._chosen or ''
 
     def choose(self, name: str) -> None:
@@ -87,7 +87,7 @@ class Panel:
         Create the controls.
 
         :param gui: the panel of viser.
-        :param length: the length of the time slider (s); 0 hides it.
+        :param length: the largest value of the time slider (s); 0: the slider is hidden.
         :param look_at_all: a coroutine function that moves the camera of a client so that all
             frames are visible.
         """
@@ -136,14 +136,15 @@ class Panel:
 
     @property
     def with_names(self) -> bool:
-        """Whether names are shown."""
+        """Whether the names of the frames are shown."""
         return bool(self._names.value)
 
     def take_requested_time(self) -> Optional[float]:
         """
-        Return the newest time that a viewer has set with the time slider since the last call.
+        Return the time that a viewer has set with the time slider since the last call.
 
-        :returns: seconds after the start of the bag; None if no viewer has set a time.
+        :returns: seconds after the start of the bag. If the slider was set more than once, this is
+            the last value; if it was not set, None.
         """
         return self._requested_time.popleft() if self._requested_time else None
 
@@ -157,9 +158,9 @@ class Panel:
 
     def set_frames(self, snapshot: Snapshot) -> None:
         """
-        Add the frames of a snapshot to the dropdowns, and set the checkbox of the names.
+        Add the frames of a snapshot to the dropdowns, and set the checkbox 'Show names'.
 
-        Until a viewer uses the checkbox, names are shown if there are at most `NAMES_AT_ONCE`
+        Until a viewer uses the checkbox, it is ticked if the snapshot has at most `NAMES_AT_ONCE`
         frames.
 
         :param snapshot: the frames that are shown.
@@ -172,7 +173,7 @@ class Panel:
 
     def show_texts(self, overview: str, details: str) -> None:
         """
-        Show the texts.
+        Show the overview and the details.
 
         :param overview: the text about all frames, as HTML.
         :param details: the text about the selected frame, as HTML.
@@ -181,6 +182,6 @@ class Panel:
 
 
 def _within(value: Any, smallest: float, largest: float) -> float:
-    """Clamp a number that a viewer typed, or return the smallest one if it is not finite."""
+    """Clamp a number that a viewer has set; if it is not finite, return `smallest`."""
     number = float(value)
     return min(max(number, smallest), largest) if isfinite(number) else smallest

@@ -8,17 +8,18 @@ from numpy.typing import NDArray
 from dummy_arm.tf.rotations import quaternion_multiply
 from dummy_arm.view.snapshot import Snapshot
 
-#: A frame of this age (s) or older is not drawn. This is the default "Frame Timeout" of rviz2.
+#: A frame whose age is at least this (s) is not drawn. In rviz2, the setting "Frame Timeout" has
+#: the same default.
 TIMEOUT = 15.0
 _HALF = np.sqrt(0.5)
-#: For each axis of a frame: the quaternion (x, y, z, w) that rotates the z axis to this axis, and
-#: the colour (red, green, blue).
+#: For each axis of a frame: the quaternion (x, y, z, w) that rotates the z axis onto this axis,
+#: and the colour (red, green, blue) of this axis.
 _AXES = (
     ((0.0, _HALF, 0.0, _HALF), (200, 0, 0)),
     ((-_HALF, 0.0, 0.0, _HALF), (0, 130, 0)),
     ((0.0, 0.0, 0.0, 1.0), (0, 40, 210)))
-#: For each axis: the (4, 4) matrix M for which q @ M is the quaternion product q * turn, where
-#: turn is the quaternion of the axis in `_AXES`.
+#: For each axis: a (4, 4) matrix. For each quaternion `q`, `q @ matrix` is the quaternion product
+#: of `q` and the quaternion of the axis.
 _TURNS = [np.array([quaternion_multiply(unit, turn) for unit in np.eye(4)]) for turn, _ in _AXES]
 _LINE = (205, 135, 0)
 _GREY = 178
@@ -31,10 +32,11 @@ class Rods(NamedTuple):
 
     An unscaled cylinder has radius 1, and length 1 along z.
 
-    n frames have 4 n cylinders, in this order: n x axes, n y axes, n z axes, n lines to parents.
+    For n frames, there are 4 n cylinders in four groups of n: the x axes, the y axes, the z axes,
+    and the lines to the parents.
     """
 
-    positions: NDArray[np.float32]  #: (4 n, 3): x, y, z (m) of the cylinder's end at the frame
+    positions: NDArray[np.float32]  #: (4 n, 3): x, y, z (m) of the end at the frame's origin
     wxyzs: NDArray[np.float32]  #: (4 n, 4): quaternions w, x, y, z
     scales: NDArray[np.float32]  #: (4 n, 3): radius, radius, length (m)
     colors: NDArray[np.uint8]  #: (4 n, 3): red, green, blue
@@ -47,7 +49,7 @@ def rods(snapshot: Snapshot, size: float, selected: str = '') -> Rods:
     :param snapshot: the frames.
     :param size: the length of an axis (m).
     :param selected: the name of a frame whose axes are drawn thicker; '' for none.
-    :returns: the rods. Within each group of n rods, the order is that of `snapshot.names`.
+    :returns: the rods. The order in each of the four groups is that of `snapshot.names`.
     """
     count = len(snapshot.names)
     translations, rotations = snapshot.points, snapshot.poses[:, 3:]
@@ -74,12 +76,11 @@ def rods(snapshot: Snapshot, size: float, selected: str = '') -> Rods:
 
 def fading(ages: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
-    Compute how far frames have faded, similar to rviz2.
+    Compute how much frames have faded.
 
-    In the first third of `TIMEOUT`, a frame keeps its look. In the second third, it turns grey. In
-    the last third, it gets thinner until it disappears. (In rviz2, a frame gets transparent
-    instead. This is not done here, since the browser would then have to create all rods again at
-    each update.)
+    In the first third of `TIMEOUT`, a frame does not change. In the second third, it turns grey.
+    In the last third, it gets thinner until it disappears. (rviz2 makes a frame transparent
+    instead. With transparency, the browser would have to create all rods again at each update.)
 
     :param ages: (n,): the ages of the frames (s), as in `Snapshot`.
     :returns: two arrays (n,): the colourfulness of the frames, from 1 (full colour) to 0 (grey),
@@ -90,7 +91,7 @@ def fading(ages: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.f
 
 
 def _turns_to(vectors: NDArray[np.float64], lengths: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Compute quaternions (n, 4): x, y, z, w of the smallest rotations of z to the vectors."""
+    """Return quaternions (n, 4), x, y, z, w, that rotate the z axis onto the vectors (n, 3)."""
     x, y, z = (vectors / np.where(lengths > 0.0, lengths, 1.0)[:, None]).T
     turns = np.column_stack([-y, x, np.zeros(len(z)), 1.0 + z])
     turns[turns[:, 3] < 1e-9] = 1.0, 0.0, 0.0, 0.0  # for -z: half a turn about x

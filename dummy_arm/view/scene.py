@@ -14,8 +14,8 @@ from dummy_arm.view.rods import Rods, rods, TIMEOUT
 from dummy_arm.view.server import Server
 from dummy_arm.view.snapshot import Snapshot
 
-#: The largest number of names that one update moves. If more names are shown, the first update
-#: moves some of them, the next update moves others, and so on.
+#: The largest number of names that one update moves. If more names are shown, the next update
+#: moves the next names, and so on.
 NAMES_AT_ONCE = 50
 _LONGEST_NAME = 40  # characters
 _SIDES = 8  # of a cylinder
@@ -30,14 +30,15 @@ _NEAR = 0.34
 _SMALLEST_VIEW = 0.5
 #: The direction from the middle of the sphere to the camera.
 _DIRECTION = np.array([0.55, -0.7, 0.45])
-#: The camera sees up to this distance, in metres or in radii of the sphere, whichever is farther.
+#: The camera sees as far as this many metres or this many radii of the sphere, whichever is more.
 _FAR = 1000.0
 #: The vertical field of view of the camera (rad).
 _ANGLE = 0.8
 #: The distance of the camera from the middle of the sphere, in radii of the sphere.
 _DISTANCE = 4.4
-#: How far the camera is shifted to the right, as a fraction of its horizontal distance from the
-#: middle. It is shifted because the panel covers the right side of the page.
+#: The camera is shifted to the right, because the panel covers the right side of the page. The
+#: shift is this fraction of the horizontal distance between the camera and the middle of the
+#: sphere.
 _ASIDE = 0.14
 
 
@@ -58,8 +59,8 @@ class Scene:
         self._names: list[viser.LabelHandle] = []
         self._texts: list[str] = []
         self._next_name = 0
-        #: The names of the frames in the order of the rods. `_click` finds the clicked frame
-        #: here by the index of the rod.
+        #: The names of the frames in the order of the rods, so that `_click` can find the name
+        #: by the index of the clicked rod.
         self._frame_names: list[str] = []
         self._clicked = ''
         self._lock = Lock()
@@ -97,7 +98,7 @@ class Scene:
         Move cameras so that all frames are visible.
 
         The initial camera, to which viewers can reset their cameras, is moved as well. Frames that
-        have timed out are ignored; if there are no other frames, no camera is moved.
+        have timed out are ignored. If no frame is left, no camera is moved.
 
         :param snapshot: the frames.
         :param clients: the clients whose cameras are moved.
@@ -179,8 +180,8 @@ def _grid() -> NDArray[np.float64]:
     """
     Return the n lines of a grid in the x-y plane: (n, 2, 3), two ends for each line, x, y, z (m).
 
-    viser's own grid is not used, since without a GPU, most of the time for drawing the page would
-    be spent on that grid.
+    viser's own grid is not used: on a computer without a GPU, it would take most of the time for
+    drawing the page.
     """
     half = _GRID / 2
     places = np.arange(-half, half + _CELL / 2, _CELL)
@@ -192,7 +193,8 @@ def _texts(snapshot: Snapshot, size: float) -> list[str]:
     """
     Return the text of the label of each frame; '' if the frame has timed out.
 
-    If a static frame is near its parent, its text is '', and its name is in the parent's label.
+    If a static frame is near its parent, the text of this frame is '', and the label of the parent
+    shows both names.
     """
     texts = ['' if age >= TIMEOUT else _cut(visible(name))
              for name, age in zip(snapshot.names, snapshot.ages.tolist())]

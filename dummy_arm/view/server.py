@@ -1,4 +1,4 @@
-"""The server of the page: viser, restricted to the messages and requests of its own page."""
+"""The server of the page: it refuses requests of other pages, and drops unexpected messages."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -22,15 +22,15 @@ from dummy_arm.view.viser_private import (
 if TYPE_CHECKING:
     from websockets import Headers
 
-#: The port that is tried first if none is given.
+#: If no port is given, this port is tried first.
 PORT = 8080
-#: The number of ports that are tried.
+#: If no port is given, at most this many ports are tried.
 _MAX_PORTS = 100
-#: The port of an http URL without a port.
+#: The port of an http URL that does not name a port.
 _HTTP_PORT = 80
-#: The messages that the page needs to send: a change in the panel, the pose of the camera, a
-#: click. (viser registers a client only when the first pose of the client's camera has arrived.)
-#: All other messages, such as uploads, are refused.
+#: The messages that the page needs to send: a change in the panel, the pose of the camera, and a
+#: click. The pose is needed, because viser registers a client when its first pose arrives. All
+#: other messages are dropped.
 _MESSAGES = GuiUpdateMessage, ViewerCameraMessage, SceneNodeClickMessage
 
 
@@ -38,7 +38,7 @@ class Server(GuardedServer):
     """
     A server whose viewers can only look at the scene and use the panel.
 
-    Pages of other servers cannot connect to it, as `why_refused` describes.
+    Pages of other servers cannot connect to it; see the function `why_refused`.
     """
 
     def __init__(self, listening: socket.socket) -> None:
@@ -62,10 +62,10 @@ class Server(GuardedServer):
 
     def accepts(self, data: Union[bytes, str]) -> bool:
         """
-        Return True if a message is one that the page needs to send, with valid values.
+        Return True if the page needs to send such a message, and the values in it are valid.
 
         :param data: the message as received.
-        :returns: whether the message is passed on to viser.
+        :returns: True if the message is passed on to viser; False if it is dropped.
         """
         message = message_of(data, _MESSAGES)
         if isinstance(message, ViewerCameraMessage):
@@ -91,14 +91,14 @@ class Server(GuardedServer):
 @contextmanager
 def serve(host: str, port: Optional[int] = None) -> Iterator[Server]:
     """
-    Context manager: serve a page until the end of the block, and print its address on stdout.
+    Context manager: print the URL of a page, and serve the page until the block ends.
 
     :param host: a host name or address of this machine.
-    :param port: from 1 to 65535; None: 8080, or the next port that is free.
+    :param port: from 1 to 65535; None: the first free port from 8080 to 8179.
     :returns: the server.
     :raises UsageError: if the host is not known, or is not an address of this machine.
-    :raises CommandError: if the port is in use or needs root; if `port` is None and all ports that
-        are tried are in use; or if requests cannot be checked with this version of viser.
+    :raises CommandError: if the given port is in use or needs root; if no port is given, and none
+        is free; or if requests cannot be checked with this version of viser.
     """
     listening = _listening_socket(host, port)
     server = Server(listening)
@@ -114,11 +114,13 @@ def why_refused(headers: 'Headers', is_loopback: bool) -> str:
     """
     Return why a request is refused.
 
-    Any page in the browser can send requests to a server of this machine. The browser adds the
-    origin of the page to the request. A request with the origin of another server is refused.
+    Any web page that is open in a browser can request a WebSocket of this server. The browser adds
+    two headers: `Origin`, the server from which the page came, and `Host`, the server to which the
+    request goes. If the two are different servers, the request is refused.
 
-    If a foreign name resolves to this machine (DNS rebinding), the browser sends that name as the
-    host. Requests with such a host are refused if `is_loopback` is True.
+    With DNS rebinding, a foreign name resolves to this machine, and both headers have that name.
+    Therefore, if `is_loopback` is True, a request is also refused if its `Host` is neither
+    localhost nor a loopback address.
 
     :param headers: the headers of the request.
     :param is_loopback: whether the server can be reached from this machine only.
@@ -143,7 +145,7 @@ def why_refused(headers: 'Headers', is_loopback: bool) -> str:
 
 def _origin(url: str) -> tuple[str, str, int]:
     """
-    Return the scheme, the host name and the port of an origin, in lower case.
+    Return the scheme and the host name of an origin, both in lower case, and its port.
 
     :raises ValueError: if the URL is malformed, or has more parts than these three.
     """
@@ -167,8 +169,8 @@ def address_lines(address: str, port: int) -> list[str]:
 
     :param address: the IP address at which the page is served.
     :param port: the port at which the page is served.
-    :returns: a line with the URL to open; if other machines can reach the page, a second line that
-        says so.
+    :returns: a line with the URL to open. If `address` is not a loopback address, a second line
+        says who can use the page.
     """
     ip = ip_address(address)
     place = 'localhost' if ip.is_unspecified else f'[{ip}]' if ip.version == 6 else str(ip)
@@ -180,7 +182,7 @@ def address_lines(address: str, port: int) -> list[str]:
 
 
 def _listening_socket(host: str, port: Optional[int]) -> socket.socket:
-    """Open the socket for `serve`, at the given port; None: at the first free port."""
+    """Open the socket for `serve` at a port; if `port` is None, at the first free port."""
     family, address = _address(host)
     ports = range(PORT, PORT + _MAX_PORTS) if port is None else (port,)
     for each in ports:

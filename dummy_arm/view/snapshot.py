@@ -14,10 +14,11 @@ from dummy_arm.tf import Frame, Transform
 from dummy_arm.tf.formatting import in_seconds
 from dummy_arm.view.source import AnyBuffer
 
-#: The distance between the anchors (see `Snapshot`) of unconnected trees, along -y (m).
+#: Trees that are not connected are drawn side by side. Their anchors (see `Snapshot`) are at this
+#: distance from each other, along -y (m).
 SPACING = 2.0
-#: Frames that are farther than this from the origin of the scene are drawn at this distance (m),
-#: since a browser computes in float32, in which much larger numbers become infinite.
+#: Frames that are farther than this from the origin of the scene are drawn at this distance (m): a
+#: browser computes in float32, and much larger numbers would become infinite.
 REACH = 1e6
 
 _Value = TypeVar('_Value')
@@ -33,15 +34,17 @@ class Snapshot(NamedTuple):
     """
 
     fixed: str  #: the fixed frame; '' if there are no frames
-    names: list[str]  #: the names of the n frames that have a pose in an anchor
-    parents: list[int]  #: for each of the n frames: the index of its parent in `names`; -1: none
+    names: list[str]  #: the names of the n frames that have a pose in the anchor of their tree
+    parents: list[int]  #: for each of `names`: the index of the parent in `names`; -1: no parent
+    #: in `names`
     poses: NDArray[np.float64]  #: (n, 7): x, y, z (m), quaternion x, y, z, w, in the anchor
     points: NDArray[np.float64]  #: (n, 3): x, y, z in the scene (m), at most `REACH` from the
     #: origin of the scene
     stamps: list[int]  #: the time of each pose (ns); 0: the pose is valid at all times
     ages: NDArray[np.float64]  #: (n,): the longest of the `silences` on the path between the frame
     #: and its anchor (s); for the anchor itself see `_ages`
-    silences: dict[str, float]  #: by frame: the time since its last new stamp (s); 0 if static
+    silences: dict[str, float]  #: by name, for each of `frames`: the time since its last new stamp
+    #: (s); 0 if the frame is static
     frames: dict[str, Frame]  #: all frames that have a parent, by name
     trees: dict[str, float]  #: by the name of each anchor: the y of the anchor in the scene (m)
     deepest: str  #: in the tree of the fixed frame, the frame with the most ancestors; '': none
@@ -80,8 +83,8 @@ class FrameWatcher:
         """
         Take a snapshot of the frames.
 
-        :param fixed: the name of the fixed frame. If this is '' or the name of an unknown frame,
-            or the frame is part of a loop or below a loop, the root of the largest tree is used.
+        :param fixed: the name of the fixed frame. If no tree has this frame, the root of the
+            largest tree is used. (Frames in a loop and below a loop are in no tree.)
         :param until: the time of the snapshot (ns), for a bag; 0: the latest time.
         :returns: the snapshot.
         """
@@ -142,13 +145,13 @@ class FrameWatcher:
 
 def within_reach(points: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Move points that are farther than `REACH` from the origin to that distance.
+    Limit the distance of points from the origin to `REACH`.
 
     :param points: (..., 3): x, y, z (m), finite.
-    :returns: (..., 3): the points, in the same directions.
+    :returns: (..., 3): the points; a point beyond `REACH` is moved straight towards the origin.
     """
     largest = np.abs(points).max(axis=-1, keepdims=True, initial=1.0)
-    # The points are divided before their norms are computed, so that no square overflows.
+    # Each point is divided by its largest coordinate, so that no square in the norm overflows.
     ratios = np.linalg.norm(points / largest, axis=-1, keepdims=True)
     clipped: NDArray[np.float64] = points * np.minimum(
         1.0, REACH / largest / np.maximum(ratios, 1.0))
@@ -162,8 +165,8 @@ def _ages(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, fl
 
     The pose of a frame in the anchor depends on each transform on the path between the frame and
     the anchor. So the age of the frame is the longest silence on that path. For the anchor itself,
-    there is no such path: if the anchor has a parent, its age is its own silence; if the anchor is
-    a root, its age is the shortest silence of its children.
+    there is no such path. If the anchor has a parent, the age of the anchor is its own silence. If
+    the anchor is a root, its age is the shortest silence of its children.
     """
     ages: dict[str, float] = {}
     for anchor in trees:

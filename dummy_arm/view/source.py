@@ -1,4 +1,4 @@
-"""The sources of the frames that are shown: a bag that is played, or the topics of a node."""
+"""The sources of the frames that are shown: a bag, or the topics /tf and /tf_static."""
 
 from collections.abc import Iterable
 from time import monotonic
@@ -16,16 +16,16 @@ if TYPE_CHECKING:
 
 #: The buffer of a bag, or of a node.
 AnyBuffer = Union[BufferCore, 'Buffer']
-#: To find the begin and the end of a bag, the first and the last stamp of each frame are used. A
-#: first stamp is ignored if it differs by this time or more (ns) from the median of the first
-#: stamps; the same applies to the last stamps.
+#: The start of a bag is the earliest of the first stamps of all dynamic frames. The end is the
+#: latest of the last stamps of all dynamic frames. In both cases, stamps that differ from the
+#: median of these stamps by this time (ns) or more are ignored.
 _FAR = 24 * 3600 * SECOND
-#: How long a live buffer keeps transforms, and the length of a trail (s).
+#: The length of a trail, and the time for which a live buffer keeps transforms (both in s).
 LENGTH = 20
 
 
 class Player:
-    """The playback clock of a bag: it runs at the speed of the recording, then starts again."""
+    """The playback clock of a bag: it runs at the speed of the recording, in a loop."""
 
     def __init__(self, frames: Iterable[Frame]) -> None:
         """
@@ -45,12 +45,12 @@ class Player:
 
     @property
     def position(self) -> float:
-        """The current time, from the start of the bag (s)."""
+        """The current time, in seconds after the start of the bag."""
         return self._position / SECOND
 
     @property
     def time(self) -> int:
-        """The current time, as in the stamps of the bag (ns)."""
+        """The current time on the clock of the stamps (ns)."""
         return self._begin + self._position
 
     @property
@@ -60,9 +60,9 @@ class Player:
 
     def advance(self, plays: bool) -> None:
         """
-        Advance by the time since the last call; if the end is reached already, go to the start.
+        Advance by the time since the last call; from the end of the bag, go to its start.
 
-        :param plays: False: the player is paused, so its time does not change.
+        :param plays: True if the player runs; False if it is paused, so its time does not change.
         """
         now = monotonic()
         passed, self._last = now - self._last, now
@@ -138,7 +138,7 @@ class BagSource:
 
     def publication(self, frame: Frame) -> Publication:
         """
-        Return how a frame was published, as far as the bag records it.
+        Return how a frame was published.
 
         :param frame: the frame.
         :returns: its rate and publisher. The delay is None, since a buffer does not keep the times
@@ -177,8 +177,8 @@ class LiveSource:
         """
         Return how a frame is published.
 
-        The rate and the delay are measured for only one frame at a time. The first call for a
-        frame starts the measurement of this frame; a call for another frame ends it.
+        The rate and the delay are measured for one frame at a time. If the last call was for
+        another frame, this call starts a new measurement, so rate and delay are not known yet.
 
         :param frame: the frame.
         :returns: its rate, delay and publishers.

@@ -18,17 +18,17 @@ from dummy_arm.view.source import AnyBuffer, LENGTH, Source
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
-#: The time from the first frame to the moment when the cameras are moved (s). It is long enough
-#: for the other frames to arrive.
+#: The cameras are moved this long (s) after the first frame has appeared. In this time, most other
+#: frames appear.
 _SETTLING = 1.0
 #: The time between two points of a trail (ns).
 _TRAIL_STEP = SECOND // 20
-#: A gap in the trail that is longer than this is filled from the buffer (ns).
+#: If a gap in the trail is longer than this (ns), it is filled with points from the buffer.
 _TRAIL_GAP = 4 * _TRAIL_STEP
 
 
 class Trail:
-    """The recent path of a frame; `draw` adds points to those of its earlier calls."""
+    """The recent path of a frame; each call of `draw` can add points to it."""
 
     def __init__(self, buffer: AnyBuffer) -> None:
         """
@@ -50,7 +50,7 @@ class Trail:
         Compute the path of a frame over the last `LENGTH` seconds.
 
         :param target: the frame in which the path is expressed.
-        :param frame: the frame whose path it is.
+        :param frame: the frame whose path is computed.
         :param end: the time of the last point (ns).
         :param point: (3,): the position of the frame in `target` at the time `end`, x, y, z (m).
         :returns: (m, 2, 3): the start and the end of each line, x, y, z (m), the oldest line
@@ -100,11 +100,11 @@ class View:
         self._lines = np.empty((0, 2, 3))
         #: The earliest time of the next update of the texts (s, monotonic clock).
         self._next_texts = 0.0
-        #: What the shown texts were made for: the snapshot, and the names of the chosen fixed
-        #: frame and of the selected frame.
+        #: The snapshot for which the shown texts were made, and two names: those of the chosen
+        #: fixed frame and the selected frame.
         self._texts_key: tuple[Optional[Snapshot], tuple[str, str]] = None, ('', '')
-        #: When to move the cameras of all clients, so that they show the first frames (s,
-        #: monotonic clock). None until there are frames, infinite after the cameras were moved.
+        #: The time at which the cameras of all clients are moved so that all frames are visible
+        #: (s, monotonic clock); None until there are frames; infinite after this move.
         self._turn_at: Optional[float] = None
         self._server = server
 
@@ -163,7 +163,7 @@ class View:
         self._scene.look_at(self._snapshot, [client])
 
     def _turn_cameras(self, now: float) -> None:
-        """Move the cameras of all clients once, `_SETTLING` seconds after the first frames."""
+        """Move the cameras of all clients once, `_SETTLING` seconds after the first frame."""
         if self._turn_at is None and self._snapshot.names:
             self._turn_at = now + _SETTLING
         if self._turn_at is not None and now >= self._turn_at:

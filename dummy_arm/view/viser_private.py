@@ -1,15 +1,15 @@
 """
-A server of viser that checks requests and messages. It uses private parts of both libraries.
+A server of viser that checks requests and messages. It uses private parts of viser.
 
-This module is written for viser 1.1. It relies on the following facts, for which
-test/test_viser_private.py has tests:
+This module is written for viser 1.1. It relies on the following facts, which
+test/test_viser_private.py checks:
 
 - `viser._messages` has the classes of the messages that the page sends. A message is sent as a
   msgpack map, in which `type` is the name of the class; the other keys are the fields of the
   class. `viser._messages` also has the classes of the messages that move a camera.
-- viser starts its server with `websockets.asyncio.server.serve`. At each call, viser looks
-  up `serve` in `websockets.asyncio.server`, and passes `process_request` to `serve`. `serve` also
-  takes `sock`, `create_connection` and `max_size`.
+- To start its server, viser calls `websockets.asyncio.server.serve` by this full name, so the
+  function can be replaced. viser passes the argument `process_request`. The function also takes
+  the arguments `sock`, `create_connection` and `max_size`.
 - `gui._gui_input_handle_from_uuid` maps a uuid to a control of the panel.
 - `client._websock_connection.queue_message` sends a message to one client.
 """
@@ -52,7 +52,7 @@ except ImportError as error:
     raise CommandError(f'viser, which makes the page, cannot be imported ({error}): '
                        f"pip install '{VISER}'") from None
 
-#: The size of the longest message from a client (bytes); viser's own limit is 50 MB.
+#: The largest size of a message from a client (bytes); viser's own limit is 50 MB.
 _LONGEST_MESSAGE = 2**16
 
 
@@ -76,7 +76,7 @@ def message_of(data: Union[bytes, str], types: Iterable[type]) -> Any:
 
 
 class _Connection(websockets.asyncio.server.ServerConnection):
-    """A connection to a client, whose messages are checked before viser receives them."""
+    """A connection that checks the messages of a client before viser receives them."""
 
     def __init__(self, accepts: Callable[[Any], bool], *args: Any, **kwargs: Any) -> None:
         """
@@ -115,11 +115,12 @@ class GuardedServer(viser.ViserServer):
         :param listening: the listening socket that the server uses.
         :raises CommandError: if requests cannot be checked with this version of viser.
         """
-        # Without this, viser prints its address, and a line when it stops, by the library `rich`.
+        # viser prints with the library `rich`. Without this call, it would print its address, and
+        # a line when it stops.
         rich.reconfigure(quiet=True)
-        # Without this, viser warns of messages to a client that has just disconnected.
+        # Without this filter, viser warns of messages to a client that has just disconnected.
         warnings.filterwarnings('ignore', 'Queued a ')
-        # Without this, websockets logs each malformed request as an error with a traceback.
+        # Without this level, websockets logs each malformed request as an error with a traceback.
         logging.getLogger('websockets').setLevel(logging.CRITICAL)
         address, port, *_ = listening.getsockname()
         serve = websockets.asyncio.server.serve
@@ -142,17 +143,17 @@ class GuardedServer(viser.ViserServer):
 
             def process(connection: Any, request: Any) -> Any:
                 """
-                Answer a request, with status 403 if it is refused.
+                Refuse a request with status 403, or let viser answer it.
 
                 :param connection: the connection on which the request has arrived.
                 :param request: the request.
-                :returns: the response; None to go on with the handshake of a WebSocket.
+                :returns: the response; None if the request opens a WebSocket.
                 """
                 if why := self.why_refused(request.headers):
                     return connection.respond(HTTPStatus.FORBIDDEN, f'{why}\n')
                 return process_request(connection, request)
-            # The socket is passed instead of the port. Otherwise, if the port were in use, viser
-            # would try the next port.
+            # The socket is passed instead of the port: if a port is in use, viser tries the next
+            # port.
             return serve(handler, **{
                 **kwargs, 'sock': listening, 'process_request': process,
                 'create_connection': partial(_Connection, self.accepts),
@@ -185,7 +186,7 @@ class GuardedServer(viser.ViserServer):
         Return True if a message of a client can be passed on to viser.
 
         viser itself checks nothing: a message can set any attribute of a control, to any value.
-        For a message that it cannot read, viser prints a traceback.
+        If viser cannot read a message, it prints a traceback.
 
         :param data: the message as received.
         :returns: False if the message is dropped.
@@ -206,10 +207,10 @@ class GuardedServer(viser.ViserServer):
     def turn_cameras(self, clients: Iterable[viser.ClientHandle], position: NDArray[np.float64],
                      look_at: NDArray[np.float64], fov: float, far: float) -> None:
         """
-        Move the cameras of clients, and the initial camera, to which viewers can reset theirs.
+        Move the cameras of clients, and the initial camera.
 
-        viser's own `client.camera` is not used, since it raises an exception for some poses that a
-        client can send, such as an up direction of zero length.
+        viser's own `client.camera` is not used. It raises an exception if the client has sent an
+        invalid pose, for example with an up direction of zero length.
 
         :param clients: the clients whose cameras are moved.
         :param position: (3,): the position of the camera, x, y, z (m).
@@ -228,7 +229,7 @@ class GuardedServer(viser.ViserServer):
 
     def request_share_url(self, verbose: bool = True) -> None:
         """
-        Do nothing: viser's own method lets every viewer make the page public through a tunnel.
+        Do nothing: with viser's own method, every viewer could make the page public by a tunnel.
 
         :param verbose: not used.
         """

@@ -1,4 +1,8 @@
-"""Kinds of bags, and the state while a bag is read: topics, damage, limits and progress."""
+"""
+The kind of a bag, and the context in which a bag is read.
+
+The context keeps the topics and the damage of the bag, the limits, and the progress of reading.
+"""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -17,11 +21,11 @@ _TYPES = 'tf2_msgs/msg/TFMessage', 'tf/msg/tfMessage'
 _SHOWN = 10
 #: The largest number of topics that are remembered for the text of an error.
 _MAX_TOPICS = 10_000
-#: The text of an error is abbreviated if it is longer than this (characters).
+#: An error text that is longer than this (characters) is abbreviated.
 _LONGEST_ERROR = 500
 
 _KINDS = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3', b'#ROSBAG V': '.bag'}
-#: The definition of a bag in the texts of errors.
+#: The definition of a bag, for the texts of errors.
 BAG_DEFINITION = ('a bag is a directory written by ros2 bag record, a .mcap or .db3 file in it, '
                   'or a .bag file of ROS 1')
 
@@ -58,9 +62,9 @@ def refuse_special(path: Path) -> None:
     """
     Raise an error if a path exists but is not a regular file.
 
-    The reading of a pipe or a device might never end.
+    A program that reads a pipe or a device might never reach the end.
 
-    :param path: the path. If nothing exists there, no error is raised.
+    :param path: the path; it need not exist.
     :raises BagError: if the path exists and is not a regular file.
     """
     if path.exists() and not path.is_file():
@@ -71,8 +75,8 @@ class Stream(NamedTuple):
     """
     The properties that all messages of a stream have in common.
 
-    A stream is all messages of one topic; in a bag of ROS 1, all messages of one publisher on one
-    topic.
+    In a bag of rosbag2, a stream is all messages of one topic. In a bag of ROS 1, a stream is all
+    messages of one publisher on one topic.
     """
 
     is_static: bool
@@ -90,8 +94,10 @@ class BagContext:
 
         :param path: the path of the bag.
         :param namespace: the namespace of the topics `tf` and `tf_static`.
-        :param partial: True: damage is noted in `damage`; False: damage is raised as an error.
-        :param max_bytes: the largest size of a chunk or a message after decompression (bytes).
+        :param partial: True: damage is noted in the list `damage`. False: damage is raised as a
+            BagError.
+        :param max_bytes: the largest decompressed size (bytes) that is allowed for a chunk or a
+            message.
         :param on_progress: as in `dummy_arm.tf.bag.read`.
         """
         self._path = path
@@ -100,8 +106,8 @@ class BagContext:
         self._types: dict[str, str] = {}
         self._on_progress = on_progress
         self._start, self._share, self._done = 0.0, 1.0, 0.0
-        #: The exception that on_progress has raised, if any. It does not count as damage of the
-        #: bag.
+        #: The exception that on_progress has raised, or None. `handle_error` raises this exception
+        #: again, so that it is not mistaken for damage of the bag.
         self._raised: Optional[BaseException] = None
         self.partial = partial
         self.max_bytes = max_bytes
@@ -114,11 +120,11 @@ class BagContext:
         Return the stream of a topic, and remember the topic.
 
         :param topic: the name of the topic.
-        :param msgtype: the type of its messages, such as 'tf2_msgs/msg/TFMessage'.
-        :param publisher: the name of the node that published the messages.
-        :param encoding: how the messages are encoded.
-        :returns: the stream; None if the topic is not `tf` or `tf_static` of the namespace, or if
-            its type is not a type of TF messages.
+        :param msgtype: the type of the messages, such as 'tf2_msgs/msg/TFMessage'.
+        :param publisher: the name of the node that published the messages, or `NOT_RECORDED`.
+        :param encoding: the encoding of the messages.
+        :returns: the stream; None if the topic is neither `tf` nor `tf_static` in the namespace,
+            or if `msgtype` is not a type of TF messages.
         """
         topic = f'/{topic.strip("/")}'
         is_static = self._is_static.get(topic)
@@ -131,7 +137,7 @@ class BagContext:
         """
         Report that the reading of a file begins.
 
-        :param number: the index of the file in the bag, from 0 on.
+        :param number: the index of the file in the bag; the first file has the index 0.
         :param count: the number of files in the bag.
         """
         self._start, self._share = number / count, 1 / count
@@ -168,19 +174,19 @@ class BagContext:
 
     def handle_error(self, path: Path, error: Exception) -> None:
         """
-        Note an error as damage of a file if the bag is read as partial; otherwise raise an error.
+        Append an error to `damage` if `partial` is True; raise a BagError if `partial` is False.
 
         :param path: the path of the file.
-        :param error: the error that reading the file has raised.
-        :raises BagError: if the bag is not read as partial.
+        :param error: the error that was raised while the file was read.
+        :raises BagError: if `partial` is False.
         :raises ImportError: if `error` is an ImportError, because then a library is missing and
             the file is not damaged.
         """
-        self.tick()  # if an exception of on_progress is the cause, raise that exception again
+        self.tick()  # if on_progress has raised an exception, this raises it again
         if isinstance(error, ImportError):
             raise error
         if not self.partial:
-            if isinstance(error, BagError):  # its text names the file
+            if isinstance(error, BagError):  # the text of a BagError already names the file
                 raise error
             name = '' if path == self._path else f'{visible(path.name)}: '
             raise BagError(
@@ -190,7 +196,12 @@ class BagContext:
             self.damage.append(f'{visible(str(path))}: {error_line(error)}')
 
     def why_no_tf(self) -> str:
-        """Return why no TF message was found, with the namespaces or topics that the bag has."""
+        """
+        Return a text that says why no TF message was found.
+
+        The text lists the namespaces in which the bag has TF messages. If there are no such
+        namespaces, the text lists the topics of the bag.
+        """
         expected = ' or '.join(self._is_static)
         namespaces = {topic.rpartition('/')[0] for topic, msgtype in self._types.items()
                       if msgtype in _TYPES and re.search('/tf(_static)?$', topic)}
@@ -213,9 +224,9 @@ def error_line(error: Exception) -> str:
     Return the text of an error in one line that ends with one period.
 
     :param error: the error.
-    :returns: the text of the error, abbreviated if it is long; white space is replaced by single
-        spaces, and control characters are escaped. If the error has no text, the name of its type
-        is returned, with a period.
+    :returns: the text of the error. Each sequence of white-space characters is replaced by one
+        space, control characters are escaped, and a long text is abbreviated. If the error has no
+        text, the name of the error's type is used instead.
 
     >>> error_line(ValueError('a record\n  ends too early'))
     'a record ends too early.'

@@ -2,9 +2,9 @@
 Decompression within limits.
 
 A few kilobytes can decompress to many gigabytes, and a size that a file declares may be wrong.
-Therefore, long data are decompressed in pieces, and the total size of the pieces is compared with
-the declared size or with the caller's limit. Before each piece, the caller's function `tick` is
-called. If `tick` raises an exception, the decompression ends.
+Therefore, long data are decompressed in pieces. The total size of the pieces is compared with the
+declared size or, if no size is declared, with the limit of the caller. Before each piece, the
+function `tick` of the caller is called. If `tick` raises an exception, the decompression ends.
 """
 
 from collections.abc import Callable, Iterator
@@ -20,11 +20,11 @@ ZSTD = b'\x28\xb5\x2f\xfd'
 #: The largest size of a piece (bytes). Larger pieces would be slower, because the memory of one
 #: piece would not be reused for the next piece.
 PIECE = 2**18
-#: The largest size that is read or decompressed in one call (bytes). Such a call takes 0.1 s with
-#: bz2, the slowest method.
+#: Data of at most this size (bytes) are read or decompressed in one call. The slowest method, bz2,
+#: takes 0.1 s for this size.
 _SHORT = 2**21
 
-#: Data in memory. Data that are joined from pieces are a bytearray, because it grows in place.
+#: Data in memory. Pieces are joined in a bytearray, because a bytearray grows in place.
 Buffer = Union[bytes, bytearray]
 #: A function that is called repeatedly during a long operation. If the function raises an
 #: exception, the operation ends with this exception.
@@ -38,10 +38,9 @@ class Oversized(Exception):
         """
         Create the error with its text.
 
-        :param what: what is too large, such as 'a record' or 'a chunk of 512 bytes'. The number in
-            this text is the size before decompression.
-        :param size: the size after decompression (bytes), as text, such as '900' or 'more than
-            800'.
+        :param what: the part that is too large, as a text such as 'a record' or 'a chunk of 512
+            bytes'. A size in this text is the size before decompression.
+        :param size: the decompressed size (bytes), as a text such as '900' or 'more than 800'.
         :param limit: the largest size that is allowed (bytes).
         """
         super().__init__(f'{what} takes {size} bytes, more than the limit of {limit}: if this '
@@ -54,10 +53,10 @@ def pieces(source: BinaryIO, method: str, tick: Tick) -> Iterator[bytes]:
 
     :param source: the file, at the start of the compressed data.
     :param method: 'zstd', 'lz4' or 'bz2'.
-    :param tick: called before each piece; if it raises an exception, the decompression ends.
+    :param tick: called before each piece; if `tick` raises an exception, the decompression ends.
     :returns: an iterator over the pieces.
     :raises EOFError: after the last piece, if the compressed data end too early.
-    :raises ValueError: if `method` is not one of these names.
+    :raises ValueError: if `method` is unknown.
     :raises Exception: if the data are damaged; the type of the exception depends on the method.
     """
     new = _decompressor(method)
@@ -65,7 +64,7 @@ def pieces(source: BinaryIO, method: str, tick: Tick) -> Iterator[bytes]:
     while True:
         tick()
         data = b''
-        if decompressor.eof:  # more data, compressed separately, may follow
+        if decompressor.eof:  # other data that were compressed separately may follow
             data = decompressor.unused_data or source.read(PIECE)
             if not data:
                 return
@@ -83,20 +82,20 @@ def decompress(data: Buffer, method: str, declared: Optional[int], limit: int,
     """
     Decompress a chunk or a message.
 
-    :param data: the compressed data, or data that are not compressed.
-    :param method: 'zstd', 'lz4' or 'bz2'; '': the data are not compressed.
-    :param declared: the size after decompression (bytes) that the file declares; None: the file
+    :param data: the data of the chunk or message.
+    :param method: 'zstd', 'lz4' or 'bz2'; '' if the data are not compressed.
+    :param declared: the decompressed size (bytes) that the file declares; None if the file
         declares no size.
-    :param limit: the largest size that is allowed (bytes).
+    :param limit: the largest decompressed size that is allowed (bytes).
     :param what: 'chunk' or 'message', for the texts of errors.
     :param tick: as in `pieces`.
     :returns: the decompressed data.
-    :raises Oversized: if the declared size is larger than the limit; this is checked before
-        anything is decompressed. If no size is declared: if the actual size is larger than the
-        limit.
+    :raises Oversized: if the declared size is larger than the limit (in this case, nothing is
+        decompressed), or if no size is declared and the actual size is larger than the limit.
     :raises ValueError: if the actual size differs from the declared size, or if the method is
         unknown.
-    :raises Exception: as `pieces`, if the data end too early or are damaged.
+    :raises Exception: if the data end too early or are damaged; the type of the exception depends
+        on the method.
     """
     if declared is not None and declared > limit:
         raise Oversized(_sized(what, data), str(declared), limit)
@@ -127,7 +126,7 @@ def _sized(what: str, data: Buffer) -> str:
 
 
 def _short(data: Buffer, method: str, limit: int) -> Optional[bytes]:
-    """Decompress data in one call; return None if this does not reach the end of the data."""
+    """Decompress data in one call; return None if one call does not decompress all data."""
     decompressor = _decompressor(method)()
     result: bytes = decompressor.decompress(data, min(_SHORT, limit + 1))
     return result if decompressor.eof and not decompressor.unused_data else None
@@ -138,7 +137,7 @@ def checksum(data: Buffer, tick: Tick) -> int:
     Compute a checksum.
 
     :param data: the data.
-    :param tick: called repeatedly; if it raises an exception, the computation ends.
+    :param tick: called repeatedly; if `tick` raises an exception, the computation ends.
     :returns: the CRC-32 of the data.
     """
     crc = 0
@@ -155,7 +154,7 @@ def read(file: BinaryIO, size: int, tick: Tick) -> Buffer:
 
     :param file: the file.
     :param size: the number of bytes.
-    :param tick: called repeatedly if the size is large; if it raises an exception, the reading
+    :param tick: called repeatedly if the size is large. If `tick` raises an exception, the reading
         ends.
     :returns: the bytes; fewer than `size` if the file ends early.
     """
@@ -208,7 +207,7 @@ class DecompressedFile:
 
 
 def zstd() -> Any:
-    """Return the module `compression.zstd`; before Python 3.14, return its backport."""
+    """Return the module `compression.zstd`, or its backport if Python is older than 3.14."""
     return import_module('compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd')
 
 

@@ -1,14 +1,15 @@
 """
 The TF messages in a bag of ROS 1.
 
-The bag is read sequentially, since the index may be larger than the TF messages.
+The bag is read sequentially, without its index, because the index may be larger than the TF
+messages.
 
 A bag file consists of `#ROSBAG V2.0`, a newline, and records. A record consists of four parts: the
 length of its header, the header, the length of its data, and the data. A header consists of
 fields. A field consists of its length, a name, `=` and a value. All lengths are uint32, in bytes.
 
-A length in a file may be wrong. Therefore a length is compared with the size of the rest of the
-file or chunk, and with `max_bytes`, before the bytes are read.
+A length in a file may be wrong. Therefore, before data are read, their length is compared with
+`max_bytes` and with the size of the rest of the file or chunk.
 """
 
 from collections.abc import Iterator
@@ -27,7 +28,7 @@ _Fields = dict[bytes, bytes]
 
 _MAGIC = b'#ROSBAG V2.0\n'
 _MESSAGE, _BAG, _CHUNK, _CONNECTION = b'\x02', b'\x03', b'\x05', b'\x07'
-#: Progress is reported every `_ADVANCE` records.
+#: Progress is reported once every `_ADVANCE` records.
 _ADVANCE = 100
 _unpack_length = struct.Struct('<I').unpack_from
 
@@ -94,7 +95,7 @@ class _Reader:
 
         :returns: the fields of the header, and the length of the record's data (bytes).
         :raises EOFError: if the file ends before the data of the record.
-        :raises Oversized: if the header is larger than `max_bytes` of the context.
+        :raises Oversized: if the header is larger than `context.max_bytes`.
         :raises ValueError: if the header is damaged.
         """
         file = self._file
@@ -113,7 +114,7 @@ class _Reader:
         """
         Read the next record.
 
-        Only messages, connections and chunks are read; other records are skipped.
+        Only chunks, connections and TF messages are read; other records are skipped.
 
         :returns: the stream and the bytes of each TF message in the record.
         :raises Exception: if the record is damaged; the exception can be of many types.
@@ -146,7 +147,13 @@ class _Reader:
             yield stream, bytes(data)
 
     def _chunk(self, fields: _Fields, data: Buffer, is_complete: bool) -> _Records:
-        """Yield the TF messages of a chunk; keep the streams of its connections."""
+        """
+        Yield the TF messages of a chunk; keep the streams of its connections.
+
+        :param fields: the fields of the header of the chunk.
+        :param data: the data of the chunk, which may be compressed.
+        :param is_complete: False if the file ends in the middle of the chunk.
+        """
         method = fields[b'compression'].decode()
         if is_complete or method != 'none':
             data = decompress(
@@ -174,7 +181,11 @@ class _Reader:
                 raise ValueError('a chunk is inside another chunk')
 
     def _add_connection(self, fields: _Fields, data: Buffer) -> None:
-        """Keep the stream of a connection; a connection is one publisher on one topic."""
+        """
+        Keep the stream of a connection.
+
+        A connection is one publisher on one topic.
+        """
         properties = _fields(data)
         msgtype = re.sub('^([^/]+)/([^/]+)$', r'\1/msg/\2', _text(properties[b'type']))
         self._streams[fields[b'conn']] = self._context.stream(

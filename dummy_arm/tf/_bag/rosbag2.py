@@ -1,26 +1,28 @@
 """
 The TF messages in a bag of rosbag2 (mcap or sqlite3), which may be cut off or damaged.
 
-A bag is either a directory with `metadata.yaml` and storage files, or a single storage file. By
-default, all files that `metadata.yaml` lists must exist, and the first damage is an error.
+A bag is either a directory with `metadata.yaml` and storage files, or a single storage file.
 
-A bag can also be read as partial. Then files may be missing, every storage file in the directory
-is read from its beginning to its end, and damaged parts are skipped and noted.
+- If `BagContext.partial` is False, all files that `metadata.yaml` lists must exist, and the first
+  damaged part raises an error.
+- If `BagContext.partial` is True, files may be missing. Every storage file in the directory is
+  read from its beginning to its end. Damaged parts are skipped, and noted in `BagContext.damage`.
 
 The order of the messages:
 
-- Files are read one after the other, in the order in which `metadata.yaml` lists them. If the bag
-  is read as partial, files are read in the order of the numbers in their names.
+- Files are read one after the other, in the order in which `metadata.yaml` lists them. If
+  `BagContext.partial` is True, files are read in the order of the numbers in their names.
 - An mcap file is normally read with the index at its end. Messages are then ordered by log time,
   and chunks that certainly have no TF messages are not decompressed.
 - An mcap file is read sequentially if its index is missing or lists no chunks, if the file is
-  compressed as a whole, or if the bag is read as partial. Chunks, and messages outside chunks, are
-  then in the order of the file. The messages in a chunk are ordered by log time.
-- The messages of an sqlite3 file are ordered by time. If the bag is read as partial, they are
-  ordered by id, which is the order of writing.
+  compressed as a whole, or if `BagContext.partial` is True. Chunks, and messages outside chunks,
+  are then read in the order of the file. The messages in a chunk are ordered by log time.
+- The messages of an sqlite3 file are ordered by timestamp. If `BagContext.partial` is True, they
+  are ordered by id, which is the order of writing.
 
-A length in a file may be wrong. Therefore a length is compared with the size of the rest of the
-file or chunk, and with `max_bytes`, before the bytes are read.
+A length in a file may be wrong. Therefore, before data are read, their length is compared with
+`max_bytes` and with the size of the rest of the file or chunk. If a file is compressed as a whole,
+the size of its rest is unknown, and the length is compared only with `max_bytes`.
 """
 
 from array import array
@@ -68,7 +70,8 @@ from dummy_arm.tf._wire import cdr
 
 _Records = Iterator[tuple[Stream, bytes]]
 
-#: Progress is reported every `_ADVANCE` records or rows, or after each chunk of an mcap file.
+#: Progress is reported once every `_ADVANCE` records of an mcap file or rows of a database. If an
+#: mcap file is read with its index, progress is reported at each chunk instead.
 _ADVANCE = 100
 #: The largest number of files that the text of an error lists.
 _SHOWN = 5
@@ -91,8 +94,8 @@ def records(path: Path, context: BagContext) -> _Records:
     :param path: the path of a bag's directory, or of a storage file.
     :param context: the context of the bag; topics, progress and damage are reported to it.
     :returns: the stream and the bytes of each message.
-    :raises BagError: if the path is not a bag, or if the bag is damaged and is not read as
-        partial.
+    :raises BagError: if the path is not a bag, or if the bag is damaged and `context.partial` is
+        False.
     :raises OSError: if the directory cannot be read.
     """
     if path.is_dir():
@@ -111,8 +114,8 @@ def _records_of_file(path: Path, context: BagContext, is_compressed: Optional[bo
     """
     Yield the TF messages of a storage file.
 
-    :param is_compressed: whether each message is compressed separately, according to the metadata
-        of the bag; None: unknown.
+    :param is_compressed: whether `metadata.yaml` says that each message is compressed separately;
+        None if `metadata.yaml` has not been read.
     """
     refuse_special(path)
     with path.open('rb') as file:
@@ -156,11 +159,13 @@ def _write(parts: Iterator[Buffer], path: Path) -> None:
 
 def _files(directory: Path, context: BagContext) -> tuple[list[Path], Optional[bool]]:
     """
-    Return the storage files of a bag, and whether each message is compressed (None: unknown).
+    Return the storage files of a bag, and whether each message is compressed separately.
 
-    :raises BagError: if there is no storage file. If the bag is not read as partial, also if
-        `metadata.yaml` is missing, damaged or of an unsupported version, if the compression is
-        unsupported, or if a file that `metadata.yaml` lists is missing.
+    :returns: the paths of the files, and a bool. If `metadata.yaml` is missing or damaged, None is
+        returned instead of the bool.
+    :raises BagError: if there is no storage file. If `context.partial` is False, a BagError is
+        also raised if `metadata.yaml` is missing, damaged or of an unsupported version, if the
+        compression is unsupported, or if a file that `metadata.yaml` lists is missing.
     """
     files = _storage_files(directory)
     metadata = directory / 'metadata.yaml'
@@ -218,7 +223,7 @@ def _text(metadata: Path) -> str:
     """
     Return the text of a metadata.yaml.
 
-    :raises ValueError: if the text is so long that its parsing would take minutes.
+    :raises ValueError: if the file is so long that it would take minutes to parse its text.
     """
     with metadata.open('rb') as file:
         data = file.read(_LONGEST_METADATA + 1)
@@ -229,9 +234,11 @@ def _text(metadata: Path) -> str:
 
 def _declares_messages(metadata: str) -> Optional[bool]:
     """
-    Return whether the compression mode in metadata is MESSAGE: each message is compressed.
+    Return whether metadata declare that each message is compressed separately.
 
-    :returns: None if the metadata name no compression mode.
+    :param metadata: the text of the metadata.
+    :returns: True if the compression mode is MESSAGE, and False if it is another mode; None if no
+        compression mode is found in the text.
     """
     found = re.search(r'^ *compression_mode: *["\']?(\w*)', metadata, re.MULTILINE)
     return found[1].lower() == 'message' if found else None
@@ -243,15 +250,14 @@ _MAGIC = b'\x89MCAP0\r\n'
 _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _CHUNK_INDEX = 0x02, 0x03, 0x04, 0x05, 0x06, 0x08
 _END = 1 + 8 + 20 + len(_MAGIC)  # length (bytes) of the footer and the final magic bytes
 _unpack_head = struct.Struct('<BQ').unpack_from  # opcode and length of a record
-_unpack_message = struct.Struct('<HIQQ').unpack_from  # channel, sequence, log and publish time
+_unpack_message = struct.Struct('<HIQQ').unpack_from  # channel, sequence, log time, publish time
 _MESSAGE_HEAD = 22
 _unpack_chunk = struct.Struct('<QQQII').unpack_from  # times, size, CRC, length of method name
 _CHUNK_HEAD = 32
 _SHORTEST_RECORD = {_MESSAGE: _MESSAGE_HEAD, _CHUNK: _CHUNK_HEAD + 8}
 _LONGEST_METHOD = 16  # the largest length of the name of a compression method (bytes)
 _unpack_size = struct.Struct('<Q').unpack_from
-#: The largest memory (bytes) of the messages that wait until messages with earlier log times have
-#: been read.
+#: The largest total size of the messages that wait in `_McapReader.indexed` (bytes).
 _MAX_WAITING = 2**26
 #: The memory that a message takes in addition to its data (bytes).
 _OVERHEAD = 200
@@ -265,9 +271,9 @@ class _Source:
         Start at the beginning of the file.
 
         :param file: the file.
-        :param is_compressed: whether the file as a whole is compressed by zstd. If so, `seek`
-            must not be called.
-        :param tick: called repeatedly; if it raises an exception, the reading ends.
+        :param is_compressed: whether the file as a whole is compressed by zstd. If it is
+            compressed, `seek` must not be called.
+        :param tick: called repeatedly; if `tick` raises an exception, the reading ends.
         """
         self._file, self._tick = file, tick
         self._stream: Any = DecompressedFile(file, tick) if is_compressed else file
@@ -365,12 +371,12 @@ class _McapReader:
         """
         Read the index at the end of the file; keep the streams of the channels in the index.
 
-        :returns: a sorted list of (time, position), one for each chunk that may have TF messages.
-            The time is the earliest log time in the chunk (ns), and the position is where the
-            chunk begins in the file (bytes). None if there is no index, or if the index lists no
-            chunks.
+        :returns: a sorted list with a pair (time, position) for each chunk that may have TF
+            messages. The time is the earliest log time in the chunk (ns). The position is the
+            start of the chunk in the file (bytes). If there is no index, or if the index lists no
+            chunks, None is returned instead of a list.
         :raises EOFError: if the file is cut off.
-        :raises Oversized: if the index is larger than `max_bytes` of the context.
+        :raises Oversized: if the index is larger than `context.max_bytes`.
         :raises ValueError: if the index is damaged.
         """
         source = self._source
@@ -403,7 +409,7 @@ class _McapReader:
         """
         Yield the earliest log time (ns), the position (bytes) and the channel ids of each chunk.
 
-        Also keep the types of the schemas and the streams of the channels in the index.
+        The index also has schemas and channels: remember their message types and streams.
 
         :param summary: the bytes of the index.
         """
@@ -421,9 +427,10 @@ class _McapReader:
         """
         Yield the TF messages of indexed chunks, ordered by log time.
 
-        The log times of chunks may overlap. Messages then wait until messages with earlier log
-        times have been read. If the waiting messages take more than `_MAX_WAITING` bytes, those
-        with the earliest log times are yielded although the order may then be wrong.
+        The time ranges of chunks may overlap. A message therefore waits until no unread chunk can
+        have a message with an earlier log time. If the waiting messages together take more than
+        `_MAX_WAITING` bytes, the earliest waiting messages are yielded, even if the order may
+        become wrong.
 
         :param chunks: as `index` returns them.
         :returns: the stream and the bytes of each message.
@@ -457,7 +464,7 @@ class _McapReader:
         return self._chunk(length)
 
     def sequential(self) -> _Records:
-        """Yield the stream and the bytes of each TF message, chunk by chunk."""
+        """Read the file from its beginning; yield the stream and the bytes of each TF message."""
         source, number = self._source, 0
         while True:
             self._context.tick()
@@ -481,7 +488,7 @@ class _McapReader:
                 return
 
     def _record(self, kind: int, length: int) -> _Records:
-        """Yield the TF messages of a record; the end of the record may be left unread."""
+        """Yield the TF messages of a record; `sequential` skips what is left of the record."""
         if length < _SHORTEST_RECORD.get(kind, 0):
             raise ValueError('a record ends too early')
         if kind == _CHUNK:
@@ -501,7 +508,7 @@ class _McapReader:
         """
         Return a size if it is not too large.
 
-        :raises Oversized: if the size is larger than `max_bytes` of the context.
+        :raises Oversized: if the size is larger than `context.max_bytes`.
         """
         if size > self._max_bytes:
             raise Oversized(what, str(size), self._max_bytes)
@@ -524,9 +531,11 @@ class _McapReader:
 
     def _chunk(self, length: int) -> Iterator[tuple[int, Stream, bytes]]:
         """
-        Yield log time (ns), stream and bytes of each TF message of a chunk, in order of log time.
+        Read a chunk; yield the log time (ns), stream and bytes of each TF message in it.
 
-        :param length: the length of the record of the chunk (bytes).
+        The messages are in the order of log times.
+
+        :param length: the length of the chunk's record (bytes).
         """
         source = self._source
         _, _, size, crc, method_length = _unpack_chunk(source.exactly(_CHUNK_HEAD))
@@ -553,7 +562,7 @@ class _McapReader:
 
     def _messages(self, data: Buffer, is_complete: bool) -> Iterator[tuple[int, Stream, bytes]]:
         """
-        Yield log time (ns), stream and bytes of each TF message in a chunk, in order of log time.
+        Yield the log time (ns), stream and bytes of each TF message, in the order of log times.
 
         :param data: the decompressed records of the chunk.
         :param is_complete: False if the file ends in the middle of the chunk.
@@ -573,7 +582,7 @@ class _McapReader:
                     self._add_definition(kind, data[start:end])
                 elif kind == _CHUNK:
                     raise ValueError('a chunk is inside another chunk')
-        except Exception as error:  # the library mcap raises its own types
+        except Exception as error:  # the library mcap raises errors of its own types
             if is_complete:
                 self._context.handle_error(self._path, error)
         order: Any = range(len(times))
@@ -589,9 +598,10 @@ class _McapReader:
 
     def _message(self, data: Buffer) -> Optional[bytes]:
         """
-        Return the bytes of a message, decompressed if it is compressed by zstd.
+        Return the bytes of a message; decompress them if they are compressed by zstd.
 
-        Only a compressed message begins with the magic bytes of zstd: a message in CDR never does.
+        Compressed bytes begin with the magic bytes of zstd. An uncompressed message in CDR never
+        begins with these bytes.
 
         :returns: the bytes; None if they cannot be decompressed.
         """
@@ -602,10 +612,10 @@ class _McapReader:
 
 def _split(data: Buffer, tick: Tick) -> Iterator[tuple[int, int, int]]:
     """
-    Yield the opcode of each record in data, and the start and the end of the record's content.
+    Yield the opcode of each record, and where the content of the record starts and ends in `data`.
 
-    :raises ValueError: if the last record does not end where the data end, or if the length or
-        the opcode of a record is wrong.
+    :raises ValueError: if the last record is incomplete, or if the length or the opcode of a
+        record is wrong.
     """
     end, size = 0, len(data)
     while end < size:
@@ -621,12 +631,16 @@ def _split(data: Buffer, tick: Tick) -> Iterator[tuple[int, int, int]]:
 
 
 def _encoded(msgtype: str, encoding: str) -> str:
-    """Return a message type; if the encoding is not CDR, append the encoding."""
+    """
+    Append the encoding to a message type, unless the encoding is CDR.
+
+    The result is then not a type of TF messages. So `BagContext.stream` returns None for it.
+    """
     return msgtype if encoding in ('cdr', '') else f'{msgtype} in {encoding}'
 
 
 def _decompressed(data: Buffer, path: Path, context: BagContext) -> Optional[bytes]:
-    """Decompress a message. If this fails, report damage to the context and return None."""
+    """Decompress a message; if an error occurs, report it to the context and return None."""
     try:
         return bytes(decompress(data, 'zstd', None, context.max_bytes, 'message',
                                   context.tick))
@@ -638,8 +652,9 @@ def _decompressed(data: Buffer, path: Path, context: BagContext) -> Optional[byt
 # sqlite3
 
 _LARGEST_ID = 2**63 - 1
-#: A row of the query `_ROWS`: the id of a message, the id of its topic, its length (bytes) and its
-#: data. The data are None if they are longer than `max_bytes`, or if the topic has no TF messages.
+#: A row of the query `_ROWS`: the id of a message, the id of the topic, the length of the message
+#: (bytes), and the data of the message. The data are None in three cases: they are NULL in the
+#: database, they are longer than `max_bytes`, or the topic has no TF messages.
 _Row = tuple[int, int, Optional[int], Optional[bytes]]
 _ROWS = ('SELECT id, topic_id, length(data), CASE WHEN topic_id IN ({topics}) AND '
          'length(data) <= {max_bytes} THEN CAST(data AS BLOB) END FROM messages')
@@ -652,7 +667,8 @@ def _records_of_sqlite(path: Path, whole: Path, context: BagContext, is_compress
     Yield the TF messages of a database.
 
     :param path: the path of the storage file.
-    :param whole: the path of the decompressed database; `path` if the file is not compressed.
+    :param whole: the path of the decompressed database; equal to `path` if the storage file is not
+        compressed as a whole.
     :param is_compressed: as in `_SqliteReader`.
     """
     log = path.with_name(f'{path.name}-wal')
@@ -673,9 +689,11 @@ def _records_of_sqlite(path: Path, whole: Path, context: BagContext, is_compress
 
 def _without_incomplete_page(path: Path, log: Path, directory: Path, tick: Tick) -> Path:
     """
-    Copy a database without its last page if that page is incomplete; return the path to read.
+    Return the path of a database that has no incomplete page at its end.
 
-    SQLite would read the missing rest of the page as zeros.
+    If the last page is incomplete, SQLite would read the missing part of this page as zeros. In
+    this case, the database is copied without this page, and the path of the copy is returned. If
+    all pages are complete, `path` is returned.
 
     :param path: the path of the database.
     :param log: the path of the write-ahead log; if the log exists, it is copied with the database.
@@ -714,15 +732,15 @@ class _SqliteReader:
         :param path: the path of the storage file.
         :param context: the context of the bag.
         :param database: a connection to the database.
-        :param is_compressed: whether each message is compressed separately. None: unknown;
-            then `metadata.yaml` beside the file, or else the table `metadata` in the database, is
-            read. If neither declares compressed messages, the messages are not compressed.
+        :param is_compressed: whether each message is compressed separately. If it is None,
+            `_is_declared_compressed` determines the value.
         """
         self._path, self._context, self._database = path, context, database
         self._max_bytes = context.max_bytes
         database.set_progress_handler(self._must_stop, 50_000)
         database.text_factory = lambda data: data.decode(errors='replace')
-        if sys.version_info >= (3, 11):  # setlimit also limits values that SQLite computes
+        # `setlimit` is new in Python 3.11. It limits the size of stored and of computed values.
+        if sys.version_info >= (3, 11):
             database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, min(
                 2**31 - 1, max(self._max_bytes, _SMALLEST_LIMIT)))
         if context.partial:
@@ -766,10 +784,10 @@ class _SqliteReader:
 
     def _must_stop(self) -> bool:
         """
-        Return True if SQLite must end the query, because `tick` has raised an exception.
+        Call `tick`; return True if it raises an exception.
 
-        SQLite then reports an error. After this error, `tick` is called again and raises the same
-        exception.
+        If True is returned, SQLite ends the query with an error. The next call of `tick` raises
+        the same exception.
         """
         try:
             self._context.tick()
@@ -783,16 +801,18 @@ class _SqliteReader:
             self._context.handle_error(
                 self._path, Oversized('a message', str(length), self._max_bytes))
             return None
-        if data is None:  # NULL: counts as a message that cannot be decoded
+        if data is None:  # NULL in the database; `bag.read` counts b'' as a malformed message
             return b''
         return _decompressed(data, self._path, self._context) if self._is_compressed else data
 
     def _is_declared_compressed(self) -> bool:
         """
-        Return whether each message is declared to be compressed.
+        Return whether metadata declare that each message is compressed separately.
 
-        If `metadata.yaml` does not name this file or no compression mode, the table `metadata` of
-        the database is read instead.
+        First, `metadata.yaml` in the directory of the storage file is read. If it does not exist,
+        does not name the storage file or has no compression mode, the table `metadata` of the
+        database is read instead. If the table is missing or has no compression mode, False is
+        returned.
         """
         metadata = self._path.with_name('metadata.yaml')
         refuse_special(metadata)
@@ -811,7 +831,7 @@ class _SqliteReader:
         """
         Return the smallest id, and the number of ids from the smallest to the largest.
 
-        Both are 1 if there are no messages, or if the ids cannot be read.
+        Both numbers are 1 if there are no messages, or if the ids cannot be read.
         """
         try:
             ((first, last),) = self._database.execute('SELECT min(id), max(id) FROM messages')
@@ -822,7 +842,9 @@ class _SqliteReader:
 
     def _recover(self, query: str) -> Iterator[_Row]:
         """
-        Yield the rows that can be read, ordered by id; note how many ids were skipped.
+        Yield the rows that are found between damaged rows, ordered by id.
+
+        If rows are damaged, the number of skipped ids is reported to the context.
 
         :param query: the query for all rows, without a WHERE clause.
         """
@@ -839,8 +861,8 @@ class _SqliteReader:
             except sqlite3.DatabaseError as error:
                 self._context.tick()
                 reason = reason or str(error)
-            # The row at `first` may be undamaged: Python 3.10 reads one row ahead, so that the
-            # error may be that of the next row.
+            # Python 3.10 reads one row ahead. So the next row may be undamaged, and the row after
+            # it damaged. Therefore, read the next row by a query of its own.
             try:
                 row = self._read_row(query, first)
             except sqlite3.DatabaseError:
@@ -875,9 +897,9 @@ class _SqliteReader:
         """
         Return an id from which rows can be read again; None if no such id is found.
 
-        The ids `first` + 1, 2, 4, 8, ... are tried until rows can be read. The range between the
-        last two ids is then bisected. So the search needs few queries, but it may skip readable
-        rows between damaged ones.
+        The ids `first + 1`, `first + 2`, `first + 4`, `first + 8` and so on are tried until a row
+        can be read. The range between the last two of these ids is then bisected. So the search
+        needs few queries, but it may skip readable rows between damaged rows.
 
         :param query: as in `_recover`.
         :param first: an id from which rows cannot be read.

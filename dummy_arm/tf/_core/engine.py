@@ -13,11 +13,11 @@ layout.
 
 Pulling. A buffer has *sources*, such as the subscriptions of a TransformListener. To *pull* means
 to take from the sources the messages that have arrived, and to insert their transforms.
-`Engine.update` does this. It is called at the start of every lookup, and by the thread of each
-listener. While messages arrive fast, the listener's thread *pauses*: for up to 0.1 s, it leaves
-the messages of /tf in their queue. A lookup uses these messages, too, because it pulls. `insert`
-and `set_transform` also pull first, so that messages that arrived before the call are inserted
-before the call's transform.
+`Engine.update` pulls. Each lookup begins with a call of `update`, and the thread of each listener
+calls `update`, too. While messages arrive fast, the listener's thread *pauses*: for up to 0.1 s,
+it leaves the messages of /tf in their queue. A lookup during the pause uses these messages,
+because the lookup pulls. `insert` and `set_transform` also pull first, so that messages that
+arrived before the call are inserted before the call's transform.
 
     source.take() -> batches -> Insertion -> History     under the lock, in any thread
     lookup -> Lookups -> FrameTree -> Path -> pose       under the lock, in any thread
@@ -44,39 +44,38 @@ has taken the message, the lookup makes the same calls, from `Engine.update` on.
 
 The calls are different in three cases: the user has overridden a callback of the listener; the
 user has overridden `insert`, `set_transform` or `set_transform_static` of the buffer; or the
-buffer is not an `Engine`. The listener's thread then takes and decodes the messages without the
-lock, and calls a callback of the listener for each message. In these cases a lookup pulls no
+buffer is not an `Engine`. In these cases, the listener's thread takes and decodes the messages
+without the lock, and calls a callback of the listener for each message. A lookup then pulls no
 messages from the listener: the lookup uses only what the callbacks have inserted.
 
 Threads. Each listener has one thread, which waits in a wait set of rcl. When this thread wakes up,
 it calls `update`; if there are new data, it also calls `after_insertion`. The users' threads look
 up, insert and wait. A thread of `_ros/futures` ends the futures whose timeout is over. A call that
-ends a listener, such as `unregister`, joins the listener's thread for at most half a second. The
-call does not join if it is made in the listener's thread itself, or in a thread that holds the
-lock.
+ends a listener, such as `unregister`, waits at most half a second for the end of the listener's
+thread. The call does not wait if it is made in the listener's thread itself, or in a thread that
+holds the lock.
 
-The lock. A buffer has one lock, which is reentrant. The lock is taken by `with`, except before a
-fork. While the lock is held, no callback of a user runs, nothing is logged, no thread is joined,
-and no other lock of this package is waited for, except by a fork. A block of
-`with buffer.fetched()` holds the lock for the user, who must then keep these rules. An insertion
-in such a block breaks these rules, because it logs refused transforms and calls the callbacks of
-completed futures while the block holds the lock.
+The lock. A buffer has one lock, which is reentrant. The lock is taken by a `with` statement,
+except before a fork. While a thread holds the lock, it must not run a user's callback, write to a
+log, join a thread, or wait for another lock of this package. The only exception is a fork, which
+takes the locks of all buffers. In a block of `with buffer.fetched()`, the user's code holds the
+lock, and must keep these rules, too. An insertion in such a block breaks the rules, because it
+logs refused transforms and calls the callbacks of completed futures.
 
-A call is *nested* if its thread holds the lock already. This is so for a call in a block of
-`with buffer.fetched()`, and for a call in a signal handler or weakref callback that has
-interrupted another call of the same buffer. A nested call uses the data as they are: it does not
-pull, and it does not wait. A signal handler may look up, but must not insert, since the handler
-may have interrupted an insertion.
+A call is *nested* if its thread holds the lock already. Nested calls are the calls in a block of
+`with buffer.fetched()`, and the calls in a signal handler or weakref callback that has interrupted
+another call of the same buffer. A nested call uses the data as they are: it does not pull, and it
+does not wait. A signal handler may look up, but must not insert, since the handler may have
+interrupted an insertion.
 
 Ctrl-C. CPython raises KeyboardInterrupt in the main thread only, and there only after a call, at
 the start of a function, and when a loop jumps back. A `with` statement calls `__enter__`. Up to
-Python 3.13, nothing is raised between this call and the block of `with`, so `with` is safe on a
-lock that is written in C. (Later versions must be checked for this.) In `History`, several lists
-must change together. Their changes follow each other without a call in between, so that nothing
-can be raised between them. `Source.take` returns a list that the source keeps, and `Engine.pull`
-clears this list after the insertion. If the insertion is interrupted, the list is not cleared, and
-the next pull inserts the same batches again. A sample that is in the history already is not
-inserted again.
+Python 3.13, nothing is raised between this call and the block of `with`; later versions must be
+checked. So a KeyboardInterrupt cannot leave the lock held, because the `__enter__` of an `RLock`
+is written in C. In `History`, several lists must change together, so there is no call between
+their changes. `Source.take` returns a list that the source keeps, and `Engine.pull` clears this
+list after the insertion. If the insertion is interrupted, the list is not cleared, and the next
+pull inserts the same batches again. A sample that is in the history already is not inserted again.
 
 Who wakes whom. The *generation* of a buffer is a number that grows with each insertion. Three
 kinds of waiters are woken after an insertion:
@@ -84,18 +83,18 @@ kinds of waiters are woken after an insertion:
 - A *blocked lookup* is a call that waits for a transform. The lookup has a queue, into which each
   insertion puts the new generation. The lookup reads generations from the queue, and tries again
   when it reads a larger generation than that of its last attempt. The queue is a `SimpleQueue`,
-  because a KeyboardInterrupt inside a `Condition` can leave a lock held. After its first attempt,
-  the lookup registers its queue, then wakes the sources, and then tries again. When a source is
-  woken, the pause of its listener's thread ends. In this order the lookup misses no data: the
-  second attempt pulls what has arrived by then, and the listener's thread does not pause
+  because a KeyboardInterrupt inside a `Condition` can leave a lock held. When a source is woken,
+  the pause of its listener's thread ends. After the first attempt, the lookup registers its queue,
+  then wakes the sources, and then tries again. Because of this order, the lookup misses no data:
+  the second attempt pulls what has arrived by then, and the listener's thread does not pause
   afterwards, because the queue is registered. The lookup also tries again every 0.2 s, because
-  nothing wakes it when ROS is shut down.
+  nothing wakes the lookup when ROS is shut down.
 - A *future*, which `wait_for_transform_async` returns, is completed by `after_insertion`. This
-  method is called without the lock, because the callbacks of a future are users' code. The method
-  is called by the thread that has inserted with `set_transform`, and by the listener's thread
-  whenever the generation has changed. A lookup does not complete futures. A lookup that pulls
-  messages while there are futures wakes the sources, so that the listener's thread completes the
-  futures.
+  method is called without the lock, because the callbacks of a future are users' code.
+  `set_transform` calls this method after the insertion, and the listener's thread calls it
+  whenever the generation has changed. A lookup does not complete futures. If a lookup pulls
+  messages while futures are pending, it wakes the sources, so that the listener's thread completes
+  the futures.
 - The *executor* that spins the node of a listener is woken by the listener's thread. The executor
   then runs the coroutines that await a completed future, and `rclpy.spin_once` returns. When the
   listener's thread has completed a future, it wakes the executor at once. For other new data, it
@@ -103,12 +102,12 @@ kinds of waiters are woken after an insertion:
   buffer has a node, each completed future also wakes the executor of that node.
 
 Shutdown. `remove_source` pulls for the last time, and removes the source. A blocked lookup gives
-up and raises the error of its last attempt in two cases. The first case is that the context of the
-buffer is shut down. The second case is that the buffer had a source when the lookup began, and has
-none any more. A shutdown of ROS does not end futures: a future without a timeout stays pending, as
-in tf2_ros. The listener's thread ends when the listener is unregistered, when the listener's node
-is destroyed, when the context of this node is shut down, or when Python exits. At its end, the
-thread removes the listener's source from the buffer and destroys the subscriptions.
+up and raises the error of its last attempt in two cases: the context of the buffer is shut down;
+or the buffer had sources when the lookup began, and has none any more. A shutdown of ROS does not
+end futures: a future without a timeout stays pending, as in tf2_ros. The listener's thread ends
+when the listener is unregistered, when the listener's node is destroyed, when the context of this
+node is shut down, or when Python exits. Before the thread ends, it removes the listener's source
+from the buffer and destroys the subscriptions.
 
 Fork. The locks of all buffers are taken before the process forks. Otherwise a lock in the child
 process could stay held forever, by a thread that exists in the parent process only. The child
@@ -209,7 +208,7 @@ class Engine:
         """
         Pull from all sources, then remove a source.
 
-        :param source: the source to be removed. If it was removed before, this only pulls.
+        :param source: the source to be removed. If it was removed before, this method only pulls.
         """
         try:
             self.update()
@@ -236,7 +235,7 @@ class Engine:
         """
         Insert what the sources have received.
 
-        Call this with the lock held, but not in a nested call.
+        The caller must hold the lock, but must not be a nested call.
         """
         for source in self._sources:
             batches = source.take()
@@ -291,8 +290,8 @@ class Engine:
         """
         Insert the transforms of many messages, much faster than by one `insert` per transform.
 
-        :param batches: objects of the types `Batch` and `Rows`; `MessageReader.read` returns such
-            objects.
+        :param batches: objects of the types `Batch` and `Rows`, as `MessageReader.read` returns
+            them.
         """
         self.update()
         with self._lock:
@@ -313,7 +312,7 @@ class Engine:
 
     def clear(self) -> None:
         """Remove all dynamic transforms; static ones and the names of all frames stay."""
-        self._update_for_user()  # otherwise messages that have arrived would be inserted later
+        self._update_for_user()  # so that messages that have arrived are removed, too
         with self._lock:
             try:
                 self._tree.clear()
@@ -323,21 +322,26 @@ class Engine:
     # Lookups, and waiting for transforms
 
     def _pull_and_call(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
-        """Pull, unless this thread already holds the lock; then call a lookup with the lock."""
+        """Pull, unless this call is nested; then take the lock, and call a lookup."""
         if self._sources:
             self._update_for_user()
         with self._lock:
             return lookup(*arguments)
 
     def _update_for_user(self) -> None:
-        """Pull in a user's thread; if there are new data, wake the sources to complete futures."""
+        """
+        Pull in a user's thread.
+
+        If there are new data while futures are pending, wake the sources, so that the threads of
+        the listeners complete the futures.
+        """
         before = self._generation
         if self.update() > before and len(self._futures):
             self._wake_sources()
 
     def fetched(self) -> AbstractContextManager[Any]:
         """
-        Insert pending messages, and return a context manager that holds the lock.
+        Insert the messages that have arrived, and return a context manager that holds the lock.
 
         So all lookups in the block of `with buffer.fetched():` see the same state of the buffer.
 
@@ -370,7 +374,7 @@ class Engine:
 
     def _wait(self, timeout: float, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
         """
-        Call a lookup again whenever data arrive, until it succeeds or the timeout is over.
+        Repeat a lookup whenever data arrive, until the lookup succeeds or the timeout is over.
 
         A nested call does not wait.
 
@@ -389,8 +393,9 @@ class Engine:
             self._queues.add(queue)
             self._wake_sources()
             while True:
-                # Read the flags before the attempt. If they say that no source is left, all data
-                # of the removed sources are in the buffer, and this attempt is the last one.
+                # Read the flags before the attempt. If no source is left at this moment, all data
+                # of the removed sources are in the buffer. The attempt uses these data, so it can
+                # be the last one.
                 flags = self._liveness()
                 self.update()
                 with self._lock:
@@ -436,10 +441,11 @@ class Engine:
         :param source_frame: the frame whose poses are looked up.
         :param times: (n,) integers: the times (ns); 0: the latest time for which every edge on the
             path has data.
-        :returns: three arrays. (n, 3) float64: translations x, y, z (m); (n, 4) float64:
-            quaternions x, y, z, w; (n,) bool: True where there is a transform. Where the bool is
-            False, `lookup_transform` would raise, and the numbers of the other arrays are NaN.
-        :raises TypeError: if the times are not integers.
+        :returns: three arrays. The first is (n, 3) float64: the translations x, y, z (m). The
+            second is (n, 4) float64: the quaternions x, y, z, w. The third is (n,) bool: True
+            where there is a transform. Where the third array is False, `lookup_transform` would
+            raise a TransformException, and the first two arrays contain NaN.
+        :raises TypeError: if the times are not integers, or if a frame is not a str.
         :raises OverflowError: if a time does not fit in an int64.
         :raises ValueError: if the shape of `times` is not (n,).
         """
@@ -457,13 +463,14 @@ class Engine:
         """
         Return, for each target frame, the poses of all frames that are connected to it.
 
-        Each pose is valid at the latest time for which every edge on its path has data. Up to
-        rounding, `lookup_transform` returns the same pose for each frame. If the transforms on a
-        path have the same stamps, this method takes a fraction of the time of these lookups.
+        Each pose is valid at the latest time for which every edge on its path has data. Except for
+        rounding, `lookup_transform` at that time returns the same pose. If the transforms on the
+        paths have the same stamps, this method is much faster than one lookup for each frame.
 
         :param target_frames: the frames in which the results are expressed.
         :param until: the latest time (ns) at which a pose may be valid. The paths follow the
-            parents that the frames had at this time. 0: no limit, and the newest parents.
+            parents that the frames had at this time. 0: there is no limit, and the paths follow
+            the newest parents.
         :returns: for each target frame, a dict from the name of each connected frame to its
             transform. The nearest frames, counted in edges, come first. Frames without a transform
             are left out.
@@ -483,7 +490,8 @@ class Engine:
         """
         Return the names of the frames on the path between two frames.
 
-        The path is the one at the latest time for which every edge between the frames has data.
+        The path follows the parents that the frames had at the latest time for which every edge on
+        the path has data.
 
         :param target_frame: the last frame of the chain.
         :param source_frame: the first frame of the chain.
@@ -497,7 +505,7 @@ class Engine:
         """
         Return the names of all frames, roots included.
 
-        :returns: the names, in the order in which they appeared.
+        :returns: the names, in the order in which they first appeared.
         """
         return self._pull_and_call(list, self._tree.histories)
 
@@ -506,7 +514,7 @@ class Engine:
         Return the parent, publisher and stamps of every frame that has a parent.
 
         :param until: use only samples up to this time (ns); 0: use all samples.
-        :returns: the frames with such samples, in the order in which their names appeared.
+        :returns: one `Frame` for each frame with such samples, in the order of `frame_names`.
         """
         states = self._pull_and_call(self._tree.states, until)
         return [Frame(name, *state) for name, state in states]
@@ -532,12 +540,12 @@ class Engine:
         """
         Return all data of the buffer, as lists and dicts that `json` can write.
 
-        :returns: a dict from the name of each frame to a dict with five keys. For n samples, in
-            the order of their stamps, `parents` is a list of n names, `stamps` is a list of n int
-            (ns), and `poses` is a list of n lists of 7 float: x, y, z (m) and the quaternion
-            x, y, z, w. `authority` is the publisher of the sample that was inserted last, and
-            `is_static` is a bool. A static frame has one sample, with stamp 0. A frame that has
-            occurred only as a parent has no samples.
+        :returns: a dict from the name of each frame to a dict with five keys. Three keys have a
+            list with one item for each sample, in the order of the stamps: an item of `parents` is
+            a name, an item of `stamps` is an int (ns), and an item of `poses` is a list of 7
+            float: x, y, z (m) and the quaternion x, y, z, w. `authority` is the publisher of the
+            sample that was inserted last, and `is_static` is a bool. A static frame has one
+            sample, with stamp 0. A frame that has occurred only as a parent has no samples.
         """
         return self._pull_and_call(self._tree.dump)
 
@@ -560,11 +568,11 @@ class Engine:
         """
         Drop the sources and the queues of blocked lookups, which work in the parent process only.
 
-        The child process has one thread, and the middleware does not work in this process. So
+        In the child process, there is only one thread, and the middleware does not work. So
         lookups use the data that the buffer had when the process forked.
 
-        :param was_held: True if the lock was taken before the fork. If not, another thread may
-            have been changing the data, so all dynamic transforms are dropped.
+        :param was_held: True if the lock was taken before the fork. If it is False, another thread
+            may have been changing the data, so all dynamic transforms are dropped.
         """
         self._sources = ()
         self._queues.clear()

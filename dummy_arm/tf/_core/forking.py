@@ -2,12 +2,12 @@
 Forks of a process that has buffers.
 
 The locks of all buffers are taken before a fork. After the fork, these locks are released in the
-parent process and in the child process. Without this, a lock that another thread holds during the
-fork would never be released in the child process, because that process does not have the thread.
+parent process and in the child process. If another thread instead held a lock during the fork, the
+lock would never be released in the child process, because that process lacks the other thread.
 
-A fork waits at most about 5 s for the locks of all buffers. Then it goes on, even if some locks
-could not be taken. In the child process, a buffer whose lock was not taken drops its dynamic
-transforms, because another thread may have been changing these transforms.
+A fork waits at most about 5 s for the locks of all buffers. Then the fork goes on, even if some
+locks could not be taken. In the child process, a buffer whose lock was not taken drops its dynamic
+transforms, because another thread may have been changing these transforms during the fork.
 """
 
 from _thread import interrupt_main
@@ -18,9 +18,9 @@ from time import monotonic
 from typing import Protocol
 from weakref import WeakValueDictionary
 
-#: The longest time (s) that a fork waits, approximately, for the locks of all buffers together.
+#: A fork waits at most about this time (s) for the locks of all buffers together.
 _PATIENCE = 5.0
-#: The longest time (s) that one attempt waits for the lock of one buffer.
+#: One attempt waits at most this time (s) for the lock of one buffer.
 _PATIENCE_PER_LOCK = 0.02
 
 
@@ -43,7 +43,7 @@ class _Buffer(Protocol):
         """
 
     def pull(self) -> None:
-        """Insert what has arrived in the sources; the lock must be held."""
+        """Insert the transforms that the sources have received; the lock must be held."""
 
     def release_after_fork(self) -> None:
         """Release the lock."""
@@ -57,9 +57,9 @@ class _Buffer(Protocol):
         """
 
 
-#: All buffers, by their ids.
+#: All buffers; the keys are the ids of the buffer objects.
 _buffers: 'WeakValueDictionary[int, _Buffer]' = WeakValueDictionary()
-#: Held while the process forks.
+#: The lock that is held while the process forks.
 _forking = RLock()
 #: The forks that are under way, in the order in which they began. There is more than one only if
 #: a signal handler forks the process during a fork.
@@ -76,7 +76,7 @@ def register(buffer: _Buffer) -> None:
 
 
 class _Fork:
-    """One fork of the process, with the buffers that exist at the time of the fork."""
+    """One fork of the process, with the buffers that exist when the fork begins."""
 
     def __init__(self) -> None:
         """Collect the buffers; no lock is taken yet."""
@@ -87,10 +87,10 @@ class _Fork:
 
     def prepare(self) -> None:
         """
-        Take the locks of all buffers, except those that other threads do not release in time.
+        Take the locks of all buffers, except locks that other threads do not release in time.
 
-        A KeyboardInterrupt is remembered until after the fork. If it were raised here, Python
-        would only print it, and would fork anyway.
+        A KeyboardInterrupt is not raised here, because Python would only print it, and would fork
+        anyway. The parent process raises it after the fork.
         """
         deadline = monotonic() + _PATIENCE
         is_done = False
@@ -114,8 +114,8 @@ class _Fork:
         :returns: False if a lock could not be taken and `is_last` is False.
         """
         for i, buffer in enumerate(self._buffers):
-            # If this thread holds the lock already, the thread may be in the middle of an
-            # insertion. So no messages are inserted then.
+            # If this thread holds the lock already, it may be in the middle of an insertion. In
+            # this case no messages are inserted.
             is_nested = buffer.is_held()
             if buffer.hold_for_fork(_PATIENCE_PER_LOCK):
                 self._held.append(buffer)
@@ -123,8 +123,8 @@ class _Fork:
                     with suppress(Exception):
                         buffer.pull()  # the child process has no sources to pull from
             elif not is_last:
-                # The next attempt begins with this lock, so that no other lock is held during the
-                # wait.
+                # The next attempt begins with this lock, so that no other lock is held while this
+                # thread waits for this lock.
                 self._buffers.insert(0, self._buffers.pop(i))
                 return False
         return True

@@ -7,9 +7,10 @@ from typing import NamedTuple, Optional
 from dummy_arm.tf._core.times import display_time, in_seconds
 
 #: To compute a rate, tf2 divides the number of samples by the time between the oldest and the
-#: newest sample. If that time is shorter than `_SHORTEST_SPAN` (ns), tf2 divides by the latter.
+#: newest sample. If this time is shorter than `_SHORTEST_SPAN` (ns), tf2 divides by
+#: `_SHORTEST_SPAN` instead.
 _SHORTEST_SPAN = 100_000
-#: Matches a key that YAML reads as a string, even without quotes.
+#: Matches only names that YAML reads as strings even if they are not quoted.
 _PLAIN = re.compile(r'(?!(?i:true|false|yes|no|on|off|null|y|n)$)[A-Za-z_][\w/.-]*', re.ASCII)
 
 
@@ -53,7 +54,7 @@ def as_yaml(frames: Iterable[Frame]) -> str:
     """
     Write frames as tf2's allFramesAsYAML does.
 
-    Unlike in tf2, a name is quoted if YAML would not read the unquoted name as the same string.
+    Unlike tf2, this function quotes or escapes a name that YAML would otherwise misread.
 
     :param frames: the frames that have a parent.
     :returns: the YAML; '' if there are no frames.
@@ -71,7 +72,7 @@ def as_yaml(frames: Iterable[Frame]) -> str:
 
 def _yaml_key(name: str) -> str:
     """
-    Write a name as a YAML key, quoted if YAML might read it as something else than this string.
+    Write a name as a YAML key, in quotes if YAML might misread the unquoted name.
 
     >>> print(_yaml_key('base_link'))
     base_link
@@ -108,12 +109,12 @@ def as_dot(frames: Iterable[Frame], names: Iterable[str], now: int = 0) -> str:
     """
     Write frames in the DOT language as tf2's allFramesAsDot does.
 
-    Unlike in tf2, the characters of a name that DOT would change are escaped.
+    Unlike tf2, this function escapes the quotes, backslashes and line feeds in a name.
 
     :param frames: the frames that have a parent.
     :param names: the names of all frames, including the roots.
-    :param now: the current time (ns), from which the age of each newest transform is computed; 0:
-        write no ages.
+    :param now: the current time (ns), used to compute the age of the newest transform of each
+        frame; 0: write no ages.
     :returns: the text of the graph.
     """
     edges = list(frames)

@@ -33,17 +33,16 @@ class History:
     A sample is *expired* if it is older than the newest sample by more than the cache time. Before
     a new sample is inserted, the expired samples are dropped.
 
-    The stamp of sample i is `stamps[i]` (ns). Its pose is in `poses`, in the 56 bytes from the
-    index 56 i on. The samples before the index `start` have been dropped; they are removed from
-    memory many at a time. If all samples have the same parent, `only_parent` is this parent, and
-    `parents` is None. Otherwise `only_parent` is '', and `parents[i]` is the parent of sample i.
-    `parents` may still be a list for some time after the samples with other parents were dropped.
-    The keys of the dict `all_parents` are all parents that occur in the samples, and perhaps some
+    The stamp of sample i is `stamps[i]` (ns). Its pose is `poses[56 * i:56 * i + 56]`, the bytes
+    of 7 float64. The samples before the index `start` are dropped, but they stay in memory until
+    `drop_before` removes many of them at once. If `parents` is None, all samples have the parent
+    `only_parent`. Otherwise `only_parent` is '', and `parents[i]` is the parent of sample i. The
+    keys of the dict `all_parents` are all parents that occur in the samples, and perhaps some
     parents that occurred only in samples that have been dropped.
 
-    KeyboardInterrupt can be raised after a call, at the start of a function and when a loop jumps
-    back, but nowhere else. If several lists must change together, no call comes between the first
-    and the last of these changes. So either all of these lists are changed, or none.
+    KeyboardInterrupt can be raised only after a call, at the start of a function, and when a loop
+    jumps back. Where `stamps`, `poses` and `parents` must change together, there is no call
+    between the first change and the last change. So either all of them are changed, or none.
     """
 
     __slots__ = ('all_parents', 'authority', 'cache_time', 'only_parent', 'parents', 'poses',
@@ -100,23 +99,24 @@ class History:
 
     def append(self, stamps: 'array[int]', poses: bytes, authority: str) -> bool:
         """
-        Append samples with the parent `only_parent`, if they are newer than all samples here.
+        Append samples with the parent `only_parent`, if they are newer than the newest sample.
 
         :param stamps: (n,) stamps (ns), in increasing order.
         :param poses: n poses of 56 bytes each.
         :param authority: the publisher.
-        :returns: False if nothing was appended; the caller must then `insert` each sample.
+        :returns: False if nothing was appended; then the caller must call `insert` for each
+            sample.
         """
         own_stamps = self.stamps
         if self.parents is not None or not own_stamps or stamps[0] <= own_stamps[-1]:
             return False
         self.authority = authority
-        # Drop the same samples as calls of `insert`, one for each new sample, would drop. Each of
-        # these calls would drop the expired samples before it adds its own sample. So for the last
-        # call, the newest stamp would be the second last of all stamps.
+        # Drop the samples that would be dropped if `insert` were called for each new sample.
+        # `insert` drops the expired samples before it adds the new sample. So in the last call,
+        # `insert` would count the cache time back from the second last stamp.
         earliest = (own_stamps[-1] if len(stamps) == 1 else stamps[-2]) - self.cache_time
-        # If an earlier `extend` raised MemoryError, there are poses without stamps at the end of
-        # `poses`. They are overwritten here.
+        # If `extend` raised MemoryError in an earlier call, there are poses without stamps at the
+        # end of `poses`. They are overwritten here.
         self.poses[len(own_stamps) * POSE_BYTES:] = poses
         own_stamps.extend(stamps)
         if own_stamps[self.start] < earliest:
@@ -128,7 +128,8 @@ class History:
         Insert a sample in the order of the stamps, after the samples with the same stamp.
 
         A sample that is in the history already is not inserted again. If there are already
-        `MAX_SAMPLES_PER_STAMP` samples with the same stamp, the new sample replaces the last one.
+        `MAX_SAMPLES_PER_STAMP` samples with the same stamp, the new sample replaces the last of
+        them.
 
         :param stamp: time of the pose (ns).
         :param parent: the name of the parent.
@@ -207,7 +208,7 @@ class History:
 
         If several samples have the same stamp, the result is the one that was inserted last, as in
         tf2. There is one exception, also as in tf2: if `time` is the oldest stamp, and there are
-        newer samples, the result is the sample that was inserted first.
+        newer samples, the result is the sample with this stamp that was inserted first.
 
         :param time: time (ns); 0: the stamp of the newest sample.
         :returns: the index of the sample.
@@ -249,7 +250,7 @@ class History:
         stamps = self.stamps
         if not time or not stamps or not stamps[self.start] < time < stamps[-1]:
             return self.pose(self.find(time))
-        # Most lookups are between the last two samples, so these are checked before the search.
+        # Most requested times are between the last two stamps, so try these before the search.
         after = len(stamps) - 1 if time >= stamps[-2] else bisect_right(stamps, time, self.start)
         if self.parents is not None and self.parents[after - 1] != self.parents[after]:
             return self.pose(after - 1)
@@ -281,8 +282,9 @@ class History:
             stamps_before, stamps_after = stamps.take(before), stamps.take(after)
             poses_before, poses_after = _columns(poses[before]), _columns(poses[after])
         finally:
-            # An array cannot grow while numpy refers to its memory. If an exception is raised, its
-            # traceback refers to these variables, and they refer to that memory. So delete them.
+            # `self.stamps` and `self.poses` cannot grow while numpy arrays use their memory. The
+            # traceback of an exception would keep the arrays in `stamps` and `poses` alive, so
+            # delete these variables.
             del stamps, poses
         # The difference of two int64 may be too large for an int64, but not for a uint64.
         span = (stamps_after - stamps_before).view(np.uint64)
@@ -292,7 +294,7 @@ class History:
 
     def parent_of(self, index: int) -> str:
         """
-        Return the parent of the frame in a sample.
+        Return the parent that the frame has in a sample.
 
         :param index: the index of the sample.
         :returns: the name of the parent.
@@ -327,7 +329,7 @@ class History:
         """
         Return all data of the frame.
 
-        :returns: the dict of one frame in the result of `BufferCore.dump`.
+        :returns: the dict that `BufferCore.dump` returns for this frame.
         """
         indices = range(self.start, len(self.stamps))
         return {'parents': [self.parent_of(i) for i in indices],
@@ -414,7 +416,7 @@ class StaticHistory:
         """
         Return all data of the frame.
 
-        :returns: the dict of one frame in the result of `BufferCore.dump`.
+        :returns: the dict that `BufferCore.dump` returns for this frame.
         """
         return {'parents': [self.only_parent], 'stamps': [0], 'poses': [list(self.pose)],
                 'authority': self.authority, 'is_static': True}

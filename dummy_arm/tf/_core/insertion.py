@@ -1,4 +1,4 @@
-"""Insertion into a tree of frames: transforms are checked, normalised, and kept or refused."""
+"""Insertion of transforms into a tree of frames, after normalisation and checks."""
 
 from collections.abc import Iterable
 from itertools import starmap
@@ -25,7 +25,7 @@ from dummy_arm.tf._core.pose import (
 from dummy_arm.tf._core.texts import logged, ThrottledLog
 from dummy_arm.tf._core.times import display_time, SECOND
 
-#: The largest number of samples of one frame for each second of cache time.
+#: One frame may have at most this number of samples per second of cache time.
 _MAX_SAMPLES_PER_SECOND = 10_000
 #: The smallest number of rotations that numpy normalises faster than a loop does.
 _MANY = 20
@@ -41,10 +41,10 @@ class Insertion:
 
         :param lookups: the lookups of the buffer. Transforms are inserted into `lookups.tree`;
             `lookups.paths` is cleared when the parent of a frame may change.
-        :param max_frames: the largest number of frames; a transform that would add another frame
-            is refused.
-        :param max_samples: the largest number of samples of all dynamic frames together; None:
-            there is no limit, neither for all frames together nor for a single frame.
+        :param max_frames: the largest number of frames. A transform whose new frames would exceed
+            this number is refused.
+        :param max_samples: the largest number of samples of all dynamic frames together. None:
+            there is no such limit, and there is no limit for a single frame either.
         """
         self.log = ThrottledLog()
         self._tree, self._lookups = lookups.tree, lookups
@@ -53,20 +53,20 @@ class Insertion:
         #: The largest number of samples of one frame.
         self._max_samples_per_frame = sys.maxsize if max_samples is None else max(
             MAX_SAMPLES_PER_STAMP, _MAX_SAMPLES_PER_SECOND * self._tree.cache_time // SECOND)
-        #: A lower bound for the number of samples that can be inserted before the buffer is full.
-        #: When samples expire, this number does not increase, although they make room.
-        #: `_drop_oldest` counts all samples and corrects this number.
+        #: At least this number of samples can be inserted before the buffer is full. Samples that
+        #: expire make room, but this number does not grow until `_drop_oldest` counts all samples.
         self._room = self._max_samples
         #: True if there was no room when the samples were last counted.
         self._is_full = False
-        #: The number of samples that were inserted since the last count, while the buffer was
-        #: full.
+        #: The number of samples that were inserted into the full buffer since the last count.
         self._uncounted = 0
 
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
         """
-        Insert one transform as `Engine.insert` does, but without checking the types.
+        Insert one transform; the caller has checked the types of the arguments.
+
+        One leading slash is removed from each name, and the rotation is normalised.
 
         :param stamp: time of the pose (ns).
         :param frame_id: the name of the parent.
@@ -74,8 +74,8 @@ class Insertion:
         :param pose: x, y, z (m) and the quaternion x, y, z, w of any length.
         :param authority: the name of the publisher.
         :param is_static: True if the pose holds at all times.
-        :returns: False if the transform was refused. The reason is logged, but reasons of the same
-            kind are logged at most once a second, and the reason 'too many frames' only once.
+        :returns: False if the transform was refused. The reason is logged, but at most once a
+            second for each kind of reason. That there are too many frames is logged only once.
         """
         return self._insert(stamp, frame_id.removeprefix('/'), child_frame_id.removeprefix('/'),
                             pose, authority, is_static)
@@ -98,8 +98,8 @@ class Insertion:
             try:
                 is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
             finally:
-                # dict.clear is called directly, and not in a Python function, because a
-                # KeyboardInterrupt at the start of such a function would leave invalid paths.
+                # `dict.clear` is called directly. If a method written in Python called it, a
+                # KeyboardInterrupt at the start of this method would leave invalid paths.
                 self._lookups.paths.clear()
         else:
             return False
@@ -114,7 +114,7 @@ class Insertion:
         return is_accepted
 
     def _accepts_names(self, parent: str, child: str, authority: str) -> bool:
-        """Return True if both names are short enough, and new frames do not exceed the limit."""
+        """Return True if both names are short enough, and `max_frames` allows the new frames."""
         if is_too_long(parent) or is_too_long(child):
             self.log.warn(too_long_name(parent, child, authority))
             return False
@@ -129,9 +129,9 @@ class Insertion:
         """
         Insert the transforms of messages, as if `insert` were called for each transform.
 
-        Most transforms of a batch are newer than all samples of their child frame, and have the
-        same parent as all these samples. If all numbers of the batch are finite, such transforms
-        are appended without further checks.
+        Most transforms of a batch are newer than all samples in the history of their child frame,
+        and have the same parent as these samples. If all poses of the batch are finite, such
+        transforms are appended without further checks.
 
         :param batches: objects of the types `Batch` and `Rows`; the transforms of `Rows` are
             inserted one by one.
@@ -203,8 +203,8 @@ def normalize_poses(poses: NDArray[np.float64]) -> bool:
     Normalise the rotations of many poses; the results are the same as those of `normalized`.
 
     :param poses: (n, 7) float64, changed in place: x, y, z (m), quaternion x, y, z, w.
-    :returns: True if all numbers are finite after the normalisation. The result may also be False
-        for finite numbers, if these are so large that their sum is not finite.
+    :returns: True if all numbers are finite after the normalisation. If finite numbers are so
+        large that their sum is not finite, the result may be False.
     """
     rotations = poses[:, 3:]
     if len(poses) < _MANY:
@@ -263,8 +263,7 @@ def problems(parent: str, child: str, pose: Pose, authority: str) -> list[str]:
 
     :param parent: the name of the parent.
     :param child: the name of the child frame.
-    :param pose: x, y, z (m) and the normalised quaternion x, y, z, w; four NaN in place of a
-        quaternion that cannot be normalised.
+    :param pose: x, y, z (m) and the quaternion x, y, z, w that `normalized` returned.
     :param authority: the name of the publisher.
     :returns: the warnings; an empty list if the transform is valid.
     """

@@ -19,21 +19,23 @@ _MAX_PATHS = 10_000
 #: An edge, as seen from one of its two frames. The items are: the name of the other frame; True if
 #: the other frame is the child; the history of the child.
 _Edge = tuple[str, bool, AnyHistory]
-#: The time of a pose (ns; 0: the pose holds at all times), and the pose (None: there is no pose).
+#: A time (ns), and the pose at this time. If the time is 0, the pose holds at all times. If there
+#: is no pose at this time, the second item is None.
 _TimedPose = tuple[int, Optional[Pose]]
 
 
 class Lookups:
     """
-    Lookups in a tree of frames, and the paths that were found in it.
+    Lookups in a tree of frames; paths that were found are kept for later lookups.
 
     A path from a source frame to a target frame is kept if the child frame of each edge has only
     one parent in its history, and if there is no loop above the two frames at any time. Such a
-    path is the only path between the two frames until a frame gets a new parent. If no path is
-    kept, or if the kept path has no pose at the requested time, the tree is searched in the same
-    way as in tf2. Therefore the result or the error is the same as in tf2.
+    path is the only path between the two frames until a frame gets a new parent. If no path
+    between two frames is kept, or if the kept path has no pose at the requested time, the tree is
+    searched in the same way as in tf2. Therefore all results and errors are the same as in tf2.
 
-    Times are in ns; 0 means the latest common time. Hold the lock of the buffer during each call.
+    Times are in ns; 0 means the latest common time, which `latest_common_time` returns. Hold the
+    lock of the buffer during each call.
     """
 
     def __init__(self, tree: FrameTree) -> None:
@@ -105,8 +107,8 @@ class Lookups:
         """
         path = self.paths.get((target, source))
         if path is None:
-            # Do one lookup, so that the path is kept. At the latest common time, this lookup is
-            # most likely to succeed.
+            # One lookup finds the path and, if possible, keeps it. A lookup at the latest common
+            # time is the most likely to succeed.
             with suppress(TransformException):
                 self.pose(target, source, 0)
             path = self.paths.get((target, source))
@@ -123,7 +125,7 @@ class Lookups:
 
     def check(self, target: str, source: str, time: int) -> None:
         """
-        Check that there is a pose of the source frame in the target frame.
+        Check that there is a pose of the source frame in the target frame at a time.
 
         :param target: as `pose`.
         :param source: as `pose`.
@@ -159,7 +161,8 @@ class Lookups:
         """
         Return the frames on the path from a source frame via a fixed frame to a target frame.
 
-        Edges that the path would pass twice, to the fixed frame and back, are left out.
+        If the path goes to the fixed frame and back along the same edges, these edges are left
+        out.
 
         :param target: as `pose_full`.
         :param target_time: as `pose_full`.
@@ -187,11 +190,12 @@ class Lookups:
         """
         Return the latest time for which every dynamic edge between two frames has data.
 
-        :param target: the one frame.
+        :param target: one of the two frames.
         :param source: the other frame.
-        :returns: time (ns); 0 if there is no dynamic edge.
-        :raises TransformException: if a frame does not exist, or if the two frames are not
-            connected.
+        :returns: time (ns); 0 if there is no dynamic edge. If both frames are the same, the newest
+            stamp of this frame.
+        :raises TransformException: if a frame does not exist, or if no path between the two frames
+            can be found.
         """
         for name in target, source:
             self.tree.check(name, 'get_latest_common_time')
@@ -199,9 +203,10 @@ class Lookups:
 
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
         """
-        Search the tree for a path, and keep the path under the conditions in `Lookups`.
+        Search the tree for a path; keep the path if it meets the conditions in `Lookups`.
 
-        :returns: the time (ns), which is the latest common time if `time` is 0; and the path.
+        :returns: the time of the path (ns), and the path. If `time` is 0, the returned time is the
+            latest common time.
         """
         time = time or self.tree.latest_common_time(target, source)
         path = self.tree.path(target, source, time)
@@ -213,17 +218,15 @@ class Lookups:
 
     def all_poses(self, targets: Iterable[str], until: int) -> list[dict[str, tuple[int, Pose]]]:
         """
-        Compute the poses of all frames that are connected to each target frame.
-
-        The tree is walked once for each target frame.
+        Compute, for each target frame, the poses of all frames that are connected to it.
 
         :param targets: the target frames.
-        :param until: the latest time (ns) of a pose; the frames are connected by the parents that
-            they had at this time. 0: there is no limit, and the frames are connected by their
-            newest parents.
+        :param until: the latest time (ns) at which a pose may be valid. The paths follow the
+            parents that the frames had at this time. 0: there is no limit, and the paths follow
+            the newest parents.
         :returns: one dict for each target frame. The keys are the names of the connected frames;
-            the frames nearest to the target frame come first. The values are the time (ns) and the
-            pose in the target frame. Frames without a pose are left out.
+            the frames nearest to the target frame come first. Each value is the time of the pose
+            (ns), and the pose in the target frame. Frames without a pose are left out.
         :raises TransformException: if a target frame does not exist.
         """
         edges: dict[str, list[_Edge]] = {}
@@ -256,16 +259,16 @@ class Lookups:
                 common = min(time, latest) if time and latest else time or latest
                 poses[other] = common, None
                 try:
-                    # If the pose of `name` is valid at the common time, and the child of the edge
-                    # has had only one parent, then the pose is extended by this edge, without a
-                    # lookup.
+                    # If the pose of `name` is valid at the common time, and the child frame of the
+                    # edge has only one parent in its history, no lookup is needed: the pose of
+                    # `other` follows from the pose of `name`.
                     if pose is not None and time in (0, common) and edge.parents is None:
                         step = edge.pose_at(common)
                         poses[other] = common, compose(pose, step if is_child else inverse(step))
                     else:
                         poses[other] = self.pose(target, other, common)
                 except (NoPose, TransformException):
-                    # The walk goes on, because frames behind `other` may still have a pose, at a
-                    # time at which the frames had other parents.
+                    # The walk goes on, because frames beyond `other` may have a pose at an earlier
+                    # time, at which the path to them was different.
                     pass
         return poses

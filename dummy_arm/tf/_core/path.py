@@ -54,8 +54,7 @@ class Path:
         """
         Return True if every edge has a pose at a time.
 
-        :param time: time (ns); 0: the newest sample of each edge. (`Lookups` replaces 0 by the
-            latest common time.)
+        :param time: time (ns); 0: the newest sample of each edge, not the latest common time.
         :returns: True if `pose` returns a pose for this time.
         """
         return all(edge.parent_at(time) is not None for edge in self.edges)
@@ -64,8 +63,7 @@ class Path:
         """
         Compute the pose of the source frame in the target frame.
 
-        :param time: time (ns); 0: the newest sample of each edge. (`Lookups` replaces 0 by the
-            latest common time.)
+        :param time: time (ns); 0: the newest sample of each edge, not the latest common time.
         :returns: x, y, z (m) and the quaternion x, y, z, w.
         :raises NoPose: if an edge has no pose at that time.
         """
@@ -84,9 +82,9 @@ class Path:
         Call this only if `has_constant_parents` returns True.
 
         :param times: (n,) times (ns); 0: the latest common time.
-        :returns: two arrays. (n, 7) float64: the poses x, y, z (m), quaternion x, y, z, w; (n,)
-            bool: True where there is a pose. Where the bool is False, the row of the first array
-            contains arbitrary numbers.
+        :returns: two arrays. The first is (n, 7) float64: x, y, z (m), quaternion x, y, z, w. The
+            second is (n,) bool: True where there is a pose. Where the second array is False, the
+            row of the first array contains arbitrary numbers.
         """
         if not times.all():
             times = np.where(times == 0, self.latest_common_time(), times)

@@ -1,10 +1,10 @@
 """
 Poses of frames in other frames: composition, inversion, interpolation and normalisation.
 
-A pose is seven numbers: x, y, z (m) and the quaternion x, y, z, w of its rotation. The functions
-for many poses take and return columns: seven arrays, one for each number. A `Row` is a pose with
-its stamp and the names of its two frames. `Rows` has the transforms of one message; `Batch` has
-the transforms of several messages with the same frames.
+A pose is seven numbers: x, y, z (m) and the quaternion x, y, z, w of its rotation. *Columns* are
+many poses: seven arrays, one for each of the seven numbers. A `Row` is a pose with its stamp and
+the names of its two frames. `Rows` has the transforms of one message; `Batch` has the transforms
+of several messages with the same frames.
 """
 
 from array import array
@@ -17,18 +17,18 @@ import numpy as np
 Pose = tuple[float, float, float, float, float, float, float]
 #: The quaternion x, y, z, w of a rotation.
 Quaternion = tuple[float, float, float, float]
-#: Many poses: seven arrays of shape (n,), or of shape (1,) if all n poses are equal.
+#: n poses: seven arrays of shape (n,). If all n poses are equal, the shape may be (1,).
 Columns = tuple[Any, Any, Any, Any, Any, Any, Any]
 
-#: The size of a pose (bytes) in memory, in messages and in bags: 7 float64.
+#: The size of a pose (bytes) in histories and in messages: 7 float64.
 POSE_BYTES = 7 * 8
 #: The pose of a frame in itself.
 IDENTITY: Pose = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-#: If the dot product of two quaternions is larger than this, the dot product is divided by the
-#: norms of the quaternions, as in tf2. So close to 1, the last bits of the dot product change the
-#: interpolated rotation.
+#: Before slerp, tf2 divides the dot product of the two quaternions by their norms. The norms are 1
+#: up to rounding, so the division changes only the last bits. These bits matter only if the dot
+#: product is close to 1: if it is larger than this number. Otherwise, the division is omitted.
 _NEAR = 0.999999999999
-#: The longest name that a frame may have (bytes of UTF-8).
+#: The largest size that a frame's name may have (bytes of UTF-8).
 LONGEST_NAME = 1024
 
 
@@ -73,7 +73,7 @@ def interpolate(two_poses: tuple[float, ...], ratio: float) -> Pose:
     Slerp (spherical linear interpolation) follows the shorter arc. See K. Shoemake, Animating
     Rotation with Quaternion Curves, SIGGRAPH 1985.
 
-    :param two_poses: the fourteen numbers of two successive samples of a history.
+    :param two_poses: the seven numbers of the first pose, then those of the second pose.
     :param ratio: from 0 (the first pose) to 1 (the second pose).
     :returns: the pose between them.
     """
@@ -126,8 +126,8 @@ def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
     """
     Normalise a quaternion as tf2 does, by conversion to a rotation matrix and back.
 
-    The operations and their order are those of tf2, so that the result equals tf2's to the last
-    bit. The last bit matters, because it changes the result of slerp between two rotations that
+    The operations and their order are those of tf2, so that the result equals that of tf2 to the
+    last bit. The last bit matters: it changes the result of slerp between two rotations that
     differ by less than 1e-7 rad. The matrix is converted back as in S. W. Shepperd, Quaternion
     from Rotation Matrix, J. Guidance and Control 1 (1978).
 
@@ -135,8 +135,8 @@ def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
     :param y: y of the quaternion.
     :param z: z of the quaternion.
     :param w: w of the quaternion.
-    :returns: the quaternion x, y, z, w of length 1; four NaN if there is no rotation matrix, for
-        example if the length of the given quaternion is 0.
+    :returns: the quaternion x, y, z, w of length 1. If the conversion fails, for example for a
+        quaternion of length 0, four NaN are returned.
     """
     try:
         s = 2.0 / (x * x + y * y + z * z + w * w)
@@ -170,7 +170,7 @@ def normalized(x: float, y: float, z: float, w: float) -> Quaternion:
 
 
 class Row(NamedTuple):
-    """One transform of a message, with the values that the message contains."""
+    """One transform of a message; its values are not checked or changed."""
 
     stamp_ns: int  #: time (ns)
     frame_id: str  #: the parent, possibly with a leading slash
@@ -181,8 +181,8 @@ class Row(NamedTuple):
 class Rows(NamedTuple):
     """Transforms that are inserted one by one."""
 
-    rows: list[Row]  #: the transforms, in the order of their arrival
-    authority: str  #: the name of the publisher
+    rows: list[Row]  #: the transforms, in the order of the message
+    authority: str  #: the publisher, as `Frame.authority`
     is_static: bool  #: True if the transforms are from /tf_static
 
 
@@ -205,10 +205,10 @@ class Batch:
             slash.
         :param children: the child of each of these transforms, without a leading slash; no two
             children are equal.
-        :param authority: the name of the publisher.
+        :param authority: the publisher, as `Frame.authority`.
         """
         self.parents, self.children, self.authority = parents, children, authority
-        #: (m,) the stamp (ns) of each of the m messages, strictly increasing.
+        #: (m,) the stamps (ns) of the m messages, strictly increasing.
         self.stamps = array('q')
         #: m * n poses, message by message. Each pose is the bytes of 7 float64: x, y, z (m) and a
         #: quaternion x, y, z, w of any length.
@@ -221,10 +221,10 @@ BatchOrRows = Union[Batch, Rows]
 
 def is_too_long(name: str) -> bool:
     """
-    Return True if a name is longer than `LONGEST_NAME`, so that no frame may have this name.
+    Return True if a name is too long for a frame.
 
     :param name: the name of a frame.
-    :returns: whether the name is too long.
+    :returns: True if the name has more than `LONGEST_NAME` bytes in UTF-8.
     """
     return (len(name) * 4 > LONGEST_NAME
             and len(name.encode('utf-8', 'surrogatepass')) > LONGEST_NAME)

@@ -1,8 +1,8 @@
 """
-Texts of errors and log lines: tf2's own words, the hints that follow them, and names of frames.
+Error texts and log lines: tf2's own words, the hints that follow them, and printable names.
 
-Names of frames are received from other nodes and can contain any character. Therefore they are
-escaped and abbreviated before they are printed.
+Names of frames are received from other nodes. They can contain any character, and can be long.
+Therefore they are escaped and abbreviated before they are printed.
 """
 
 from collections import deque
@@ -25,10 +25,10 @@ _MAX_COMPARED = 1000
 
 def visible(text: str) -> str:
     r"""
-    Return a text with Python's escape sequences in place of characters that are not printable.
+    Escape each character that is not printable, as `repr` does.
 
-    Characters that are not printable are, for example, control characters, which could move the
-    cursor of a terminal, and lone surrogates, which cannot be encoded in UTF-8.
+    Such characters can do harm: a control character can move the cursor of a terminal, and a lone
+    surrogate cannot be encoded in UTF-8.
 
     :param text: a text of one line; a line feed would be escaped, too.
     :returns: the printable text.
@@ -42,10 +42,10 @@ def visible(text: str) -> str:
 
 def visible_lines(text: str) -> str:
     r"""
-    Return a text of several lines, with each line escaped as by `visible`.
+    Escape each line of a text as `visible` does.
 
     :param text: the text; its line feeds are not escaped.
-    :returns: the text with printable lines.
+    :returns: the escaped text.
 
     >>> print(visible_lines('one\ntwo\r'))
     one
@@ -56,7 +56,7 @@ def visible_lines(text: str) -> str:
 
 def abbreviated(text: str, longest: int = LONGEST) -> str:
     """
-    Shorten a text that is too long; three dots replace the middle of the text.
+    Replace the middle of a text by three dots if the text is too long.
 
     :param text: the text.
     :param longest: the largest number of characters to return, at least 3.
@@ -73,7 +73,7 @@ def abbreviated(text: str, longest: int = LONGEST) -> str:
 
 def shortened(name: str) -> str:
     r"""
-    Abbreviate and escape a name, for lines with several names.
+    Abbreviate a name if it is longer than `LONGEST`, and escape it.
 
     :param name: the name of a frame, node or topic.
     :returns: the printable name.
@@ -88,7 +88,7 @@ def shortened(name: str) -> str:
 
 def logged(name: str) -> str:
     """
-    Escape a name for log lines; abbreviate a long name, and append the length that it had.
+    Abbreviate and escape a name as `shortened` does; append the original length of a long name.
 
     :param name: the name of a frame, node or topic.
     :returns: the printable name.
@@ -134,9 +134,9 @@ def suggest_names(name: str, known: tuple[str, ...], what: str = 'frames') -> st
 
 def match_candidates(known: Sequence[str]) -> list[str]:
     """
-    Return the known names that are compared with an unknown name.
+    Return those known names with which an unknown name is compared.
 
-    Of the first 1000 known names, these are the names that are not longer than `LONGEST`. A
+    These are the names of at most `LONGEST` characters among the first 1000 known names. A
     comparison with more names, or with longer names, would take seconds.
 
     :param known: all names that exist.
@@ -166,9 +166,9 @@ def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = s
     Join the first texts with commas, and append the number of the remaining texts.
 
     :param texts: the texts.
-    :param shown: the largest number of texts in the list.
-    :param write: a function that converts each text before it is added to the list.
-    :returns: the list as one line.
+    :param shown: the largest number of texts that are joined.
+    :param write: a function that converts each text before it is joined.
+    :returns: the joined texts.
 
     >>> comma_list(['a', 'b', 'c', 'd'], 2)
     'a, b and 2 more'
@@ -219,8 +219,7 @@ def extrapolation_hint(frame: str, parent: str, oldest: int, latest: int, time: 
     """
     Return the hint for an edge that has no data at the requested time.
 
-    The hint names the edge. It also says how much time is between the requested time and the
-    nearest data of the edge.
+    The hint names the edge. It also says how far the requested time is from the nearest sample.
 
     :param frame: the child frame of the edge.
     :param parent: the newest parent of the frame.
@@ -247,11 +246,11 @@ def cleared_hint(frame: str) -> str:
 
 def loop_hint(chain: Sequence[str]) -> str:
     """
-    Return the hint for a chain of frames that is too long: the loop at its end, if there is one.
+    Return the hint for a chain of frames that is too long, usually because it ends in a loop.
 
     :param chain: the names of the frames; each frame is the parent of the frame before it.
-    :returns: a sentence with the frames of the loop, from parent to child; or a sentence that says
-        that there is no loop.
+    :returns: a sentence with the frames of the loop, from parent to child. If there is no loop,
+        the sentence says so.
     """
     last = chain[-1]
     earlier = [i for i, frame in enumerate(chain[:-1]) if frame == last]
@@ -275,18 +274,18 @@ def exact_seconds(duration: int) -> str:
 
 class ThrottledLog:
     """
-    A log that accepts a warning of the same cause at most once a second, or only once.
+    A log that limits how often it warns of the same cause.
 
-    Warnings are queued; `flush` writes them. Do not hold a lock while you call `flush`, since a
-    handler of the log may look up transforms.
+    Warnings are queued; `flush` writes them. Do not hold a lock while you call `flush`: a handler
+    of the log may look up transforms, and so wait for the lock of a buffer.
     """
 
     def __init__(self) -> None:
         """Create a log without warnings."""
         #: The function that writes a warning; another function may be assigned.
         self.write: Callable[[str], None] = logging.getLogger('dummy_arm.tf').warning
-        #: For each cause, the time of the monotonic clock (s) from which a warning of this cause
-        #: may be queued again.
+        #: The earliest time at which the next warning of a cause may be queued (s, on the
+        #: monotonic clock); the keys are the causes.
         self._next_times: dict[str, float] = {}
         self._queue: deque[str] = deque()
 
@@ -302,9 +301,9 @@ class ThrottledLog:
 
     def warn_once(self, cause: str, problem: str) -> None:
         """
-        Queue a warning, but only one of each cause. Use other causes than in `warn`.
+        Queue a warning if no warning of the same cause has been queued before.
 
-        :param cause: the cause, which need not be a part of the text.
+        :param cause: a name for the cause; it must differ from all causes that `warn` uses.
         :param problem: the text of the warning.
         """
         self._warn(cause, problem, inf)

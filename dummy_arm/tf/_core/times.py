@@ -1,4 +1,4 @@
-"""Times and durations: integer nanoseconds, converted from the types of rclpy and ROS messages."""
+"""Conversion of times and durations: ROS types to nanoseconds, nanoseconds to seconds or text."""
 
 from operator import index
 from typing import Any
@@ -9,10 +9,10 @@ SECOND = 1_000_000_000
 
 def nanoseconds(time: Any, name: str = 'time') -> int:
     """
-    Convert the time or duration of another library to nanoseconds.
+    Convert a time or duration object of ROS to nanoseconds.
 
     :param time: an object with the attribute `nanoseconds` (as in rclpy), or with the attributes
-        `sec` and `nanosec` (as in messages).
+        `sec` and `nanosec` (as in ROS messages).
     :param name: the name of the argument, for the error text.
     :returns: the time or duration (ns).
     :raises TypeError: if `time` is not such an object.
@@ -31,7 +31,7 @@ def nanoseconds(time: Any, name: str = 'time') -> int:
 
 def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
     """
-    Convert a time or duration to nanoseconds as `nanoseconds` does; accept integers (ns), too.
+    Convert a time, a duration or an integer (ns) to nanoseconds.
 
     :param time: an object as for `nanoseconds`, or an integer (ns), which may be of a numpy type.
     :param name: the name of the argument, for the error text.

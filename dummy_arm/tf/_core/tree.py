@@ -1,4 +1,4 @@
-"""The tree of frames: the parents of each frame over time, and the search for paths as in tf2."""
+"""The tree of frames: the history of each frame, and tf2's search for paths between frames."""
 
 from collections.abc import Callable, Iterator
 from typing import Any, Optional
@@ -26,8 +26,8 @@ class FrameTree:
     The frames of a buffer and their histories.
 
     `histories` is a dict from the name of each frame to its history, in the order in which the
-    frames were first named. The value is None for a frame that was named as a parent only.
-    Paths and errors are those of tf2; the text of an error begins with tf2's words.
+    frames first occurred in a transform. The value is None if a frame has occurred only as a
+    parent. Paths and errors are the same as in tf2, but a hint may follow tf2's error text.
     """
 
     def __init__(self, cache_time: int) -> None:
@@ -43,11 +43,11 @@ class FrameTree:
     @property
     def names(self) -> tuple[str, ...]:
         """
-        The names of all frames, in the order in which they were first named.
+        The names of all frames, in the order of `histories`.
 
         Names are never removed. When frames have been added, a new tuple is created, and the old
-        tuple does not change. So an error can keep a tuple, and any thread can read the error
-        without the lock.
+        tuple does not change. So the text of an error can be written later from the old tuple,
+        without the lock of the buffer.
         """
         if len(self._names) != len(self.histories):
             self._names = tuple(self.histories)
@@ -84,12 +84,12 @@ class FrameTree:
 
     def has_edge(self, parent: str, child: str, is_static: bool) -> bool:
         """
-        Return True if all paths stay valid when a sample is inserted.
+        Return True if the paths that `Lookups` keeps stay valid when a sample is inserted.
 
         :param parent: the parent in the sample.
         :param child: the child in the sample.
         :param is_static: whether the sample is static.
-        :returns: True if the history of `child` contains `parent`, and if the history and the
+        :returns: True if `parent` occurs in the history of `child`, and if the history and the
             sample are both static or both dynamic.
         """
         history = self.histories.get(child)
@@ -171,7 +171,7 @@ class FrameTree:
         :param target: the target frame, which must exist.
         :param source: the source frame, which must exist.
         :param time: time (ns); the path follows the parents that the frames had at this time. 0:
-            the newest parents. (`Lookups` replaces 0 by the result of `latest_common_time`.)
+            the path follows the newest parents.
         :returns: the path.
         :raises ConnectivityException: if the frames are in different trees.
         :raises ExtrapolationException: if an edge has no pose at the time.
@@ -193,8 +193,8 @@ class FrameTree:
         :raises LookupException: as `path`.
         """
         from_source, from_target = self._walk(target, source, time)
-        # The frame at which the two lists meet is in neither of them. It is the parent of the last
-        # frame of each list.
+        # The highest frame of the path is in neither list. It is the parent of the last frame of
+        # each list.
         if from_target:
             return [*from_source, *self._parents(from_target[-1:], time), *reversed(from_target)]
         return [source, *self._parents(from_source, time)]
@@ -209,12 +209,13 @@ class FrameTree:
         """
         Find a path, and return the child frames of its edges.
 
-        As in tf2, the ancestors of the source are followed first, as far as there are data. Then
-        the ancestors of the target are followed. So if there are several errors, the error that is
-        raised is the same as in tf2.
+        As in tf2, the search first follows the ancestors of the source, as far as there are data
+        for the time, and then the ancestors of the target. If there are several errors, this order
+        decides which error is raised.
 
-        :returns: the child frames of the edges above the source, from the source upwards; and
-            those of the edges above the target, from the target upwards.
+        :returns: two lists: the frames from the source upwards to the highest frame of the path,
+            and the frames from the target upwards to the same highest frame. Neither list contains
+            the highest frame.
         """
         from_source: list[str] = []
         stopped_at: Optional[str] = None
@@ -256,8 +257,8 @@ class FrameTree:
 
         :param target: the target frame, which must exist.
         :param source: the source frame, which must exist.
-        :returns: time (ns); 0 if there is no dynamic edge. If both frames are the same, the newest
-            stamp of this frame.
+        :returns: time (ns); 0 if there is no dynamic edge. If both frames are the same, the result
+            is the newest stamp of this frame.
         :raises ConnectivityException: if the frames are in different trees.
         :raises LookupException: if there is a loop, or a chain of more than 1000 edges.
         """
@@ -265,7 +266,7 @@ class FrameTree:
             history = self.histories[source]
             return history.latest if history else 0
         from_source: list[str] = []
-        # For each ancestor of the source frame: the number of edges between the two frames.
+        # The number of edges from the source frame up to each of its ancestors.
         depths: dict[str, int] = {}
         for child, parent in self._ancestors(source):
             self._append(from_source, child)
@@ -283,7 +284,7 @@ class FrameTree:
         raise self._unconnected(target, source)
 
     def _ancestors(self, frame: str) -> Iterator[tuple[str, str]]:
-        """Yield (frame, newest parent) for a frame and its ancestors; in a loop, without end."""
+        """Yield (frame, newest parent) of a frame and each ancestor; follow a loop without end."""
         while (history := self.histories[frame]) and (parent := history.parent_at(0)):
             yield frame, parent
             frame = parent
@@ -293,8 +294,8 @@ class FrameTree:
         Return the root of the tree of a frame; only the newest parents are followed.
 
         :param frame: the frame, which must exist.
-        :returns: the topmost frame, which has no parent; if the parents form a loop instead, any
-            frame of this loop.
+        :returns: the topmost frame, which has no parent; if the parents form a loop, a frame of
+            this loop.
         """
         seen = {frame}
         for _, parent in self._ancestors(frame):
@@ -327,7 +328,7 @@ class FrameTree:
         """Append a frame to a chain; raise a LookupException if the chain becomes too long."""
         chain.append(frame)
         if len(chain) > MAX_GRAPH_DEPTH:
-            # The edges are copied now, since the text is written later, without the lock.
+            # Copy the edges now, since the text of the error is written later, without the lock.
             edges = self.newest_edges()
             raise LookupException.with_hint(
                 'The tf tree is invalid because it contains a loop.\n',
@@ -395,7 +396,7 @@ class FrameTree:
         this path, the hint names the one whose samples are farthest from `time` (ns). If all edges
         on this path have data at `time`, the frames had other parents at that time. The hint then
         names the edge above `stopped_at`, the frame at which the search stopped. If the newest
-        parents do not connect the two frames, the hint names the roots of both.
+        parents do not connect the two frames, the hint names the roots of their two trees.
         """
         from_source, from_target, meeting = self._chains_to_meeting(source, target)
         if meeting is None:
@@ -420,9 +421,9 @@ class FrameTree:
         """
         Follow the newest parents of two frames, alternately one step each, until the chains meet.
 
-        :returns: the chain of frames from the source upwards, the chain of frames from the target
-            upwards, and the frame at which the chains meet, or None if they do not meet. A chain
-            is a dict whose keys are the frames.
+        :returns: three values: the chain of frames from the source upwards, the chain of frames
+            from the target upwards, and the frame at which the chains meet (None if they do not
+            meet). A chain is a dict whose keys are the frames.
         """
         chains: tuple[dict[str, None], dict[str, None]] = {source: None}, {target: None}
         ends: list[Optional[str]] = [source, target]

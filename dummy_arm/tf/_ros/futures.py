@@ -51,20 +51,20 @@ class TransformFuture(Future):
         :param callback: the function; its argument is this future.
         """
         super().add_done_callback(callback)  # type: ignore[no-untyped-call]
-        # An executor that spins until the future is done adds a callback, which it never removes.
-        # The executor itself keeps the future alive during the spin. If the future were kept here,
-        # too, the future would stay pending after a spin that has timed out.
+        # An executor that spins until the future is done adds a callback, and never removes the
+        # callback. The executor itself keeps the future alive during the spin. If `_owner` also
+        # kept the future alive, the future would stay pending after a spin that has timed out.
         if not is_of_executor(callback):
             self._owner.keep(self)
 
     def cancel(self) -> None:
-        """Stop waiting."""
+        """Cancel the future, unless it is done."""
         if self._owner.forget(self):
             super().cancel()  # type: ignore[no-untyped-call]
 
 
-#: The deadline (s, monotonic clock), a number that orders equal deadlines, the timeout (s), and a
-#: weak reference to the future.
+#: The time when a future times out (s, monotonic clock), a number that orders equal times, the
+#: timeout (s), and a weak reference to the future.
 _Deadline = tuple[float, int, float, 'ref[TransformFuture]']
 
 
@@ -73,8 +73,8 @@ class PendingFutures:
     The futures that wait for the data of a buffer.
 
     The dict `_futures` needs no lock, because each change of the dict is one atomic operation.
-    Only the thread that has removed a future from the dict completes this future. So a signal
-    handler or the garbage collector may interrupt any method of this class.
+    Only the thread that has removed a future from the dict completes this future. So there is no
+    deadlock if a signal handler or the garbage collector interrupts one method and calls another.
     """
 
     def __init__(self, node: Optional[Node]) -> None:
@@ -87,10 +87,10 @@ class PendingFutures:
         self._node = node
         #: The pending futures, by their `id`.
         self._futures: dict[int, ref[TransformFuture]] = {}
-        #: The pending futures that have a done callback; this set keeps them alive.
+        #: The futures that were passed to `keep` and are pending. This set keeps them alive.
         self._kept: set[TransformFuture] = set()
         self._numbers = count()
-        #: The queue from which `_thread` gets new deadlines. If the item is None, it only wakes
+        #: The queue from which `_thread` gets new deadlines. A None in the queue only wakes
         #: `_thread`.
         self._queue: SimpleQueue[Optional[_Deadline]] = SimpleQueue()
         #: A heap of deadlines, used by `_thread` only.
@@ -104,12 +104,12 @@ class PendingFutures:
     def add(self, lookup: Callable[[], TransformStamped], timeout: Optional[float], what: str
             ) -> Future:
         """
-        Create a future, which is done at once if its lookup succeeds now.
+        Create a future; if its lookup succeeds now, the future is already done.
 
         :param lookup: a function that returns the result, or raises a TransformException if the
             result is not available.
-        :param timeout: the time after which the future ends with a TimeoutException (s); None:
-            there is no timeout.
+        :param timeout: the time (s) after which the future ends with a TimeoutException; None
+            means that there is no timeout.
         :param what: a description of the transform, for the text of the TimeoutException.
         :returns: the future.
         """
@@ -132,7 +132,7 @@ class PendingFutures:
         """
         Keep a reference to a future until the future is done.
 
-        :param future: the future, which has a done callback.
+        :param future: the future.
         """
         self._kept.add(future)
         if id(future) not in self._futures:
@@ -143,12 +143,12 @@ class PendingFutures:
         Remove a future from the pending futures.
 
         :param future: the future.
-        :returns: True if the future was pending. Then the caller, and no other thread, may
+        :returns: True if the future was pending. In this case, only the calling thread may
             complete or cancel the future.
         """
         was_waiting = self._futures.pop(id(future), None) is not None
         self._kept.discard(future)
-        # The lookup refers to the buffer. It is replaced so that the buffer can be freed even if
+        # The lookup refers to the buffer. Without the lookup, the buffer can be freed even if
         # rclpy still refers to the future.
         future.lookup = _raise
         if self._thread is not None:
@@ -157,9 +157,9 @@ class PendingFutures:
 
     def check(self) -> bool:
         """
-        Complete the futures whose lookups succeed now, or raise another error than before.
+        Complete the futures whose lookups no longer raise a TransformException.
 
-        :returns: True if a future does not stay pending.
+        :returns: True if at least one of the futures is no longer pending.
         """
         futures = [future for reference in self._futures.copy().values()
                    if (future := reference()) is not None]
@@ -178,11 +178,11 @@ class PendingFutures:
         """
         Call the lookup of a future, and complete the future with the result.
 
-        If the lookup raises a TransformException, the future stays pending; but if the timeout has
-        expired, the future gets a TimeoutException. Other exceptions of the lookup are passed to
-        the future.
+        If the lookup raises a TransformException before the timeout has expired, the future stays
+        pending. If the lookup raises a TransformException after the timeout has expired, the
+        future gets a TimeoutException. The future gets any other exception of the lookup.
 
-        :param waited: the timeout (s), if it has expired; otherwise None.
+        :param waited: the timeout (s) if it has expired; None if it has not expired.
         :returns: False if the future stays pending.
         """
         try:
@@ -203,7 +203,7 @@ class PendingFutures:
             return
         set_outcome()
         if self._node is not None and (executor := self._node.executor) is not None:
-            with suppress(AttributeError, InvalidHandle):  # if a thread shuts the executor down
+            with suppress(AttributeError, InvalidHandle):  # if the executor is being shut down
                 executor.wake()
 
     def _end_after(self, future: TransformFuture, timeout: float) -> None:
@@ -216,7 +216,7 @@ class PendingFutures:
                 self._thread.start()
 
     def _watch_deadlines(self) -> None:
-        """End the futures that time out; return when no pending future has a timeout."""
+        """End the futures that time out, until no pending future has a timeout."""
         deadlines = self._deadlines
         while True:
             if len(deadlines) > 2 * len(self._futures) + 10:

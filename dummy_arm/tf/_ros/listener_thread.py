@@ -1,4 +1,4 @@
-"""The thread of a listener: it waits for messages and wakes the node's executor."""
+"""The thread of a listener, which waits for messages and wakes the node's executor."""
 
 import atexit
 from collections.abc import Callable
@@ -16,12 +16,13 @@ from rclpy.subscription import Subscription
 
 from dummy_arm.tf._ros.rclpy_private import guard_condition, RCLError, WaitSet
 
-#: The longest wait (s). It is short because a signal that shuts ROS down does not wake the thread.
+#: The longest time for which the thread waits (s). The time is short because a signal that shuts
+#: ROS down does not wake the thread.
 _MAX_WAIT = 0.2
 #: The shortest time between two wake-ups of the executor (s). A wake-up costs 0.1 to 0.3 ms.
 _WAKE_INTERVAL = 0.1
-#: The longest time for which `stop` waits for the end of the thread (s). It is limited because the
-#: thread may be running a long callback.
+#: The longest time for which `stop` waits for the end of the thread (s). The time is limited,
+#: because the thread may be running a long callback.
 _JOIN_TIMEOUT = 0.5
 
 #: The threads that were started and have not ended.
@@ -29,9 +30,9 @@ _running: set['ListenerThread'] = set()
 
 
 class Round(NamedTuple):
-    """The result of one round of a listener's thread; see `ListenerThread`."""
+    """The result that the function `work` of a `ListenerThread` returns."""
 
-    has_news: bool  #: True if data have arrived
+    has_news: bool  #: True if there are new data
     is_urgent: bool  #: True if a future was completed; then the executor is woken at once
     pause: float  #: how long the thread may leave messages of /tf in the queue (s)
 
@@ -40,10 +41,11 @@ class ListenerThread:
     """
     A thread that calls a function whenever messages arrive.
 
-    A *round* of the thread is one wait for messages and one call of the function. The thread waits
-    in a wait set of rcl that only this thread uses. After a round the thread may pause, so that
-    the next round handles several messages. The thread ends when `end` or `stop` is called, the
-    node is destroyed or ROS is shut down.
+    The thread waits for messages, calls the function, and then waits again. It waits with a wait
+    set of rcl that no other thread uses. After a call of the function, the thread may ignore the
+    messages of /tf for some time, so that the next call handles several messages. This time is
+    called a pause. The thread ends when `end` or `stop` is called, when the node is destroyed, or
+    when ROS is shut down.
     """
 
     def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription, tf: Subscription,
@@ -57,12 +59,12 @@ class ListenerThread:
         :param tf_static: the subscription to /tf_static, whose messages always wake the thread.
         :param tf: the subscription to /tf, whose messages do not wake the thread during a pause.
         :param work: the function that the thread calls when messages have arrived, and at least 5
-            times per second. It returns the result of the round.
-        :param on_end: called by the thread at its end; or by `stop`, if the thread was never
-            started.
-        :param is_blocked: called by `stop`; returns True if the caller of `stop` holds a lock that
-            this thread needs in order to end.
-        :param clock: returns the time (s).
+            times per second. It returns a `Round`.
+        :param on_end: a function that the thread calls at its end. If the thread was never
+            started, `stop` calls this function.
+        :param is_blocked: a function that returns True if the calling thread holds a lock that
+            this thread needs in order to end. The method `stop` calls this function.
+        :param clock: a function that returns the time (s).
         """
         self._node, self._context, self._clock = node, node.context, clock
         self._tf_static, self._tf = tf_static, tf
@@ -93,15 +95,15 @@ class ListenerThread:
         self._guard.trigger()
 
     def end(self) -> None:
-        """Stop the thread; any thread may call this method, and more than once."""
-        self._node.destroy_guard_condition(self._guard)  # calls `stop` the first time
+        """Stop the thread; any thread may call this method, even several times."""
+        self._node.destroy_guard_condition(self._guard)  # calls `stop`, but only once
 
     def stop(self) -> None:
         """
         Stop the thread and join it.
 
-        The thread is not joined if it calls this method itself, or if the caller holds a lock that
-        the thread needs in order to end.
+        The thread is not joined if the thread itself calls this method, or if the caller holds a
+        lock that the thread needs in order to end.
         """
         self.has_ended = True
         if self._once.acquire(blocking=False):
@@ -156,7 +158,7 @@ class ListenerThread:
 
 
 def _after_fork_in_child() -> None:
-    """Mark all threads as ended: only the thread that has forked runs in the child process."""
+    """Mark all listener threads as ended, because they do not run in the child process."""
     for thread in _running:
         thread.has_ended = True
     _running.clear()

@@ -9,9 +9,9 @@ def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) 
     """
     Return the QoS profile for an argument that is a profile, a depth or None.
 
-    :param qos: a profile, which is returned unchanged; or a depth; None: the default depth.
+    :param qos: a profile, which is returned unchanged, or a depth. None means the default depth.
     :param depth: the default depth.
-    :param policies: the other policies; not used if `qos` is a profile.
+    :param policies: further arguments of `QoSProfile`; not used if `qos` is a profile.
     :returns: the profile.
     """
     if qos is None or isinstance(qos, int):

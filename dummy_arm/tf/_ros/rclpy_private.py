@@ -31,15 +31,16 @@ from dummy_arm.tf._wire.cdr import MalformedMessage
 
 _Message = TypeVar('_Message')
 
-#: The exception that rclpy's compiled part raises for an error code of rcl.
+#: The exception that rclpy's compiled part raises if rcl returns an error code.
 RCLError = _rclpy.RCLError
-#: The class of rcl_wait_set_t. The arguments of its constructor are the numbers of subscriptions,
-#: guard conditions, timers, clients, services and events, and the context. Its methods are
-#: clear_entities, add_subscription, add_guard_condition and wait(timeout in ns).
+#: The class that wraps the C struct rcl_wait_set_t. The first six arguments of its constructor
+#: say how many subscriptions, guard conditions, timers, clients, services and events can be added.
+#: The last argument is the context. This package uses the methods clear_entities,
+#: add_subscription, add_guard_condition and wait(timeout in ns).
 WaitSet = _rclpy.WaitSet
 #: take_message(handle, message type, raw) takes a message, as bytes if `raw` is True. It returns
 #: the message and its info, or None if there is no message. `install` replaces the method in
-#: rclpy; this name keeps the original method.
+#: rclpy, but not here: this name always refers to the original method.
 take_message = _rclpy.Subscription.take_message
 
 
@@ -55,15 +56,15 @@ def install(message_type: Any) -> None:
 
 def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> None:
     """
-    Make rclpy pass messages of one type to rcl, and take them from rcl, as bytes.
+    Make rclpy exchange the messages of one class with rcl as bytes.
 
     rclpy's compiled part converts a message with compiled functions of the message's class. A
-    class that was created at run time does not have such functions. So messages of this class are
-    converted to and from bytes here, when rclpy publishes, takes, serializes or deserializes them.
-    Messages of other types are handled as before.
+    class that was created at run time does not have such functions. So `_exchange_bytes` replaces
+    the four functions of rclpy that publish, take, serialize and deserialize messages. The new
+    functions convert the messages of this class in Python, and handle other messages as before.
 
-    :param message_type: the class of the messages that are converted here.
-    :param serialize: packs a list of TransformStamped into the bytes of a message.
+    :param message_type: the class of the messages that are converted in Python.
+    :param serialize: a function that packs a list of TransformStamped into the bytes of a message.
     """
     publish = _rclpy.Publisher.publish
     serialize_other, deserialize_other = _rclpy.rclpy_serialize, _rclpy.rclpy_deserialize
@@ -82,11 +83,11 @@ def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> Non
 
     def take_as_bytes(self: Any, taken_type: type, raw: bool) -> Optional[tuple[Any, Any]]:
         """
-        Take a message, in place of `Subscription.take_message`; drop it if it is malformed.
+        Take a message, in place of `Subscription.take_message`; drop a malformed message.
 
         :param taken_type: the class of the message.
-        :param raw: True: return the bytes of the message.
-        :returns: the message and its info; None if there is no message, or if it is malformed.
+        :param raw: True to return the bytes of the message instead of a message object.
+        :returns: the message and its info; None if there is no message or it was dropped.
         """
         if raw or not issubclass(taken_type, message_type):
             return take_message(self, taken_type, raw)  # type: ignore[no-any-return]
@@ -135,9 +136,9 @@ def _exchange_bytes(message_type: Any, serialize: Callable[[Any], bytes]) -> Non
 def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[Any], None],
               qos: QoSProfile, group: CallbackGroup) -> Subscription:
     """
-    Subscribe a node to a topic, for a caller that takes the messages itself.
+    Create a subscription whose messages the caller must take.
 
-    The subscription is not in the node's list of subscriptions, so no executor takes its messages.
+    The subscription is not in the node's list of subscriptions, so executors do not know it.
 
     :param node: the node.
     :param message_type: the class of the messages.
@@ -147,7 +148,7 @@ def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[An
     :param group: the callback group of the subscription.
     :returns: the subscription.
     """
-    # As in create_subscription, this call loads the type support of a generated class.
+    # This call loads the type support of a generated message class.
     check_is_valid_msg_type(message_type)
     with node.handle:
         handle = _rclpy.Subscription(node.handle, message_type, topic, qos.get_c_qos_profile())
@@ -159,11 +160,12 @@ def incompatible_qos(subscription: Subscription) -> Any:
     """
     Create the event that reports publishers whose QoS is incompatible with a subscription.
 
-    The method `take_event` of the event returns None, or a status with `total_count_change` and
-    `last_policy_kind`. The method `destroy_when_not_in_use` releases the event.
+    The method `take_event` of the event returns a status, or None if there is no new status. A
+    status has the attributes `total_count_change` and `last_policy_kind`. The method
+    `destroy_when_not_in_use` releases the event.
 
     :param subscription: the subscription.
-    :returns: the event; None if the middleware does not support it.
+    :returns: the event; None if the middleware does not support this event.
     """
     with subscription.handle:
         try:
@@ -181,8 +183,9 @@ def guard_condition(node: Node, group: CallbackGroup, on_destroy: Callable[[], o
 
     :param node: the node.
     :param group: the callback group of the guard condition.
-    :param on_destroy: called before the guard condition is destroyed. `destroy_node` destroys all
-        guard conditions of the node, so it calls this function, too. It has no other hook.
+    :param on_destroy: a function that is called before the guard condition is destroyed. The
+        method `destroy_node` has no hook, but it destroys all guard conditions of the node. So
+        `destroy_node`, too, calls `on_destroy`.
     :returns: the guard condition.
     """
     guard = node.create_guard_condition(lambda: None, group)
@@ -209,12 +212,12 @@ def is_of_executor(callback: Callable[..., Any]) -> bool:
     return callback.__module__ == 'rclpy.executors'
 
 
-# rcl, by ctypes
+# Functions of rcl that are called through ctypes
 
 #: The code RCL_RET_SUBSCRIPTION_TAKE_FAILED, which means that there is no message.
 _TAKE_FAILED = 401
-#: The size of a gid (bytes). A gid identifies a publisher. The `endpoint_gid` of a
-#: TopicEndpointInfo begins with the gid.
+#: The number of bytes in a gid, which identifies a publisher. The `endpoint_gid` of rclpy's
+#: `TopicEndpointInfo` begins with these bytes.
 GID_SIZE = 16
 
 
@@ -226,14 +229,14 @@ class _Allocator(ctypes.Structure):
 
 
 class _Bytes(ctypes.Structure):
-    """The struct rcutils_uint8_array_t, which is rcl_serialized_message_t."""
+    """The struct rcutils_uint8_array_t, also named rcl_serialized_message_t."""
 
     _fields_ = [('buffer', POINTER(c_uint8)), ('length', c_size_t), ('capacity', c_size_t),
                 ('allocator', _Allocator)]
 
 
 class _MessageInfo(ctypes.Structure):
-    """The struct rmw_message_info_t, with room for the longer structs of other releases."""
+    """The struct rmw_message_info_t, with extra room because it is longer in other releases."""
 
     _fields_ = [('source_timestamp', c_int64), ('received_timestamp', c_int64),
                 ('publication_sequence_number', c_uint64), ('reception_sequence_number', c_uint64),
@@ -246,7 +249,7 @@ def rcl_take() -> Any:
     """
     Load the function rcl_take_serialized_message.
 
-    :returns: the function; None if librcl.so cannot be loaded or does not have it.
+    :returns: the function; None if librcl.so cannot be loaded or does not have the function.
     """
     try:
         take = ctypes.PyDLL('librcl.so').rcl_take_serialized_message
@@ -257,16 +260,21 @@ def rcl_take() -> Any:
 
 
 class Taker(Generic[_Message]):
-    """A reader of messages and the gids of their publishers; rclpy does not report these gids."""
+    """
+    An object that takes messages from a subscription.
+
+    rclpy does not report which publisher has sent a message. So this class calls rcl through
+    ctypes. With each message, rcl returns the gid of the publisher.
+    """
 
     def __init__(self, make: Callable[[bytes, str, int], _Message]) -> None:
         """
         Create the structs into which rcl writes.
 
-        This needs the function of `rcl_take`, so `rcl_take` must not return None.
+        A Taker can be used only if `rcl_take` does not return None.
 
-        :param make: creates a message from its bytes, the gid of its publisher (hex), and the time
-            of its reception (ns; 0: not known).
+        :param make: a function that creates a message. Its arguments are the bytes of the message,
+            the gid of the publisher (hex), and the time of reception (ns; 0 if it is not known).
         """
         self._make, self._take = make, rcl_take()
         rcutils = ctypes.PyDLL('librcutils.so')
@@ -285,7 +293,7 @@ class Taker(Generic[_Message]):
         :raises InvalidHandle: if the subscription is destroyed.
         :raises RCLError: if rcl returns an error.
         """
-        # If Ctrl-C has interrupted the last call, a message may be taken but not appended.
+        # If Ctrl-C has interrupted the previous call, one message may be taken but not appended.
         self._append_taken(messages)
         with handle:
             for _ in range(max_messages):
@@ -302,5 +310,7 @@ class Taker(Generic[_Message]):
         if written.length:
             message = self._make(ctypes.string_at(written.buffer, written.length),
                                  bytes(info.gid).hex(), info.received_timestamp)
-            messages += [message]  # not `append`: after a call, Ctrl-C can interrupt
+            # After a call of `append`, Ctrl-C could interrupt before `length` is set to 0. Then
+            # the message would be appended twice.
+            messages += [message]
             written.length = 0

@@ -1,4 +1,4 @@
-"""The subscriptions of a listener as a source from which a buffer pulls messages."""
+"""The source from which a buffer pulls a listener's messages, and a monitor of the QoS."""
 
 from collections.abc import Callable
 from functools import partial
@@ -44,8 +44,8 @@ class Topic:
         self.name: str = subscription.topic_name
         self.handle: Any = subscription.handle
         self.is_static = is_static
-        #: The largest number of messages to take at once. It limits how long the buffer's lock is
-        #: held.
+        #: The largest number of messages that one call of `take` takes. The number is limited,
+        #: because the buffer's lock is held during the call.
         self.max_messages = max(_MAX_MESSAGES, int(subscription.qos_profile.depth))
         self._take = partial(rclpy_private.take_message, self.handle, TFMessage, True)
 
@@ -56,8 +56,8 @@ class Topic:
         One call of C code takes and appends all these messages. So a KeyboardInterrupt cannot be
         raised between the taking and the appending of a message, and no message is lost.
 
-        :param messages: the list to which one pair is appended for each message: the bytes of the
-            message, and its info.
+        :param messages: the list to which the messages are appended. Each message is appended as a
+            pair (bytes, info).
         :raises InvalidHandle: if the subscription is destroyed.
         """
         with self.handle:
@@ -70,7 +70,8 @@ class SubscriptionSource:
 
     The source has no lock of its own. The buffer holds the buffer's lock when it calls `take`. The
     listener's thread calls `end_round` without a lock, so another thread may call `take` at the
-    same time. Therefore the number of messages that `end_round` uses may be wrong.
+    same time. Then `end_round` may use a wrong number of messages, but the only effect is a pause
+    that is too short or too long.
     """
 
     def __init__(self, tf_static: Subscription, tf: Subscription,
@@ -83,31 +84,32 @@ class SubscriptionSource:
         :param tf: the subscription to /tf.
         :param on_fault: called with the error of each message that cannot be decoded, and with any
             other error that is raised while messages are decoded.
-        :param wake: makes the listener's thread update the buffer now.
-        :param clock: returns the time (s).
+        :param wake: a function that makes the listener's thread update the buffer now.
+        :param clock: a function that returns the time (s).
         """
         self.wake, self._on_fault, self._clock = wake, on_fault, clock
-        #: For each topic: the topic, its reader, and its messages that are taken but not decoded.
+        #: For each topic: the topic, its reader, and its messages that are not decoded yet.
         self._topics: list[tuple[Topic, MessageReader, list[Any]]] = [
             (Topic(tf_static, True), MessageReader(on_fault), []),
             (Topic(tf, False), MessageReader(on_fault), [])]
-        #: The transforms that are decoded but not inserted.
+        #: The transforms that are decoded but not inserted yet.
         self._batches: list[BatchOrRows] = []
         qos = tf.qos_profile
         self._depth = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
-        #: The time of the last call of `end_round` (s), and the number of messages since then.
+        #: The time of the last call of `end_round` (s), and the number of messages that were
+        #: decoded since that call.
         self._last, self._count = clock(), 0
 
     def take(self) -> list[BatchOrRows]:
         """
         Take and decode the messages that have arrived.
 
-        The messages of /tf are taken before those of /tf_static, but inserted after them. So if a
-        publisher sends a static transform before a dynamic one, no lookup sees the dynamic
-        transform without the static one.
+        The messages of /tf are taken first and inserted last. So if a publisher sends a static
+        transform before a dynamic transform, no lookup sees the dynamic transform without the
+        static transform.
 
-        :returns: the transforms that are decoded but not inserted. This source keeps the list, and
-            the buffer clears the list after the insertion.
+        :returns: the transforms that are decoded but not inserted yet. The buffer must clear this
+            list after it has inserted the transforms.
         """
         try:
             for topic, _, arrived in reversed(self._topics):
@@ -129,17 +131,18 @@ class SubscriptionSource:
         """
         Compute how long the listener's thread may leave messages of /tf in the queue.
 
-        The thread calls this method after each update, without a lock. The thread pauses because a
-        wake-up costs more than the insertion of a message. If messages keep arriving at the rate
-        of the time since the last call, at least half of the queue stays free during the pause.
+        The thread calls this method after each update, without a lock. A wake-up of the thread
+        costs more than the insertion of a message. So if many messages arrive, the thread pauses,
+        and then takes several messages at once. The pause is so short that messages at the current
+        rate fill at most half of the queue.
 
-        :returns: the pause (s); 0: no pause.
+        :returns: the pause (s); 0 means no pause.
         """
         now = self._clock()
         count, self._count, since, self._last = self._count, 0, now - self._last, now
         if count <= _LOW_RATE * since or self._depth <= 1:
             return 0.0
-        if count > 0.75 * self._depth:  # messages may be lost, so the rate is not known
+        if count > 0.75 * self._depth:  # messages may have been lost: the rate is not known
             return 0.0
         return min(_LONGEST_PAUSE, 0.5 * self._depth * since / count)
 
@@ -153,7 +156,7 @@ class QosMonitor:
         Create the monitor of a subscription.
 
         :param subscription: the subscription.
-        :param clock: returns the time (s).
+        :param clock: a function that returns the time (s).
         """
         self._clock = clock
         self._topic = subscription.topic_name
@@ -163,9 +166,10 @@ class QosMonitor:
 
     def check(self) -> None:
         """
-        Warn if there are new incompatible publishers; check once a second at most.
+        Warn if there are new incompatible publishers.
 
-        The text of the warning begins with that of rclpy's default callback for this event.
+        If the last check was less than 1 s ago, this method does nothing. The warning begins with
+        the text that rclpy itself logs for such a publisher.
         """
         if self._incompatible_qos is None or (now := self._clock()) < self._next:
             return
@@ -180,6 +184,6 @@ class QosMonitor:
                 'TransformListener.')
 
     def close(self) -> None:
-        """Release the event, which refers to the subscription."""
+        """Release the event of rclpy that `check` reads; the event refers to the subscription."""
         if self._incompatible_qos is not None:
             self._incompatible_qos.destroy_when_not_in_use()

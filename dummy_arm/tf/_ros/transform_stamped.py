@@ -1,4 +1,4 @@
-"""Conversion of `geometry_msgs/msg/TransformStamped` to and from fields or bytes, and checks."""
+"""Conversions and checks of messages of the type `geometry_msgs/msg/TransformStamped`."""
 
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
@@ -17,19 +17,19 @@ from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import cdr
 
-#: Whether messages check the values that are assigned to their fields. The environment variable
-#: ROS_PYTHON_CHECK_FIELDS sets this.
+#: True if the environment variable ROS_PYTHON_CHECK_FIELDS is '1'. Then messages check the values
+#: that are assigned to their fields.
 _CHECK_FIELDS: bool = TransformStamped()._check_fields
 
-#: The paths of the fields of a TransformStamped, each with the class of the field or, if the field
-#: is a number, with its `struct` format.
+#: The path and the kind of each field of a TransformStamped. The kind of a number is its `struct`
+#: format. The kind of any other field is its class.
 _FIELDS: tuple[tuple[str, Union[type, str]], ...] = (
     ('header', Header), ('header.stamp', Time),
     ('header.stamp.sec', 'i'), ('header.stamp.nanosec', 'I'), ('header.frame_id', str),
     ('child_frame_id', str), ('transform', Transform), ('transform.translation', Vector3),
     *((f'transform.translation.{axis}', 'd') for axis in 'xyz'),
     ('transform.rotation', Quaternion), *((f'transform.rotation.{axis}', 'd') for axis in 'xyzw'))
-#: The errors that a field with a wrong value causes when a message is packed.
+#: The errors that can be raised when a message with a wrong value in a field is read or packed.
 _FIELD_ERRORS = (ArithmeticError, AttributeError, TypeError, struct.error)
 _KINDS = {'i': 'an int32', 'I': 'a uint32', 'd': 'a number'}
 
@@ -76,14 +76,14 @@ def fields_of(message: TransformStamped) -> cdr.Fields:
     Read the fields of a TransformStamped, without checks of their values.
 
     :param message: the message.
-    :returns: sec, nanosec, frame_id, child_frame_id, and the pose, a tuple of x, y, z (m) and the
-        quaternion x, y, z, w.
+    :returns: sec, nanosec, frame_id, child_frame_id and pose. The pose is a tuple of x, y, z (m)
+        and the quaternion x, y, z, w.
     :raises TypeError: if `message` is not a TransformStamped.
     """
     if not isinstance(message, TransformStamped):
         raise TypeError(
             f'expected a TransformStamped, got {message!r} of type {type(message).__name__}')
-    # Slots such as `_header` are read, because reading the sixteen properties such as `header`
+    # The slots (`_header`) are read instead of the properties (`header`), because the properties
     # would double the time of a conversion.
     header, transform = message._header, message._transform
     stamp, translation, rotation = header._stamp, transform._translation, transform._rotation
@@ -98,8 +98,9 @@ def message_of(row: Row) -> TransformStamped:
 
     :param row: stamp (ns), frame_id, child_frame_id and pose.
     :returns: the message.
-    :raises TypeError: as `message_of_fields`.
-    :raises ValueError: as `message_of_fields`.
+    :raises TypeError: as in `message_of_fields`.
+    :raises ValueError: as in `message_of_fields`.
+    :raises OverflowError: as in `message_of_fields`.
     """
     stamp_ns, frame_id, child_frame_id, pose = row
     return message_of_fields((*divmod(stamp_ns, SECOND), frame_id, child_frame_id, pose))
@@ -109,15 +110,16 @@ def message_of_fields(fields: cdr.Fields) -> TransformStamped:
     """
     Create a TransformStamped from its fields.
 
-    Values are assigned to the slots, which takes a tenth of the time of the constructors. The
-    numbers of the pose are converted to float, because rclpy's compiled code does not check the
-    type of a value in the slot of a float64 field. From an int, it would send a wrong number.
+    The values are assigned to the slots of the messages, because the constructors would take ten
+    times as long. The numbers of the pose are converted to float, because rclpy's compiled code
+    does not check what is in a slot. If the slot of a float64 field contained an int, the compiled
+    code would send a wrong value.
 
-    :param fields: sec, nanosec, frame_id, child_frame_id, and the pose, a tuple of x, y, z (m) and
-        the quaternion x, y, z, w.
+    :param fields: sec, nanosec, frame_id, child_frame_id and pose. The pose is a tuple of x, y, z
+        (m) and the quaternion x, y, z, w.
     :returns: the message.
-    :raises TypeError: if the type of a value in the pose cannot be converted to float.
-    :raises ValueError: if a value in the pose cannot be converted to float.
+    :raises TypeError: if a value in the pose is of a type that `float` does not accept.
+    :raises ValueError: if a value in the pose is a str that `float` cannot parse.
     :raises OverflowError: if an integer in the pose is too large for a float.
     """
     message, header, stamp = _new(TransformStamped), _new(Header), _new(Time)
@@ -145,15 +147,15 @@ class explain_bad_fields:  # noqa: N801
     """
     A context manager that names the field that has caused an error.
 
-    If a field with a wrong value has caused an error in the block, the error is replaced by a
-    ValueError with the name and the value of the field. Other errors are not changed.
+    If a field with a wrong value has caused an error in the `with` block, the error is replaced by
+    a ValueError that names the field and its value. Other errors are not changed.
     """
 
     def __init__(self, messages: Sequence[TransformStamped]) -> None:
         """
         Create the context manager.
 
-        :param messages: the transforms that are read or packed in the block.
+        :param messages: the transforms that are read or packed in the `with` block.
         """
         self._messages = messages
 
@@ -170,7 +172,7 @@ class explain_bad_fields:  # noqa: N801
 
 
 def _bad_field(message: TransformStamped) -> Optional[str]:
-    """Return a text about the first field with a wrong value; None if there is no such field."""
+    """Describe the first field with a wrong value; return None if there is no such field."""
     for path, kind in _FIELDS:
         value: Any = message
         for name in path.split('.'):
@@ -182,7 +184,7 @@ def _bad_field(message: TransformStamped) -> Optional[str]:
 
 
 def _fits(value: object, kind: Union[type, str]) -> bool:
-    """Return True if a value fits its kind: a class or, for a number, a `struct` format."""
+    """Return True if a field of this kind may have this value; see `_FIELDS` for the kinds."""
     if isinstance(kind, type):
         return isinstance(value, kind)
     try:
@@ -224,7 +226,7 @@ def fields_to_send(messages: Iterable[TransformStamped]) -> list[cdr.Fields]:
 @lru_cache(maxsize=4096)
 def check_edge(frame_id: str, child_frame_id: str) -> None:
     """
-    Check the names of a transform that is to be broadcast; a leading slash is ignored.
+    Check the frame names of a transform that is to be broadcast, without their leading slashes.
 
     :param frame_id: the name of the parent.
     :param child_frame_id: the name of the child.
@@ -269,8 +271,8 @@ def check_poses(edges: Sequence[tuple[str, str]], poses: NDArray[np.float64]) ->
     """
     Check many poses at once, each as `check_pose` does.
 
-    :param edges: the (frame_id, child_frame_id) of each of the n poses.
-    :param poses: (n, 7) float64: x, y, z (m), quaternion x, y, z, w.
+    :param edges: the pair (frame_id, child_frame_id) of each of the n poses.
+    :param poses: (n, 7) float64, n > 0: x, y, z (m) and the quaternion x, y, z, w of each pose.
     :raises ValueError: if a pose is not valid; the text names the first such pose.
     """
     rotations = poses[:, 3:]

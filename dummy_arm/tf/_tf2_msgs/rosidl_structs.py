@@ -3,8 +3,8 @@ The C structs of rosidl that describe a message type, with their layout in ROS 2
 
 The structs are declared in rosidl_runtime_c/message_type_support_struct.h,
 rosidl_runtime_c/type_description/*.h, rosidl_typesupport_fastrtps_cpp/message_type_support.h and
-rosidl_typesupport_introspection_c/message_introspection.h. Only `type_support` uses them. Compare
-them with these headers before you support another distribution of ROS.
+rosidl_typesupport_introspection_c/message_introspection.h. Only the module `type_support` uses
+the structs. Compare the structs with these headers before you support another distribution of ROS.
 """
 
 import ctypes
@@ -12,17 +12,17 @@ from ctypes import c_bool, c_char_p, c_size_t, c_uint8, c_uint32, c_uint64, c_vo
 
 
 class String(ctypes.Structure):
-    """The struct of a string, rosidl_runtime_c__String; `str()` decodes the string."""
+    """The struct rosidl_runtime_c__String; `str()` returns the decoded string."""
 
     _fields_ = [('data', c_char_p), ('size', c_size_t), ('capacity', c_size_t)]
 
     @classmethod
     def of(cls, text: str) -> 'String':
         """
-        Create the struct of a text.
+        Create the struct from a Python string.
 
-        :param text: the text.
-        :returns: the struct; Python frees its bytes.
+        :param text: the Python string.
+        :returns: the struct. Python frees the bytes of the struct, so C code must not free them.
         """
         data = text.encode()
         return cls(data, len(data), len(data) + 1)
@@ -33,10 +33,10 @@ class String(ctypes.Structure):
 
 def sequence_of(element: type) -> type:
     """
-    Create the ctypes class of the struct of a rosidl sequence.
+    Create the ctypes class for a rosidl sequence.
 
     :param element: the class of the elements.
-    :returns: the class; a loop over one of its objects yields the elements.
+    :returns: the class. A loop over an object of this class yields the elements of the sequence.
     """
     fields = [('data', POINTER(element)), ('size', c_size_t), ('capacity', c_size_t)]
     return type(f'{element.__name__}Sequence', (ctypes.Structure,), {
@@ -85,13 +85,13 @@ TypeSources = sequence_of(TypeSource)
 
 
 class TypeHash(ctypes.Structure):
-    """The hash of a type description: rosidl_type_hash_t."""
+    """The struct rosidl_type_hash_t: the hash of a type description."""
 
     _fields_ = [('version', c_uint8), ('value', c_uint8 * 32)]
 
 
 class TypeSupport(ctypes.Structure):
-    """The type support of a message type: rosidl_message_type_support_t."""
+    """The struct rosidl_message_type_support_t: the type support of a message type."""
 
     _fields_ = [('typesupport_identifier', c_char_p), ('data', c_void_p), ('func', c_void_p),
                 ('get_type_hash_func', c_void_p), ('get_type_description_func', c_void_p),
@@ -99,7 +99,7 @@ class TypeSupport(ctypes.Structure):
 
 
 class FastRTPSCallbacks(ctypes.Structure):
-    """The name of a type, and its functions for rmw_fastrtps: message_type_support_callbacks_t."""
+    """The struct message_type_support_callbacks_t: a type's name and its Fast RTPS functions."""
 
     _fields_ = [('message_namespace', c_char_p), ('message_name', c_char_p),
                 *((name, c_void_p) for name in (
@@ -108,7 +108,7 @@ class FastRTPSCallbacks(ctypes.Structure):
 
 
 class Member(ctypes.Structure):
-    """How a field is stored in memory: rosidl_typesupport_introspection_c__MessageMember."""
+    """The struct rosidl_typesupport_introspection_c__MessageMember: a field's memory layout."""
 
     _fields_ = [('name', c_char_p), ('type_id', c_uint8), ('string_upper_bound', c_size_t),
                 ('members', c_void_p), ('is_key', c_bool), ('is_array', c_bool),
@@ -119,7 +119,7 @@ class Member(ctypes.Structure):
 
 
 class Members(ctypes.Structure):
-    """How a message is stored in memory: rosidl_typesupport_introspection_c__MessageMembers."""
+    """The struct rosidl_typesupport_introspection_c__MessageMembers: a message's memory layout."""
 
     _fields_ = [('message_namespace', c_char_p), ('message_name', c_char_p),
                 ('member_count', c_uint32), ('size_of', c_size_t),

@@ -1,14 +1,17 @@
 """
 The class `tf2_msgs/msg/TFMessage`, created at run time where tf2_msgs is not installed.
 
-Compiled functions convert the messages of a generated class. rclpy calls functions that convert
-between Python and C. The middleware calls functions that convert between C and bytes. Python
-functions cannot replace the functions that the middleware calls, for two reasons. First, Fast DDS
-holds its own lock while it calls them. Python functions would wait for the GIL there, so two
-threads that publish could deadlock. Second, a KeyboardInterrupt in a Python function that C calls
-by ctypes leaves the result of the function undefined. Therefore rclpy publishes and takes this
-message as bytes. The message is serialised and deserialised outside of the middleware; see
-`install` in `_ros/rclpy_private.py`.
+A generated message class has compiled functions of two kinds. rclpy calls functions that convert
+a message between Python and C. The middleware calls functions that convert a message between C and
+bytes. The functions that the middleware calls cannot be written in Python, for two reasons:
+
+- Fast DDS holds a lock of its own while it calls such a function. A Python function would wait for
+  the GIL meanwhile, so two threads that publish could deadlock.
+- If Ctrl-C interrupts a Python function that C calls through ctypes, the result of the function is
+  undefined.
+
+Therefore rclpy exchanges a TFMessage with the middleware as bytes. See `install` in
+`_ros/rclpy_private.py`.
 """
 
 from collections.abc import Collection
@@ -51,11 +54,11 @@ class TFMessage(metaclass=Metaclass_TFMessage):
         """
         Create a message.
 
-        :param kwargs: `transforms`: a set or sequence of TransformStamped; by default, it is
-            empty. `check_fields`: whether values that are assigned to fields are checked; by
-            default, as in generated messages.
-        :raises AssertionError: if there is another argument, or if `transforms` is of another
-            type; but nothing is raised if `check_fields` is False.
+        :param kwargs: `transforms` is a set or sequence of TransformStamped (default: empty).
+            `check_fields` is True if the values that are assigned to fields are to be checked
+            (default: as in generated messages).
+        :raises AssertionError: if `check_fields` is True and an argument has a wrong name or a
+            wrong type.
         """
         self._check_fields = kwargs.pop('check_fields', _CHECK_FIELDS)
         if self._check_fields:

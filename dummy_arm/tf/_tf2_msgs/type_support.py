@@ -2,14 +2,14 @@
 The type support of `tf2_msgs/msg/TFMessage`, derived from types of geometry_msgs.
 
 The middleware identifies a message type by a C struct, `rosidl_message_type_support_t`. This
-struct points to further structs. Like a TFMessage, a `geometry_msgs/msg/Polygon` has one field, an
-unbounded sequence. So the structs of Polygon are copied, and the name, element type, description
-and hash in the copies are replaced.
+struct points to further structs. Like a TFMessage, a `geometry_msgs/msg/Polygon` has a single
+field, which is an unbounded sequence. So this module copies the structs of Polygon. In the copies,
+it replaces the name, the element type, the description and the hash.
 
-The structs contain pointers to functions, which C code calls while a publisher or a subscription
-is created, but not for each message. Each function is compiled code, or a ctypes callback that
-calls a compiled function. So none of these functions runs Python bytecode, which Ctrl-C could
-interrupt.
+The structs contain pointers to functions. C code calls these functions when a publisher or a
+subscription is created, but not for each message. Ctrl-C could interrupt a function that runs
+Python bytecode. Therefore each function is compiled, or is a ctypes callback that only calls a
+compiled function.
 """
 
 from collections.abc import Callable, Iterable
@@ -51,11 +51,12 @@ _INTROSPECTION = b'rosidl_typesupport_introspection_c'
 
 class _Handle(c_void_p):
     """
-    The class of the first argument of the function `func` of a TypeSupport.
+    The class of the argument `handle` of the C function `func` in a TypeSupport.
 
     C code calls `func(handle, identifier)` to get the address of the type support for one
-    typesupport library. For TFMessage, `func` calls `operator.getitem(handle, identifier)`, which
-    calls `__getitem__` of this class. `__getitem__` is set at the end of this module.
+    typesupport library, whose name is `identifier`. For TFMessage, `func` calls
+    `operator.getitem(handle, identifier)`, which calls the function `__getitem__` of this class.
+    This function is set at the end of this module.
     """
 
     __getitem__: Callable[[bytes], Optional[int]]
@@ -66,7 +67,7 @@ _Getter = ctypes.CFUNCTYPE(c_void_p)
 
 
 def _expect(what: str, expected: object, found: object) -> None:
-    """Raise an ImportError if a value that is read from C is not the value in ROS 2 Jazzy."""
+    """Raise an ImportError if a value from C code differs from the value in ROS 2 Jazzy."""
     if expected != found:
         raise ImportError(
             f'cannot create {_NAME} without tf2_msgs, because {what} is not as in ROS 2 Jazzy: '
@@ -98,7 +99,7 @@ def _type_support_of(message_type: type, identifier: bytes) -> TypeSupport:
 
 
 def _description_of(handle: TypeSupport) -> tuple[TypeDescription, Iterable[TypeSource]]:
-    """Return the description and the sources of a type; check the description by its hash."""
+    """Return the description and the sources of a type, after a check of the type's hash."""
     address = ctypes.addressof(handle)
     hash_, description, sources = (
         ctypes.CFUNCTYPE(POINTER(layout), c_void_p)(function)(address).contents
@@ -136,14 +137,14 @@ def _hash_of(description: TypeDescription) -> bytes:
 
 
 def _array(sequence: type, elements: Iterable[Any]) -> Any:
-    """Create the struct of a sequence; it must have at least one element."""
+    """Create the struct of a sequence that has at least one element."""
     elements = list(elements)
     array = (type(elements[0]) * len(elements))(*elements)
     return sequence(array, len(elements), len(elements))
 
 
 def _constant(value: ctypes.Structure) -> int:
-    """Create a C function that returns the address of a value; return the function's address."""
+    """Return the address of a new C function, which itself returns the address of `value`."""
     getter = _Getter(repeat(ctypes.addressof(value)).__next__)
     _referenced.extend((value, getter))
     return ctypes.cast(getter, c_void_p).value or 0
@@ -157,7 +158,7 @@ _element_introspection = _type_support_of(TransformStamped, _INTROSPECTION)
 _polygon_fastrtps = _type_support_of(Polygon, _FASTRTPS)
 _polygon_introspection = _type_support_of(Polygon, _INTROSPECTION)
 
-# The description: one field, an unbounded sequence of TransformStamped.
+# The description of TFMessage: one field, which is an unbounded sequence of TransformStamped.
 _element_description, _element_sources = _description_of(_element_fastrtps)
 _itself = IndividualTypeDescription(String.of(_NAME), _array(Fields, [Field(
     String.of('transforms'),
@@ -210,7 +211,7 @@ _handle = TypeSupport(b'rosidl_typesupport_c', None, ctypes.cast(_dispatch, c_vo
 TYPE_SUPPORT = _new_capsule(ctypes.addressof(_handle), None, None)
 CREATE_ROS_MESSAGE = Polygon.__class__._CREATE_ROS_MESSAGE
 DESTROY_ROS_MESSAGE = Polygon.__class__._DESTROY_ROS_MESSAGE
-# A TFMessage is sent and taken only as bytes. If rclpy still tries to convert a message object,
-# these functions raise a TypeError.
+# A TFMessage is sent and taken only as bytes, so rclpy does not need the next two functions. If
+# rclpy still calls one of them, the function raises a TypeError.
 CONVERT_FROM_PY = CONVERT_TO_PY = _new_capsule(
     ctypes.cast(ctypes.pythonapi.PyErr_BadArgument, c_void_p).value, None, None)

@@ -5,12 +5,13 @@ A message is in plain CDR (XCDR1), as every RMW of Jazzy sends it:
 
     00 01 00 00          encapsulation: 00 00 (big-endian) or 00 01 (little-endian); then two bytes
                          of options
-    uint32               number of transforms; the positions below are counted from here
+    uint32               number of transforms. Positions are counted from the start of this field.
     for each transform:
-      int32, uint32      stamp: seconds, nanoseconds; at the next multiple of 4
-      string, string     frame_id, child_frame_id. Each name begins at the next multiple of 4 with
-                         its length (uint32, in bytes, including the final NUL); then UTF-8, NUL
-      float64 x 3        translation x y z (m); at the next multiple of 8
+      int32, uint32      stamp: seconds, nanoseconds; begins at the next multiple of 4
+      string, string     frame_id, child_frame_id. Each begins at the next multiple of 4 with the
+                         length (uint32, in bytes, including the NUL). The name in UTF-8 and a NUL
+                         follow.
+      float64 x 3        translation x y z (m); begins at the next multiple of 8
       float64 x 4        rotation, quaternion x y z w
 """
 
@@ -26,6 +27,7 @@ from dummy_arm.tf._core.times import SECOND
 
 _ENCAPSULATION = b'\x00\x01\x00\x00'
 _BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}
+#: The position of the first frame_id, counted from the first byte of the message.
 _FIRST_NAME = 16
 _SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + POSE_BYTES
 _pack_stamp = struct.Struct('<iI').pack
@@ -48,7 +50,7 @@ def _pack_name(name: str) -> bytes:
 
 @lru_cache(maxsize=4096)
 def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
-    """Pack both names with padding up to the pose; the names begin at `position` (modulo 8)."""
+    """Pack both names, each with its padding; `position` (modulo 8) is where frame_id begins."""
     packed = b''
     for name, alignment in ((frame_id, 4), (child_frame_id, 8)):
         packed += _pack_name(name)
@@ -122,7 +124,7 @@ def fields(data: bytes) -> Iterator[Fields]:
     """
     Deserialise a message, one transform after the other.
 
-    Bytes after the last transform are ignored, as by Fast DDS. Errors are raised during the
+    Bytes after the last transform are ignored, as in Fast DDS. Errors are raised during the
     iteration.
 
     :param data: the message, of either byte order.
@@ -191,8 +193,8 @@ class MessageTemplate:
     """
     A template for the fast serialisation of messages with the same frames.
 
-    Each transform ends at a multiple of 8 bytes, counted from the end of the encapsulation. So the
-    bytes after the encapsulation can be changed as an array of float64.
+    Each transform ends at a multiple of 8 bytes, counted from the end of the encapsulation. So
+    numpy can treat the bytes after the encapsulation as an array of float64.
     """
 
     def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
@@ -217,7 +219,8 @@ class MessageTemplate:
         :param stamp_ns: time (ns).
         :param poses: (n, 7) float64: x, y, z (m), quaternion x, y, z, w.
         :returns: the message, little-endian.
-        :raises ValueError: if `poses` has another shape, or as `split_stamp`.
+        :raises ValueError: if the shape of `poses` is not (n, 7), or if the seconds of the stamp
+            do not fit an int32.
         """
         sec, nanosec = split_stamp(stamp_ns)
         values: NDArray[np.float64] = np.asarray(poses, np.float64)
@@ -236,12 +239,12 @@ def key(data: bytes) -> bytes:
     """
     Return a key that depends only on the two names of the first transform.
 
-    So messages with the same frames have the same key. Messages with other frames may have the
-    same key, too.
+    So messages with the same frames have the same key. Two messages with different frames may have
+    the same key, too.
 
     :param data: a little-endian message.
-    :returns: the bytes of the first two names; only a part of these bytes if a name is longer than
-        254 bytes; b'' if the message is too short.
+    :returns: the bytes of these two names. If a name is longer than 254 bytes, the key is only a
+        part of these bytes. If the message is too short, the key is b''.
     """
     try:
         end = _FIRST_NAME + 7 + data[_FIRST_NAME] & ~3
@@ -258,13 +261,13 @@ HEAD = _ENCAPSULATION[:2]
 
 def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     """
-    Return the positions of the fields in little-endian messages with certain frames.
+    Return the layout of little-endian messages with certain frames.
 
     :param edges: (frame_id, child_frame_id) of each of the n transforms.
     :returns: a format and a list. The format is for the module `struct`. Its fields are the head,
         the number of transforms, and four fields of bytes for each transform: the stamp, the two
-        names and the pose. The list has the bytes of the 2 n names. Each name is the same as in
-        the message: length, UTF-8 and NUL.
+        names and the pose. The list has the bytes of the 2 n names, as they are in the message:
+        length, UTF-8 and NUL.
     :raises ValueError: if a frame id contains a NUL or is not valid Unicode.
     """
     struct_format = '<2s2xI'

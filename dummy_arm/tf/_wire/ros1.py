@@ -1,5 +1,5 @@
 """
-Deserialisation of `tf2_msgs/TFMessage` and `tf/tfMessage` of ROS 1, as in bags of ROS 1.
+Deserialisation of the ROS 1 messages `tf2_msgs/TFMessage` and `tf/tfMessage`, as in ROS 1 bags.
 
 All fields are little-endian, without alignment:
 
@@ -7,8 +7,8 @@ All fields are little-endian, without alignment:
     for each transform:
       uint32             sequence number
       uint32, uint32     stamp: seconds, nanoseconds
-      string, string     frame_id, child_frame_id: each name is its length (uint32, in bytes), then
-                         UTF-8
+      string, string     frame_id, child_frame_id. Each begins with the length (uint32, in bytes).
+                         The name in UTF-8 follows.
       float64 x 3        translation x y z (m)
       float64 x 4        rotation, quaternion x y z w
 """
@@ -20,6 +20,7 @@ from dummy_arm.tf._core.pose import POSE_BYTES, Row
 from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire.cdr import MalformedMessage
 
+#: The position of the first frame_id.
 _FIRST_NAME = 16
 _SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 4 + POSE_BYTES
 _unpack_length = struct.Struct('<I').unpack_from
@@ -76,12 +77,12 @@ def key(data: bytes) -> bytes:
     """
     Return a key that depends only on the two names of the first transform.
 
-    So messages with the same frames have the same key. Messages with other frames may have the
-    same key, too.
+    So messages with the same frames have the same key. Two messages with different frames may have
+    the same key, too.
 
     :param data: a message.
-    :returns: the bytes of the first two names; only a part of these bytes if a name is longer than
-        255 bytes; b'' if the message is too short.
+    :returns: the bytes of these two names. If a name is longer than 255 bytes, the key is only a
+        part of these bytes. If the message is too short, the key is b''.
     """
     try:
         end = _FIRST_NAME + 4 + data[_FIRST_NAME]
@@ -98,10 +99,10 @@ HEAD = b''
 
 def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     """
-    Return the positions of the fields in messages with certain frames.
+    Return the layout of messages with certain frames.
 
     :param edges: (frame_id, child_frame_id) of each of the n transforms.
-    :returns: as `cdr.layout`, but the names do not end with a NUL.
+    :returns: a format and a list, as `cdr.layout`. The names in the list do not end with a NUL.
     """
     struct_format = '<0sI'
     names = []

@@ -1,4 +1,4 @@
-"""Streams of messages: conversion of serialised TFMessages to batches of poses and to rows."""
+"""Conversion of serialised TFMessages to `Batch` and `Rows` objects."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
@@ -10,16 +10,16 @@ from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.cdr import MalformedMessage
 
-#: A reader keeps the layouts of messages. When the total size (bytes) of these messages is larger
-#: than this number, the reader drops all layouts.
+#: A `MessageReader` keeps layouts, each of which it has learned from one message. When the total
+#: size of these messages (bytes) is larger than this number, the reader drops all layouts.
 _MOST_BYTES = 10_000_000
-#: A batch that has this number of transforms gets no more messages, because the arrays of a larger
-#: batch would not fit in the CPU caches.
+#: No message is added to a batch that has this number of transforms or more, because the arrays of
+#: a larger batch would not fit in the CPU caches.
 _FULL_BATCH = 1000
 
 
 class Encoding(Protocol):
-    """The encoding of messages: the module `cdr` (ROS 2) or `ros1`."""
+    """The encoding of messages: the module `cdr` (ROS 2) or the module `ros1` (ROS 1)."""
 
     #: The first bytes of a message; b'' if a message begins with the number of transforms.
     HEAD: bytes
@@ -46,8 +46,9 @@ class Encoding(Protocol):
         """
         Return a key that depends only on the two names of the first transform.
 
-        So messages with the same frames have the same key. Messages with other frames may have the
-        same key, too. `MessageReader` finds a layout by this key and the length of the message.
+        So messages with the same frames have the same key. Two messages with different frames may
+        have the same key, too. `MessageReader` finds a layout by this key together with the length
+        of the message.
 
         :param data: a message.
         :returns: the key.
@@ -55,7 +56,7 @@ class Encoding(Protocol):
 
     def layout(self, edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
         """
-        Return the positions of the fields in messages with certain frames.
+        Return the layout of messages with certain frames.
 
         :param edges: (frame_id, child_frame_id) of each of the n transforms.
         :returns: a format for the module `struct`, and the bytes of the 2 n names; see
@@ -116,7 +117,8 @@ class MessageReader:
     """
     A reader of the messages of a topic.
 
-    It keeps the layouts of messages, so that it can read later messages with the same frames fast.
+    The reader keeps the layouts of messages, so that it reads later messages with the same frames
+    fast.
     """
 
     def __init__(self, on_malformed: Callable[[MalformedMessage], object], encoding: Encoding = cdr
@@ -129,7 +131,7 @@ class MessageReader:
         """
         self._on_malformed, self._encoding = on_malformed, encoding
         self._layouts: dict[tuple[int, bytes], _Layout] = {}
-        #: The total size of the messages whose layouts are kept (bytes).
+        #: The total size of the messages from which the kept layouts were learned (bytes).
         self._size = 0
 
     def read(self, messages: Iterable[bytes], authority: str, is_static: bool
@@ -137,14 +139,16 @@ class MessageReader:
         """
         Read messages.
 
-        Messages with a known layout and a single stamp are joined into batches. All other messages
-        become rows. Static messages always become rows, because their transforms must stay in
-        order across all frames. Batches keep the order only of transforms with the same child.
+        Dynamic messages with a single stamp are joined into batches if their layout is kept. Each
+        other message becomes a `Rows` object. Static messages are not joined into batches: their
+        transforms must stay in order across all frames, but a batch keeps the order only of
+        transforms with the same child.
 
         :param messages: the messages, in the order of their arrival.
         :param authority: the name of the publisher of the messages.
         :param is_static: True if the messages are from /tf_static.
-        :returns: batches and rows. The transforms of each child are in the order of their arrival.
+        :returns: `Batch` and `Rows` objects. The transforms of each child are in the order of
+            their arrival.
         """
         encoding, result = self._encoding, list[BatchOrRows]()
         open_batches: dict[_Layout, Batch] = {}  # batches to which messages can be appended
@@ -180,14 +184,14 @@ class MessageReader:
         return [*result, *open_batches.values()]
 
     def _learn(self, key: tuple[int, bytes], data: bytes, rows: list[Row]) -> None:
-        """Keep the layout of a message if later messages with this layout can become batches."""
+        """Keep the layout of a message if messages with this layout can be joined into batches."""
         edges = [(row.frame_id, row.child_frame_id) for row in rows]
         if len({row.stamp_ns for row in rows}) != 1 or any(map(is_too_long, chain(*edges))):
-            return  # The buffer refuses transforms with names that are too long.
+            return  # A buffer refuses transforms whose names are too long.
         layout = _Layout(self._encoding, edges)
-        # `layout.read` returns None for a big-endian message. If a message contains a child twice,
-        # its layout is not kept, because a batch would not keep the order of this child's
-        # transforms.
+        # `layout.read` returns None for a big-endian message. If a message has two transforms of
+        # the same child, the layout is not kept either, because a batch would not keep the order
+        # of these transforms.
         if layout.read(data) is not None and len(layout.names) == len(edges):
             if self._size > _MOST_BYTES:
                 self._layouts.clear()
