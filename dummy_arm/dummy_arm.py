@@ -182,8 +182,9 @@ class DummyArm(Node):
                 f'publishing {MAP} -> {logged(base)} on /tf_static and {chain} on /tf at '
                 f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
         t = self._seconds(now_ns)
-        # If the clock was set back, `t` may be before the last change of a limit. At such a time,
-        # a wave has its old limit. `settled` makes the present limit hold at all times.
+        # A wave remembers its old limits: `angle(t)` uses the limit that the wave had at the time
+        # `t`. If the clock was set back, replace the waves by waves that have only their present
+        # limits.
         if t < self._t:
             self._waves = [wave.settled() for wave in self._waves]
         self._t = t

@@ -6,8 +6,8 @@ from typing import NamedTuple, Optional
 from dummy_arm.tf import Frame
 
 #: A line shows the branches of at most this many levels. The line of a deeper level begins with
-#: the number of the level, followed by the innermost branches only. Without this limit, the text
-#: of a chain of n frames would grow with the square of n.
+#: the number of the level, and shows only the branches nearest to the name. Without this limit,
+#: the text of a chain of n frames would grow with the square of n.
 _DEEPEST = 100
 
 
@@ -112,7 +112,8 @@ class Forest:
 
         The order is reversed, since the caller pops the lines from the end of the list.
 
-        :param indent: the branches with which the line of every child begins.
+        :param parent: the name of the frame.
+        :param indent: the branches of the levels above the children.
         :param level: the level of the children; 1: they are children of a root.
         :returns: for each child: its line, and the `indent` and the `level` of its own children.
         """

@@ -97,8 +97,7 @@ class BufferCore(Engine):
         :param time: time of the transform (ns); 0: the latest time for which every edge on the
             path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :returns: the transform from the source frame to the target frame. The stamp of the
-            transform is `time`; if `time` is 0, the stamp is the latest time described above.
+        :returns: the transform from the source frame to the target frame. Its stamp is its time.
         :raises TransformException: if there is no such transform; the class of the error says why.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
@@ -122,9 +121,8 @@ class BufferCore(Engine):
             which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :returns: the transform from the source frame to the target frame. The stamp of the
-            transform is `target_time`; if `target_time` is 0, the stamp is the latest time
-            described above.
+        :returns: the transform from the source frame to the target frame. Its stamp is the time of
+            the target frame.
         :raises TransformException: if there is no such transform; the class of the error says why.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """

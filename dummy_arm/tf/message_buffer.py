@@ -102,9 +102,8 @@ class MessageBufferCore(Engine):
         :param source_time: time of the source frame; a zero Time: the latest time for
             which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
-        :returns: the transform from the source frame to the target frame. The stamp of the
-            transform is `target_time`; if `target_time` is zero, the stamp is the latest time
-            described above.
+        :returns: the transform from the source frame to the target frame. Its stamp is the time of
+            the target frame.
         :raises TransformException: if there is no such transform; the class of the error says why.
         :raises TypeError: if a frame or a time has a wrong type.
         """

@@ -46,8 +46,8 @@ def records(path: Path, context: BagContext) -> _Records:
 
     :param path: the path of the .bag file.
     :param context: the context of the bag; topics, progress and damage are reported to it.
-    :returns: the stream and the bytes of each message.
-    :raises Exception: if the file is damaged; the exception can be of many types.
+    :returns: for each message, its `Stream` (topic and publisher) and its bytes.
+    :raises Exception: if the file cannot be read; the exception can be of many types.
     """
     size = path.stat().st_size
     with path.open('rb') as file:
@@ -116,8 +116,9 @@ class _Reader:
 
         Only chunks, connections and TF messages are read; other records are skipped.
 
-        :returns: the stream and the bytes of each TF message in the record.
-        :raises Exception: if the record is damaged; the exception can be of many types.
+        :returns: for each TF message in the record, its `Stream` (topic and publisher) and bytes.
+        :raises Exception: if the record cannot be read; the exception can be of many types. Damage
+            inside a chunk is reported to the context instead.
         """
         fields, size = self.record_header()
         kind = fields[b'op']

@@ -195,7 +195,7 @@ def roots_hint(target: str, target_root: str, source: str, source_root: str) -> 
 
 def extrapolation_words(count: int, oldest: int, latest: int, time: int) -> str:
     """
-    Return tf2's words for a time at which a frame has no pose.
+    Return the text of tf2's error for a lookup at a time at which a frame has no pose.
 
     :param count: the number of samples in the history of the frame.
     :param oldest: the stamp of the oldest sample (ns).
