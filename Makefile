@@ -57,12 +57,12 @@ pictures: $(INSTALLED)-pictures
 	$(VENV)/bin/python docs/pictures.py
 
 clean:
-	rm -rf build install log $(VENV) $(NO_ROS) dummy_arm.egg-info
+	rm -rf build install log $(VENV) $(NO_ROS) dummy_arm.egg-info compat/build compat/*.egg-info
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
 $(INSTALLED): EXTRAS = bag,ros,test,view
 $(NO_ROS)/installed: EXTRAS = bag,test,view
-$(INSTALLED) $(NO_ROS)/installed: setup.py
+$(INSTALLED) $(NO_ROS)/installed: setup.py compat/pyproject.toml
 	@[ "$$(uname -sm)" = 'Linux x86_64' ] || \
 	    { echo 'wheels of rclpy exist only for Linux x86-64; see README.md'; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
@@ -71,7 +71,7 @@ $(INSTALLED) $(NO_ROS)/installed: setup.py
 	    "the venv module is missing: apt install python3.%d-venv" % sys.version_info[1])'; exit 1; }
 	$(PYTHON) -m venv $(@D)
 	@touch $(@D)/COLCON_IGNORE
-	$(@D)/bin/python -m pip install --quiet --editable '.[$(EXTRAS)]'
+	$(@D)/bin/python -m pip install --quiet --editable '.[$(EXTRAS)]' --editable compat
 	@touch $@
 
 $(INSTALLED)-%: $(INSTALLED)

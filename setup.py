@@ -25,7 +25,7 @@ setup(
         'bench': ['matplotlib'],
         'pictures': ['matplotlib', 'pillow', 'pypdfium2'],
         'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'playwright', 'pypdf', 'pytest',
-                 'pytest-xdist', 'ruff'],
+                 'pytest-xdist', 'ruff', 'wheel'],
     },
     zip_safe=True,
     maintainer='dummy_arm developers',

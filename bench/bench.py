@@ -18,7 +18,7 @@ from geometry_msgs.msg import TransformStamped
 import hostile
 import listening
 import lookups
-from measure import best, Row
+from measure import best, imports, Row
 import numpy as np
 import rclpy
 from rclpy.serialization import deserialize_message, serialize_message
@@ -51,6 +51,7 @@ def main() -> None:
     table('Memory', listening.memory(), reading.memory())
     table('One message at a time', listening.into_the_buffer(u))
     table('The web page', viewing.placing(), viewing.showing())
+    table('Import', imports())
     table('Hostile publishers', hostile.rows(), hostile.memory())
     rclpy.shutdown()
 

@@ -1,7 +1,10 @@
-"""The measurement of times."""
+"""The measurement of times. When run by itself, the times of imports."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 import os
+import subprocess
+import sys
+from time import perf_counter
 from timeit import Timer
 
 #: The work, its cost, its cost in u if it is a time, and what it is compared with.
@@ -30,8 +33,27 @@ def _three_digits(value: float) -> str:
     return f'{value:.0f}' if value >= 100.0 else f'{value:#.3g}'
 
 
+def imports() -> Iterator[Row]:
+    """Yield the time of a process that imports a buffer and a listener, by both of their names."""
+    codes = ['import rclpy.node', 'from dummy_arm.tf import Buffer, TransformListener',
+             'from tf2_ros import Buffer, TransformListener']
+    seconds = [float('inf')] * len(codes)
+    for _ in range(20):
+        for i, code in enumerate(codes):
+            begin = perf_counter()
+            subprocess.run([sys.executable, '-c', code], check=True)
+            seconds[i] = min(seconds[i], perf_counter() - begin)
+    for code, time in zip(codes, seconds):
+        yield f'`{code}`', f'{time * 1e3:.0f} ms', '', f'{time / seconds[0]:.2f}'
+
+
 def cpu_seconds(pid: int) -> float:
     """Return the sum of the user and system time of a process (s)."""
     with open(f'/proc/{pid}/stat') as stat:
         fields = stat.read().rpartition(')')[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf('SC_CLK_TCK')
+
+
+if __name__ == '__main__':
+    for row in imports():
+        print(f'| {" | ".join(row)} |')

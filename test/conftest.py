@@ -37,8 +37,10 @@ TIMEOUT = 20.0  # s; most waits take well under a second, unless the machine is 
 _GRACE = 3.0  # s; a process normally ends within 0.2 s
 _RECOVERY = 3.0  # s; Fast DDS gives up the lock of a killed process after 1 s
 
+#: Whether the tf2_msgs of ROS or a stand-in for it is installed; that of `compat` does not count.
+HAS_TF2_MSGS = find_spec('tf2_msgs') is not None and find_spec('tf2_msgs.srv') is not None
 #: Variables with which programs find tf2_msgs, as on a Jazzy desktop, or else a stand-in for it.
-DESKTOP = {} if find_spec('tf2_msgs') else {'PYTHONPATH': os.pathsep.join(filter(None, (
+DESKTOP = {} if HAS_TF2_MSGS else {'PYTHONPATH': os.pathsep.join(filter(None, (
     str(Path(__file__).parent / 'desktop'), os.environ.get('PYTHONPATH'))))}
 #: The ids of the processes that belong to these tests.
 _pids = {os.getpid()}
@@ -119,7 +121,7 @@ def tool_without_ros(name: str, *arguments: str) -> tuple[str, ...]:
 
 
 made_at_run_time = pytest.mark.skipif(
-    find_spec('tf2_msgs') is not None,
+    HAS_TF2_MSGS,
     reason='tf2_msgs is installed: its TFMessage is used, none is made at run time')
 
 
@@ -192,15 +194,21 @@ class Process:
         """
         Start python, as the leader of a process group.
 
+        The environment variable TEST_PYTHON names another python than that of the tests.
+
         :param domain: the ROS domain id of the process.
         :param arguments: the arguments of python.
         :param environment: environment variables to set.
         :param kwargs: further arguments of `subprocess.Popen`.
         """
+        variables = {**os.environ, 'ROS_DOMAIN_ID': str(domain), **environment}
+        python = variables.pop('TEST_PYTHON', sys.executable)
+        if python != sys.executable:  # it must not use the libraries of this environment
+            for name in 'LD_LIBRARY_PATH', 'PYTHONPATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE':
+                variables.pop(name, None)
         self._popen = subprocess.Popen(
-            [sys.executable, '-u', *arguments], text=True, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, start_new_session=True,
-            env={**os.environ, 'ROS_DOMAIN_ID': str(domain), **environment}, **kwargs)
+            [python, '-u', *arguments], text=True, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, start_new_session=True, env=variables, **kwargs)
         _pids.add(self._popen.pid)
         assert self._popen.stdout is not None
         self._stdout = self._popen.stdout

@@ -283,6 +283,7 @@ def look():
     future = buffer.wait_for_transform_async('map', 'nobody', Time(), Duration(seconds=0.1))
     while not future.done():
         time.sleep(0.01)
+    assert 'nobody' in str(future.exception())
     assert buffer.wait_for_transform_async('map', 'tool', Time()).done()
     listener.unregister()
     assert x() == before

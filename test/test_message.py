@@ -177,8 +177,10 @@ def test_the_real_one_is_used_where_it_is(tmp_path):
     """If tf2_msgs can be imported, dummy_arm.tf exports its class."""
     package = tmp_path / 'tf2_msgs'
     package.mkdir()
-    (package / '__init__.py').touch()
+    for name in '__init__.py', 'srv.py', 'tf2_msgs_s__rosidl_typesupport_c.so':
+        (package / name).touch()
     (package / 'msg.py').write_text('class TFMessage:\n    """Stands for the real one."""\n')
+    (package / 'srv.py').write_text('FrameGraph = None\n')
     assert run(f'import sys; sys.path.insert(0, {str(tmp_path)!r})\n'
                'from dummy_arm.tf import TFMessage; print(TFMessage.__module__)'
                ) == 'tf2_msgs.msg\n'

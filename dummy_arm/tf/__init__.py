@@ -36,6 +36,7 @@ if TYPE_CHECKING:
         StaticTransformBroadcaster as StaticTransformBroadcaster,
     )
     from dummy_arm.tf.transform import Transform as Transform
+    from dummy_arm.tf.transform import Twist as Twist
     from dummy_arm.tf.transform_broadcaster import PreparedTransforms as PreparedTransforms
     from dummy_arm.tf.transform_broadcaster import TransformBroadcaster as TransformBroadcaster
     from dummy_arm.tf.transform_listener import TransformListener as TransformListener
@@ -68,6 +69,7 @@ _MODULES = {
     'TransformException': 'exceptions',
     'TransformListener': 'transform_listener',
     'TransformRegistration': 'buffer_interface',
+    'Twist': 'transform',
     'TypeException': 'buffer_interface',
 }
 _PUBLIC_MODULES = {module for module in _MODULES.values() if not module.startswith('_')}

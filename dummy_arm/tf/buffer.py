@@ -111,7 +111,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
-        :returns: the transform from the source frame to the target frame. Its stamp is its time.
+        :returns: the transform from the source frame to the target frame, stamped with its time.
         :raises TransformException: if there is no such transform; the class of the error says why.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """

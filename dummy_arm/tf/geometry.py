@@ -207,6 +207,23 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
     return result
 
 
+def transform_points(point_cloud: ArrayLike, transform: Transform) -> NDArray[np.float64]:
+    """
+    Transform points in an array.
+
+    :param point_cloud: (n, 3): x, y, z (m) of the points, in the child frame of the transform.
+    :param transform: the transform.
+    :returns: (n, 3) float64: the points in the parent frame of the transform.
+    :raises ValueError: if the array has another shape.
+    """
+    points = np.asarray(point_cloud, np.float64)
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise ValueError(f'point_cloud must be of shape (n, 3), got {points.shape}')
+    x, y, z, *rotation = _pose(transform.translation, transform.rotation)
+    result: NDArray[np.float64] = points @ rotations.matrix(rotation).T + (x, y, z)
+    return result
+
+
 def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.floating[Any]]:
     """Return one field of all points, as a view of shape (height, width) into `data`."""
     field = next((field for field in cloud.fields if field.name == name), None)

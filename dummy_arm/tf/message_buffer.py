@@ -10,7 +10,9 @@ from dummy_arm.tf._core.engine import debug_tuple, Engine
 from dummy_arm.tf._core.frames import as_dot
 from dummy_arm.tf._core.pose import Pose, Row
 from dummy_arm.tf._core.times import nanoseconds, SECOND
+from dummy_arm.tf._core.velocity import tf2_velocity
 from dummy_arm.tf._ros.transform_stamped import explain_bad_fields, message_of, row_of
+from dummy_arm.tf.transform import Vector
 
 _LATEST = Time()
 
@@ -161,6 +163,59 @@ class MessageBufferCore(Engine):
         """
         return Time(nanoseconds=self._pull_and_call(
             self._lookups.latest_common_time, target_frame, source_frame))
+
+    def lookupVelocityCore(  # noqa: N802
+            self, tracking_frame: str, observation_frame: str, time: Time,
+            averaging_interval: Duration) -> tuple[Vector, Vector]:
+        """
+        Return what lookupVelocityCore of tf2_py returns; use `lookup_twist` in new programs.
+
+        tf2 computes the velocity of the tracking frame as seen in the observation frame. But it
+        then rotates the velocity by the rotation of the tracking frame, too, and adds a cross
+        product. So the result is the velocity only while the tracking frame does not rotate, and
+        has the orientation of the observation frame.
+
+        :param tracking_frame: the frame that moves.
+        :param observation_frame: the frame in which its poses are looked up.
+        :param time: the middle of the averaging interval.
+        :param averaging_interval: the length of the interval. If the data end within the interval,
+            an interval of the same length that ends with the data is used instead.
+        :returns: two vectors x, y, z: the linear velocity (m/s) and the angular velocity (rad/s).
+        :raises TransformException: if there is no transform; the class of the error says why.
+        :raises TypeError: if a frame is not a str, or the time or the interval has a wrong type.
+        :raises ValueError: if the interval is 0.
+        """
+        return self.lookupVelocityFullCore(
+            tracking_frame, observation_frame, observation_frame, (0.0, 0.0, 0.0), tracking_frame,
+            time, averaging_interval)
+
+    def lookupVelocityFullCore(  # noqa: N802
+            self, tracking_frame: str, observation_frame: str, reference_frame: str,
+            reference_point: Vector, reference_point_frame: str, time: Time,
+            averaging_interval: Duration) -> tuple[Vector, Vector]:
+        """
+        Return what lookupVelocityFullCore of tf2_py returns; see `lookupVelocityCore`.
+
+        Where tf2 moves the velocity to the reference point, it multiplies two vectors element by
+        element; a cross product would be right.
+
+        :param tracking_frame: the frame that moves.
+        :param observation_frame: the frame in which its poses are looked up.
+        :param reference_frame: the frame in which the result is expressed.
+        :param reference_point: x, y, z (m) of the reference point, in `reference_point_frame`.
+        :param reference_point_frame: the frame of the reference point.
+        :param time: as in `lookupVelocityCore`.
+        :param averaging_interval: as in `lookupVelocityCore`.
+        :returns: as `lookupVelocityCore`.
+        :raises TransformException: as `lookupVelocityCore`.
+        :raises TypeError: as `lookupVelocityCore`; also if the point is not three numbers.
+        :raises ValueError: as `lookupVelocityCore`.
+        """
+        x, y, z = map(float, reference_point)
+        return self._pull_and_call(
+            tf2_velocity, self._lookups, tracking_frame, observation_frame, reference_frame,
+            (x, y, z), reference_point_frame, nanoseconds(time),
+            nanoseconds(averaging_interval, 'averaging_interval'))
 
     def _chain(self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
                fixed_frame: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""The transform that a lookup of a `BufferCore` returns."""
+"""The transforms and velocities that lookups of a `BufferCore` return."""
 
 from typing import Any, NamedTuple
 
@@ -10,6 +10,13 @@ from dummy_arm.tf._core.pose import Quaternion
 from dummy_arm.tf._core.times import nanoseconds
 
 Vector = tuple[float, float, float]
+
+
+class Twist(NamedTuple):
+    """The velocity of a frame as seen in a target frame, in the axes of the target frame."""
+
+    linear: Vector  #: velocity of the origin of the frame: x, y, z (m/s)
+    angular: Vector  #: angular velocity of the frame: x, y, z (rad/s)
 
 
 class Transform(NamedTuple):

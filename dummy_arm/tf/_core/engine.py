@@ -134,8 +134,9 @@ from dummy_arm.tf._core.lookup import Lookups
 from dummy_arm.tf._core.pose import BatchOrRows, Pose
 from dummy_arm.tf._core.times import nanoseconds_or_int
 from dummy_arm.tf._core.tree import FrameTree
+from dummy_arm.tf._core.velocity import twist
 from dummy_arm.tf.exceptions import TransformException
-from dummy_arm.tf.transform import Transform
+from dummy_arm.tf.transform import Transform, Twist
 
 _Result = TypeVar('_Result')
 
@@ -457,6 +458,32 @@ class Engine:
             poses[part], known[part] = self._pull_and_call(
                 self._lookups.poses, target_frame, source_frame, times[part])
         return poses[:, :3], poses[:, 3:], known
+
+    def lookup_twist(self, target_frame: str, source_frame: str, time: Any, interval: Any
+                     ) -> Twist:
+        """
+        Return the velocity of the source frame as seen in the target frame.
+
+        The result is the average over an interval around `time`. If the data end within this
+        interval, an interval of the same length that ends with the data is used instead. Between
+        its begin and its end, the source frame must turn by less than 180 degrees.
+
+        :param target_frame: the frame in which the velocity is measured and expressed.
+        :param source_frame: the frame that moves. Its origin is the reference point of the linear
+            velocity.
+        :param time: the middle of the interval (ns, or a time of ROS); 0: the interval ends at the
+            latest time for which every edge on the path has data.
+        :param interval: the length of the interval (ns, or a duration of ROS).
+        :returns: the linear velocity of the origin of the source frame (m/s) and the angular
+            velocity of the source frame (rad/s), both in the axes of the target frame.
+        :raises TransformException: if there is no transform at the begin or at the end of the
+            interval; the type of the exception says why.
+        :raises TypeError: if a frame is not a str, or the time or the interval has a wrong type.
+        :raises ValueError: if the interval is not longer than 0.
+        """
+        return self._pull_and_call(
+            twist, self._lookups, target_frame, source_frame, nanoseconds_or_int(time),
+            nanoseconds_or_int(interval, 'interval'))
 
     def lookup_all(self, target_frames: Iterable[str], until: int = 0
                    ) -> list[dict[str, Transform]]:

@@ -4,16 +4,25 @@ The types TFMessage and FrameGraph of tf2_msgs.
 If tf2_msgs is not installed, TFMessage is created at run time, and FrameGraph is None.
 """
 
+from importlib.util import find_spec
+from pathlib import Path
+
 from dummy_arm.tf._ros.rclpy_private import install
 
-try:
-    from tf2_msgs.msg import TFMessage
-except ImportError:
-    from dummy_arm.tf._tf2_msgs.tf_message import TFMessage
 
-try:
+def _has_type_support() -> bool:
+    """Return True if the tf2_msgs of ROS is installed, and not only that of dummy-arm-tf2."""
+    spec = find_spec('tf2_msgs')
+    return spec is not None and any(
+        any(Path(directory).glob('*_s__rosidl_typesupport_c*'))
+        for directory in spec.submodule_search_locations or ())
+
+
+if _has_type_support():
+    from tf2_msgs.msg import TFMessage
     from tf2_msgs.srv import FrameGraph
-except ImportError:
+else:
+    from dummy_arm.tf._tf2_msgs.tf_message import TFMessage
     FrameGraph = None
 
 __all__ = ['FrameGraph', 'TFMessage']

@@ -1,6 +1,7 @@
 """Conversions and checks of messages of the type `geometry_msgs/msg/TransformStamped`."""
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from functools import lru_cache
 import math
 from numbers import Real
@@ -11,6 +12,7 @@ from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 import numpy as np
 from numpy.typing import NDArray
+from rclpy.time import Time as ClockTime
 from std_msgs.msg import Header
 
 from dummy_arm.tf._core.pose import Row
@@ -67,7 +69,16 @@ def row_of(message: TransformStamped) -> Row:
     :returns: the stamp (ns), frame_id, child_frame_id and pose of the message.
     :raises TypeError: if `message` is not a TransformStamped.
     """
-    sec, nanosec, frame_id, child_frame_id, pose = fields_of(message)
+    try:
+        sec, nanosec, frame_id, child_frame_id, pose = fields_of(message)
+    except AttributeError:
+        stamp = getattr(message.header, 'stamp', None)
+        if not isinstance(stamp, ClockTime):
+            raise
+        # As in tf2_py, the stamp may be a Time of rclpy.
+        message = copy(message)
+        message.header = Header(stamp=stamp.to_msg(), frame_id=message.header.frame_id)
+        return row_of(message)
     return Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
 
 

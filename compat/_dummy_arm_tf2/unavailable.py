@@ -1,0 +1,39 @@
+"""Stand-ins for the classes of tf2 that need services, actions or messages of tf2_msgs."""
+
+from typing import Any, NoReturn
+
+_REMEDY = ('is not available without the ROS package tf2_msgs. To look up transforms, use a '
+           'Buffer with a TransformListener, which takes much less CPU time than that of ROS')
+
+
+class Unavailable(type):
+    """The type of a class that can be imported, but not used."""
+
+    # rclpy reads these names from the type of a message, service or action.
+    _TYPE_SUPPORT = None
+
+    def __call__(cls, *_: Any, **__: Any) -> NoReturn:
+        """
+        Refuse to create an instance.
+
+        :raises NotImplementedError: always; the text says what to use instead.
+        """
+        raise NotImplementedError(f'{cls.__name__} {_REMEDY}')
+
+    def __getattr__(cls, name: str) -> NoReturn:
+        """
+        Refuse to return a constant or a nested class.
+
+        :param name: the name of the attribute.
+        :raises AttributeError: always; the text says what to use instead.
+        """
+        raise AttributeError(f'{cls.__name__}.{name}: {cls.__name__} {_REMEDY}')
+
+    @staticmethod
+    def __import_type_support__() -> NoReturn:
+        """
+        Refuse to be used by rclpy, which calls this when a client or server is created.
+
+        :raises NotImplementedError: always; the text says what to use instead.
+        """
+        raise NotImplementedError(f'this type of tf2_msgs {_REMEDY}')

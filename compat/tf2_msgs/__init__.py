@@ -1,0 +1,1 @@
+"""The package tf2_msgs without its services and actions, which only ROS can provide."""

@@ -1,0 +1,18 @@
+"""The module of tf2_ros with the buffer."""
+
+from typing import TypeVar
+
+import _dummy_arm_tf2.ros  # noqa: F401
+from _dummy_arm_tf2.unavailable import Unavailable
+
+from dummy_arm.tf import Buffer as Buffer
+
+__all__ = ['Buffer', 'FrameGraph', 'FrameGraphSrvRequest', 'FrameGraphSrvResponse']
+
+
+class FrameGraph(metaclass=Unavailable):
+    """The service that returns the frames of a buffer; not available."""
+
+
+FrameGraphSrvRequest = TypeVar('FrameGraphSrvRequest')
+FrameGraphSrvResponse = TypeVar('FrameGraphSrvResponse')

@@ -1,0 +1,15 @@
+"""The module of tf2_ros with the base class of buffers."""
+
+import _dummy_arm_tf2.ros  # noqa: F401
+
+from dummy_arm.tf.buffer_interface import BufferInterface as BufferInterface
+from dummy_arm.tf.buffer_interface import convert as convert
+from dummy_arm.tf.buffer_interface import ConvertRegistration as ConvertRegistration
+from dummy_arm.tf.buffer_interface import MsgStamped as MsgStamped
+from dummy_arm.tf.buffer_interface import NotImplementedException as NotImplementedException
+from dummy_arm.tf.buffer_interface import PyKDLType as PyKDLType
+from dummy_arm.tf.buffer_interface import Stamped as Stamped
+from dummy_arm.tf.buffer_interface import TransformableObject as TransformableObject
+from dummy_arm.tf.buffer_interface import TransformableObjectType as TransformableObjectType
+from dummy_arm.tf.buffer_interface import TransformRegistration as TransformRegistration
+from dummy_arm.tf.buffer_interface import TypeException as TypeException

@@ -1,0 +1,6 @@
+"""The module of tf2_ros with the broadcaster of static transforms."""
+
+import _dummy_arm_tf2.ros  # noqa: F401
+
+from dummy_arm.tf import StaticTransformBroadcaster as StaticTransformBroadcaster
+from dummy_arm.tf import TFMessage as TFMessage

@@ -1,0 +1,48 @@
+"""The packages in a virtual environment that has nothing else: what users install by pip."""
+
+import os
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+import bags
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parent.parent
+
+
+@pytest.mark.soak
+def test_programs_and_evo(tmp_path):
+    """The programs for tf2_ros run, and evo, which imports tf2_py, reads poses out of a bag."""
+    for path in 'dummy_arm', 'compat', 'launch', 'resource', 'rviz':
+        shutil.copytree(ROOT / path, tmp_path / path, ignore=shutil.ignore_patterns('*.egg-info'))
+    for name in 'package.xml', 'setup.cfg', 'setup.py':
+        shutil.copy(ROOT / name, tmp_path)
+    directory = tmp_path / 'environment' / 'bin'
+    variables = {name: value for name, value in os.environ.items() if name not in (
+        'LD_LIBRARY_PATH', 'PYTHONPATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE')}
+
+    def run(*command, **kwargs):
+        result = subprocess.run(command, cwd=tmp_path, text=True, stdout=subprocess.PIPE,
+                                stderr=subprocess.STDOUT, timeout=300,
+                                env={**variables, 'HOME': str(tmp_path), **kwargs})
+        assert result.returncode == 0, result.stdout
+        return result.stdout
+
+    run(sys.executable, '-m', 'venv', directory.parent)
+    run(directory / 'pip', 'install', '.[ros]', './compat', HOME=os.environ.get('HOME', ''))
+    assert ' passed' in run(
+        sys.executable, '-m', 'pytest', '-p', 'no:cacheprovider', '--rootdir', ROOT,
+        ROOT / 'test' / 'test_tf2_ros_programs.py', TEST_PYTHON=str(directory / 'python'))
+    if sys.version_info < (3, 11):
+        return
+    run(directory / 'pip', 'install', 'evo', HOME=os.environ.get('HOME', ''))
+    bags.make(tmp_path / 'walk', 'mcap', bags.walk())
+    run(directory / 'evo_traj', 'bag2', 'walk', '/tf:map.base_link', '--save_as_tum')
+    times, *positions, qx, qy, qz, qw = np.loadtxt(tmp_path / 'tf_map.base_link.tum').T
+    moved = np.arange(101) / 10.0  # map -> odom is (1, 2, 3); base_link moves along x at 1 m/s
+    assert np.allclose(times, 100.0 + moved)
+    assert np.allclose(positions, [1.0 + moved, np.full(101, 2.0), np.full(101, 3.0)])
+    assert np.allclose([qx, qy, qz, qw], [[0.0], [0.0], [0.0], [1.0]])
