@@ -209,7 +209,7 @@ class Traffic:
             arrivals.delays.add(arrival, arrival - row.stamp_ns)
 
     def _arrivals_of(self, frame: str, gid: str) -> _Arrivals:
-        """Return the arrivals of a frame from a publisher; at most `_MOST` of them are kept."""
+        """Return the `_Arrivals` of a frame and a publisher; keep at most `_MOST` such objects."""
         arrivals = self._arrivals.get((frame, gid))
         if arrivals is None:
             arrivals = _Arrivals()

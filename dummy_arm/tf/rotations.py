@@ -32,9 +32,8 @@ Code = tuple[int, int, int, int]
 #: A convention of Euler angles: its name, such as 'sxyz', or its code, such as (0, 0, 0, 0).
 Axes = Union[str, Code]
 
-#: The largest error by rounding. If the length of a quaternion differs from 1 by less than this
-#: error, the quaternion is not normalised. If the length of the sum or of the difference of two
-#: unit quaternions is less than this error, the two quaternions are treated as the same rotation.
+#: The largest error by rounding. A length that differs from 1 by less than this number is treated
+#: as 1, and a length that is less than this number as 0.
 _ROUNDING = 4.0 * sys.float_info.epsilon
 #: The largest error that is accepted in a matrix, which may have been typed by hand.
 _TOLERANCE = 1e-3

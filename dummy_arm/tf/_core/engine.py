@@ -69,13 +69,14 @@ does not wait. A signal handler may look up, but must not insert, since the hand
 interrupted an insertion.
 
 Ctrl-C. CPython raises KeyboardInterrupt in the main thread only, and there only after a call, at
-the start of a function, and when a loop jumps back. A `with` statement calls `__enter__`. Up to
-Python 3.13, nothing is raised between this call and the block of `with`; later versions must be
-checked. So a KeyboardInterrupt cannot leave the lock held, because the `__enter__` of an `RLock`
-is written in C. In `History`, several lists must change together, so there is no call between
-their changes. `Source.take` returns a list that the source keeps, and `Engine.pull` clears this
-list after the insertion. If the insertion is interrupted, the list is not cleared, and the next
-pull inserts the same batches again. A sample that is in the history already is not inserted again.
+the start of a function, and when a loop jumps back. There is one exception: up to Python 3.13,
+nothing is raised after `with` has called `__enter__`. (Later versions must be checked.) The
+`__enter__` of an `RLock` is written in C, so that nothing is raised inside it, either. Therefore,
+a KeyboardInterrupt cannot leave the lock held. In `History`, several lists must change together,
+so there is no call between their changes. `Source.take` returns a list that the source keeps, and
+`Engine.pull` clears this list after the insertion. If the insertion is interrupted, the list is
+not cleared, and the next pull inserts the same batches again. A sample that is in the history
+already is not inserted again.
 
 Who wakes whom. The *generation* of a buffer is a number that grows with each insertion. Three
 kinds of waiters are woken after an insertion:
@@ -236,7 +237,7 @@ class Engine:
         """
         Insert what the sources have received.
 
-        The caller must hold the lock, but must not be a nested call.
+        The caller must have taken the lock, and its thread must not have held the lock before.
         """
         for source in self._sources:
             batches = source.take()
@@ -447,7 +448,7 @@ class Engine:
             where there is a transform. Where the third array is False, `lookup_transform` would
             raise a TransformException, and the first two arrays contain NaN.
         :raises TypeError: if the times are not integers, or if a frame is not a str.
-        :raises OverflowError: if a time does not fit in an int64.
+        :raises OverflowError: if a time is too large for an int64.
         :raises ValueError: if the shape of `times` is not (n,).
         """
         times = _int64_times(times)
@@ -625,7 +626,7 @@ def _int64_times(times: ArrayLike) -> NDArray[np.int64]:
 
     :param times: (n,) integers (ns).
     :raises TypeError: if the times are not integers.
-    :raises OverflowError: if a time does not fit in an int64.
+    :raises OverflowError: if a time is too large for an int64.
     :raises ValueError: if the shape is not (n,).
     """
     times = np.asarray(times)

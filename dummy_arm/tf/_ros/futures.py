@@ -53,7 +53,7 @@ class TransformFuture(Future):
         super().add_done_callback(callback)  # type: ignore[no-untyped-call]
         # An executor that spins until the future is done adds a callback, and never removes the
         # callback. The executor itself keeps the future alive during the spin. If `_owner` also
-        # kept the future alive, the future would stay pending after a spin that has timed out.
+        # kept it, a future that nobody refers to after a spin with a timeout would never end.
         if not is_of_executor(callback):
             self._owner.keep(self)
 

@@ -19,7 +19,8 @@ from dummy_arm.tf._ros.rclpy_private import guard_condition, RCLError, WaitSet
 #: The longest time for which the thread waits (s). The time is short because a signal that shuts
 #: ROS down does not wake the thread.
 _MAX_WAIT = 0.2
-#: The shortest time between two wake-ups of the executor (s). A wake-up costs 0.1 to 0.3 ms.
+#: The shortest time (s) between two wake-ups of the executor that are not urgent. A wake-up costs
+#: 0.1 to 0.3 ms.
 _WAKE_INTERVAL = 0.1
 #: The longest time for which `stop` waits for the end of the thread (s). The time is limited,
 #: because the thread may be running a long callback.
@@ -62,8 +63,8 @@ class ListenerThread:
             times per second. It returns a `Round`.
         :param on_end: a function that the thread calls at its end. If the thread was never
             started, `stop` calls this function.
-        :param is_blocked: a function that returns True if the calling thread holds a lock that
-            this thread needs in order to end. The method `stop` calls this function.
+        :param is_blocked: a function that `stop` calls. It returns True if the thread that calls
+            `stop` holds a lock that the ListenerThread needs in order to end.
         :param clock: a function that returns the time (s).
         """
         self._node, self._context, self._clock = node, node.context, clock
