@@ -60,6 +60,8 @@ clean:
 	rm -rf build install log $(VENV) $(NO_ROS) dummy_arm.egg-info compat/build compat/*.egg-info
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache
 
+# With paths, and not with an import hook, so that editors and mypy find the packages.
+AS_PATHS := --config-settings editable_mode=compat
 $(INSTALLED): EXTRAS = bag,ros,test,view
 $(NO_ROS)/installed: EXTRAS = bag,test,view
 $(INSTALLED) $(NO_ROS)/installed: setup.py compat/pyproject.toml
@@ -71,9 +73,9 @@ $(INSTALLED) $(NO_ROS)/installed: setup.py compat/pyproject.toml
 	    "the venv module is missing: apt install python3.%d-venv" % sys.version_info[1])'; exit 1; }
 	$(PYTHON) -m venv $(@D)
 	@touch $(@D)/COLCON_IGNORE
-	$(@D)/bin/python -m pip install --quiet --editable '.[$(EXTRAS)]' --editable compat
+	$(@D)/bin/python -m pip install --quiet $(AS_PATHS) --editable '.[$(EXTRAS)]' --editable compat
 	@touch $@
 
 $(INSTALLED)-%: $(INSTALLED)
-	$(VENV)/bin/python -m pip install --quiet --editable '.[$*]'
+	$(VENV)/bin/python -m pip install --quiet $(AS_PATHS) --editable '.[$*]'
 	@touch $@

@@ -1,7 +1,6 @@
 """The cost of listening: from bytes into the buffer, and of whole processes over DDS."""
 
 from collections.abc import Iterator
-from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
 from statistics import mean
@@ -10,7 +9,7 @@ import sys
 from timeit import timeit
 
 from leak import resident
-from measure import cost, Row
+from measure import cost, has_real_tf2, Row
 import numpy as np
 from numpy.typing import NDArray
 
@@ -93,7 +92,7 @@ def over_dds() -> Iterator[Row]:
         ('TransformListener, node spun', 'TransformListener', 'tf'),
         ('TransformListener, node not spun', 'TransformListener unspun', 'tf'),
         ('the same while a future waits', 'Waiting unspun', 'tf')]
-    if find_spec('tf2_ros'):
+    if has_real_tf2():
         listeners.insert(0, ('tf2_ros.TransformListener', 'tf2_ros', 'tf'))
     for rate, frames in STREAMS:
         results: dict[str, list[float]] = {}

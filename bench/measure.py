@@ -1,6 +1,7 @@
 """The measurement of times. When run by itself, the times of imports."""
 
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 import os
 import subprocess
 import sys
@@ -31,6 +32,11 @@ def cost(seconds: float, u: float) -> tuple[str, str]:
 
 def _three_digits(value: float) -> str:
     return f'{value:.0f}' if value >= 100.0 else f'{value:#.3g}'
+
+
+def has_real_tf2() -> bool:
+    """Return True if the tf2 of ROS is installed; the packages of `compat` are this package."""
+    return find_spec('tf2_py') is not None and find_spec('tf2_py._tf2_py') is not None
 
 
 def imports() -> Iterator[Row]:

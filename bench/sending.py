@@ -5,10 +5,11 @@ from pathlib import Path
 import re
 import subprocess
 import sys
+from typing import Any
 
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped, Quaternion, Transform, TransformStamped, Vector3
-from measure import best, cost, cpu_seconds, Row
+from measure import best, cost, cpu_seconds, has_real_tf2, Row
 from nav_msgs.msg import Path as NavPath
 import numpy as np
 from rclpy.executors import SingleThreadedExecutor
@@ -45,11 +46,10 @@ def poses_of(built: list[TransformStamped]) -> NavPath:
 def rows(node: Node, u: float) -> Iterator[Row]:
     """Measure the publishing of 4, 100 and 1000 transforms."""
     broadcaster = TransformBroadcaster(node)
-    try:
+    real: Any = None
+    if has_real_tf2():
         import tf2_ros
         real = tf2_ros.TransformBroadcaster(node)
-    except ImportError:
-        real = None
     paths = node.create_publisher(NavPath, '/path', 100)
     is_real = TFMessage.__module__.startswith('tf2_msgs')
     for count in (4, 100, 1000):

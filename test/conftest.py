@@ -45,6 +45,10 @@ DESKTOP = {} if HAS_TF2_MSGS else {'PYTHONPATH': os.pathsep.join(filter(None, (
 #: The ids of the processes that belong to these tests.
 _pids = {os.getpid()}
 _HAS_ROS = find_spec('rclpy') is not None
+_HAS_COMPAT = find_spec('_dummy_arm_tf2') is not None
+#: The tests of `compat`, which is not installed where the real tf2 is.
+_OF_COMPAT = ('test_new_environment.py', 'test_tf2_names.py', 'test_tf2_py.py',
+              'test_tf2_ros_programs.py', 'test_tf_transformations.py')
 
 # Examples have no deadline, since the machine may be busy.
 settings.register_profile('unhurried', deadline=None, suppress_health_check=[HealthCheck.too_slow])
@@ -58,8 +62,11 @@ def needs_ros(path: Path) -> bool:
 
 
 def pytest_ignore_collect(collection_path: Path) -> Optional[bool]:
-    """Ignore the modules that cannot be imported where there is no ROS."""
-    is_out = not _HAS_ROS and collection_path.suffix == '.py' and needs_ros(collection_path)
+    """Ignore the modules that cannot be imported where there is no ROS, or no `compat`."""
+    if collection_path.suffix != '.py':
+        return None
+    is_out = ((not _HAS_ROS and needs_ros(collection_path))
+              or (not _HAS_COMPAT and collection_path.name in _OF_COMPAT))
     return True if is_out else None
 
 
@@ -81,6 +88,9 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     """Report deselected tests: pytest-xdist does not report what its workers deselect."""
     if not _HAS_ROS:
         terminalreporter.write_line('rclpy is not installed: tests that need ROS were deselected')
+    if not _HAS_COMPAT:
+        terminalreporter.write_line(
+            f'compat is not installed: {", ".join(_OF_COMPAT)} were ignored')
 
 
 def tool(name: str, *arguments: str) -> tuple[str, ...]:

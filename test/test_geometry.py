@@ -37,7 +37,12 @@ from dummy_arm.tf import (
     TransformRegistration,
     TypeException,
 )
-from dummy_arm.tf.geometry import do_transform_pose, transform_covariance
+from dummy_arm.tf.geometry import (
+    do_transform_point,
+    do_transform_pose,
+    transform_covariance,
+    transform_points,
+)
 
 HALF = math.sqrt(0.5)
 XYZ, XYZW = (1.0, 2.0, 3.0), (0.5, -0.5, 0.5, 0.5)
@@ -299,6 +304,23 @@ def test_a_cloud_without_points(buffer):
     """The result is without points, too."""
     empty = cloud(np.empty((1, 0, 3)), KINDS, big_endian=False, point_step=24, padding=0)
     assert list(buffer.transform(empty, 'map').data) == []
+
+
+def test_points_in_an_array():
+    """Each point is transformed as a PointStamped is; a zero quaternion is no rotation."""
+    transform = TransformStamped()
+    transform.transform.translation.x, transform.transform.translation.z = 1.0, -2.0
+    points = np.array([[1.0, 2.0, 3.0], [-4.0, 0.5, 6.0]])
+    for rotation in (0.0, 0.0, 0.0, 0.0), (0.1, -0.5, 0.3, 0.8):
+        x, y, z, w = rotation
+        transform.transform.rotation = Quaternion(x=x, y=y, z=z, w=w)
+        for point, result in zip(points, transform_points(points, transform.transform)):
+            single = PointStamped(point=Point(x=point[0], y=point[1], z=point[2]))
+            expected = do_transform_point(single, transform).point
+            assert result == pytest.approx((expected.x, expected.y, expected.z))
+    assert transform_points(np.empty((0, 3)), transform.transform).shape == (0, 3)
+    with pytest.raises(ValueError, match=r'must be of shape \(n, 3\), got \(3,\)'):
+        transform_points([1.0, 2.0, 3.0], transform.transform)
 
 
 @pytest.mark.parametrize(('change', 'error'), [

@@ -17,7 +17,8 @@ ROOT = Path(__file__).parent.parent
 def test_programs_and_evo(tmp_path):
     """The programs for tf2_ros run, and evo, which imports tf2_py, reads poses out of a bag."""
     for path in 'dummy_arm', 'compat', 'launch', 'resource', 'rviz':
-        shutil.copytree(ROOT / path, tmp_path / path, ignore=shutil.ignore_patterns('*.egg-info'))
+        shutil.copytree(ROOT / path, tmp_path / path,
+                        ignore=shutil.ignore_patterns('*.egg-info', 'build'))
     for name in 'package.xml', 'setup.cfg', 'setup.py':
         shutil.copy(ROOT / name, tmp_path)
     directory = tmp_path / 'environment' / 'bin'

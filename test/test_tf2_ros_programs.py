@@ -36,10 +36,12 @@ def lookup(ros):
 
 
 def test_all_programs_use_the_names_of_tf2():
-    """No program imports this package; eleven or more import packages of tf2."""
-    programs = [path.read_text() for path in PROGRAMS.rglob('*.py')]
-    assert not any('dummy_arm.' in re.sub(r'(?s)^""".*?"""', '', code) for code in programs)
-    assert sum(bool(re.search(r'(?m)^(import|from) tf2?_', code)) for code in programs) >= 11
+    """Each of the fifteen programs imports a package of tf2, and none imports this package."""
+    programs = {path.stem: path.read_text() for path in PROGRAMS.rglob('*.py')}
+    assert len(programs) == 15
+    for code in programs.values():
+        assert re.search(r'(?m)^(import|from) tf2?_', code)
+        assert not re.search(r'(?m)^\s*(import|from) dummy_arm', code)
 
 
 @pytest.mark.parametrize(('program', 'line'), [
@@ -81,6 +83,14 @@ def test_an_added_frame(run, lookup, program, distance):
     assert math.hypot(turtle.translation.x, turtle.translation.y) == pytest.approx(2.0)
     assert math.hypot(carrot.translation.x, carrot.translation.y) == pytest.approx(distance)
     assert lookup('world', 'carrot1')
+
+
+def test_state_publisher(run, lookup):
+    """It imports TransformStamped from tf2_ros, as a tutorial does."""
+    run('state_publisher')
+    pose = lookup('odom', 'axis')
+    assert math.hypot(pose.translation.x, pose.translation.y) == pytest.approx(2.0)
+    assert pose.translation.z == 0.7
 
 
 def test_listener(run):

@@ -2,7 +2,6 @@
 
 from itertools import product
 from math import pi
-import random
 
 import numpy as np
 import pytest
@@ -11,7 +10,7 @@ from transforms3d import affines, euler, quaternions
 
 AXES = [f'{frame}{first}{second}{third}' for frame, first, second, third
         in product('sr', 'xyz', 'xyz', 'xyz') if first != second != third]
-RANDOM = np.random.default_rng(18)
+RANDOM = np.random.default_rng()
 ONES = (1.0, 1.0, 1.0)
 
 
@@ -33,8 +32,9 @@ def same_rotation(first, second):
 @pytest.fixture(autouse=True)
 def seed():
     """Random numbers of the functions are the same in each run."""
+    global RANDOM
+    RANDOM = np.random.default_rng(18)
     np.random.seed(18)
-    random.seed(18)
 
 
 @pytest.mark.parametrize('axes', AXES)
@@ -71,6 +71,11 @@ def test_quaternions():
         half = tft.quaternion_slerp(a, b, 0.5)
         way = tft.quaternion_multiply(half, tft.quaternion_inverse(a))
         assert same_rotation(tft.quaternion_multiply(tft.quaternion_multiply(way, way), a), b)
+    assert tft.euler_from_quaternion([0, 0, 0, 0]) == (0.0, 0.0, 0.0)
+    assert same(tft.quaternion_matrix(np.zeros(4)), np.identity(4))
+    scaled = tft.euler_matrix(0.1, 0.2, 0.3) @ tft.scale_matrix(2.0)
+    assert same(tft.euler_from_matrix(scaled), (0.1, 0.2, 0.3))
+    assert same(tft.euler_from_matrix(tft.euler_matrix(0.1, 0.2, 0.3)[:3, :3]), (0.1, 0.2, 0.3))
     inverse = tft.quaternion_inverse((0.0, 0.0, 0.0, 2.0))
     inverse[3] = -inverse[3]  # as many programs do
     assert same(inverse, (0, 0, 0, -0.5))

@@ -83,6 +83,14 @@ def test_the_interval_ends_with_the_data(buffer):
     assert buffer.lookup_twist('map', 'rim', 0, 100 * MS) == last
 
 
+def test_a_time_long_after_the_data(buffer):
+    """The last velocity is not that of a frame which is not published any more."""
+    with pytest.raises(ExtrapolationException, match='into the future'):
+        buffer.lookup_twist('map', 'rim', 104 * S + 51 * MS, 100 * MS)
+    with pytest.raises(ExtrapolationException, match='into the future'):
+        buffer.lookup_twist('map', 'rim', 3700 * S, S)
+
+
 def test_frames_that_do_not_move(buffer):
     """Static transforms and equal frames have no velocity."""
     for frames in ('disk', 'rim'), ('rim', 'rim'):

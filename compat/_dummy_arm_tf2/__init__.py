@@ -2,59 +2,67 @@
 Makes `import dummy_arm.tf` work, even if the user's program is called dummy_arm.py.
 
 The other packages of this distribution import this one first. Python searches the directory of a
-program before all others. In a program dummy_arm.py, or in one beside it, `import dummy_arm` would
-therefore import that program.
+program before all others. So in a program dummy_arm.py, and in a program beside such a file,
+`import dummy_arm` finds the program and not the package. `_load` appends the directory of the
+package to the `__path__` of what `import dummy_arm` finds. Then `dummy_arm.tf` is found, too, and
+the user can still import the program.
 """
 
-from importlib.machinery import ModuleSpec, PathFinder
-from importlib.util import module_from_spec
-from pathlib import Path
+from collections.abc import Sequence
+from importlib.machinery import PathFinder
+from importlib.util import find_spec, module_from_spec
 import sys
-from typing import Optional
+from types import ModuleType
+from typing import Any, Optional
 
 
-def _is_shadowing(directory: str) -> bool:
-    """Return True if `import dummy_arm` would find a program in a directory, not a package."""
-    return Path(directory, 'dummy_arm.py').is_file() and not Path(directory, 'dummy_arm').is_dir()
+class _NotExecuted(ModuleType):
+    """The user's program as a module; it is executed when the first of its names is used."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Execute the program, unless Python itself asks for an attribute of the module."""
+        if name.startswith('__') or self.__spec__ is None or self.__spec__.loader is None:
+            raise AttributeError(f'module {self.__name__!r} has no attribute {name!r}', name=name)
+        self.__class__ = ModuleType  # type: ignore[assignment]
+        self.__spec__.loader.exec_module(self)
+        return getattr(self, name)
 
 
-def _find_package() -> ModuleSpec:
+def _has_tf(path: Optional[Sequence[str]]) -> bool:
+    """Return True if the `__path__` of a package has the subpackage `tf`."""
+    return path is not None and PathFinder.find_spec('dummy_arm.tf', path) is not None
+
+
+def _find_package() -> Sequence[str]:
     """
-    Find the package dummy_arm that contains `tf`.
+    Find the package dummy_arm that has the subpackage `tf`, and return its `__path__`.
 
-    :returns: the spec of the package.
-    :raises ImportError: if it is not installed.
+    :raises ModuleNotFoundError: if it is not installed.
     """
-    path = [directory for directory in sys.path if not _is_shadowing(directory)]
-    for finder in sys.meta_path:
-        spec: Optional[ModuleSpec] = finder.find_spec(
-            'dummy_arm', path if finder is PathFinder else None)
-        if spec is not None and any(Path(directory, 'tf').is_dir() for directory in
-                                    spec.submodule_search_locations or ()):
-            return spec
-    raise ImportError('the package dummy_arm is not installed; see its README')
+    searches: list[tuple[Any, Optional[Sequence[str]]]] = [
+        (PathFinder, [directory]) for directory in sys.path if isinstance(directory, str)]
+    searches += [(finder, None) for finder in sys.meta_path if finder is not PathFinder]
+    for finder, path in searches:
+        spec = finder.find_spec('dummy_arm', path)
+        if spec is not None and _has_tf(spec.submodule_search_locations):
+            locations: Sequence[str] = spec.submodule_search_locations
+            return locations
+    raise ModuleNotFoundError('the package dummy_arm is not installed; see its README')
 
 
 def _load() -> None:
-    """
-    Put the package dummy_arm into `sys.modules`.
-
-    If a program or a package of the user with the name dummy_arm is there already, it stays there,
-    and `tf` becomes a submodule of it.
-
-    :raises ImportError: if the package is not installed.
-    """
-    if 'dummy_arm.tf' in sys.modules:
+    """Make sure that `import dummy_arm.tf` finds the package."""
+    module = sys.modules.get('dummy_arm')
+    spec = None if module is not None else find_spec('dummy_arm')
+    path = getattr(module, '__path__', None) if spec is None else spec.submodule_search_locations
+    if _has_tf(path):
         return
     package = _find_package()
-    module = sys.modules.get('dummy_arm')
     if module is None:
-        module = sys.modules['dummy_arm'] = module_from_spec(package)
-        assert package.loader is not None
-        package.loader.exec_module(module)
-    elif package.origin != getattr(module, '__file__', None):
-        module.__path__ = [*getattr(module, '__path__', ()),
-                           *(package.submodule_search_locations or ())]
+        assert spec is not None  # else, `_find_package` has raised an error
+        module = sys.modules['dummy_arm'] = module_from_spec(spec)
+        module.__class__ = _NotExecuted
+    module.__path__ = [*(path or ()), *package]
 
 
 _load()

@@ -1,9 +1,13 @@
-"""Raises an ImportError with the remedy if rclpy or the common messages are not installed."""
+"""Raises an error with the remedy if rclpy or the common messages are not installed."""
 
 try:
-    import geometry_msgs.msg  # noqa: F401
+    import geometry_msgs  # noqa: F401
     import rclpy  # noqa: F401
-except ImportError as error:
-    raise ImportError(
-        f'this module of tf2 needs ROS 2 ({error}): pip install "ros-jazzy-rclpy[fastrtps]" '
-        'ros-jazzy-common-interfaces') from None
+    import sensor_msgs  # noqa: F401
+    import std_msgs  # noqa: F401
+except ModuleNotFoundError as error:
+    if error.name not in ('geometry_msgs', 'rclpy', 'sensor_msgs', 'std_msgs'):
+        raise
+    raise ModuleNotFoundError(
+        f'this module of tf2 needs ROS 2, but {error.name} is not installed: pip install '
+        '"ros-jazzy-rclpy[fastrtps]" ros-jazzy-common-interfaces', name=error.name) from None

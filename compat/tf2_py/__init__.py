@@ -31,3 +31,8 @@ def __getattr__(name: str) -> Any:
         from dummy_arm.tf import MessageBufferCore
         return MessageBufferCore
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+
+
+def __dir__() -> list[str]:
+    """Return all names, including `BufferCore` before its first use."""
+    return sorted({*globals(), *__all__})

@@ -1,5 +1,16 @@
 """The names of tf2_ros, from `dummy_arm.tf`."""
 
+import _dummy_arm_tf2.ros  # noqa: F401
+from geometry_msgs.msg import PointStamped as PointStamped
+from geometry_msgs.msg import PoseStamped as PoseStamped
+from geometry_msgs.msg import PoseWithCovarianceStamped as PoseWithCovarianceStamped
+from geometry_msgs.msg import TransformStamped as TransformStamped
+from geometry_msgs.msg import Vector3Stamped as Vector3Stamped
+from rclpy.duration import Duration as Duration
+from rclpy.node import Node as Node
+from rclpy.qos import QoSProfile as QoSProfile
+from rclpy.time import Time as Time
+from std_msgs.msg import Header as Header
 from tf2_py import BufferCore as BufferCore
 from tf2_py import ConnectivityException as ConnectivityException
 from tf2_py import ExtrapolationException as ExtrapolationException

@@ -6,9 +6,9 @@ transform column vectors (x, y, z, 1). Except where a function says otherwise, a
 has three numbers, and results are float64. ROS is not needed.
 
 The functions of Euler angles and quaternions check their arguments as `dummy_arm.tf.rotations`
-does. The functions that only computer graphics needs (projections, clipping, the virtual
-trackball) call the module of C. Gohlke from which all of these names come, and of which
-transforms3d contains a copy.
+does, but a quaternion of length zero is no rotation. The functions that only computer graphics
+needs (projections, clipping, the virtual trackball) call the module of C. Gohlke from which all of
+these names come, and of which transforms3d contains a copy.
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,10 +21,8 @@ from transforms3d import _gohlketransforms, affines, axangles, euler, reflection
 
 from dummy_arm.tf import rotations
 from dummy_arm.tf.rotations import Axes, Quaternion
-from dummy_arm.tf.rotations import euler_from_quaternion as euler_from_quaternion
 from dummy_arm.tf.rotations import quaternion_about_axis as quaternion_about_axis
 from dummy_arm.tf.rotations import quaternion_from_euler as quaternion_from_euler
-from dummy_arm.tf.rotations import quaternion_matrix as quaternion_matrix
 from dummy_arm.tf.rotations import quaternion_multiply as quaternion_multiply
 
 __all__ = [
@@ -330,19 +328,44 @@ def euler_from_matrix(matrix: ArrayLike, axes: Axes = 'sxyz') -> tuple[float, fl
     :returns: the angles about the first, second and third axis.
     :raises ValueError: if the matrix is not a rotation, or the convention does not exist.
     """
-    return euler_from_quaternion(rotations.quaternion_from_matrix(matrix), axes)
+    return euler_from_quaternion(quaternion_from_matrix(matrix), axes)
+
+
+def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
+                          ) -> tuple[float, float, float]:
+    """
+    Return the Euler angles of a rotation.
+
+    :param quaternion: x, y, z, w, of any length; of length zero: no rotation.
+    :param axes: the convention, as in `quaternion_from_euler`.
+    :returns: the angles about the first, second and third axis.
+    :raises ValueError: if the quaternion is not finite, or the convention does not exist.
+    """
+    return rotations.euler_from_quaternion(_rotation(quaternion), axes)
+
+
+def quaternion_matrix(quaternion: Iterable[float]) -> Array:
+    """
+    Return the matrix of a rotation.
+
+    :param quaternion: x, y, z, w, of any length; of length zero: no rotation.
+    :returns: (4, 4).
+    :raises ValueError: if the quaternion is not finite.
+    """
+    return rotations.quaternion_matrix(_rotation(quaternion))
 
 
 def quaternion_from_matrix(matrix: ArrayLike) -> Quaternion:
     """
     Return the rotation of a matrix.
 
-    :param matrix: (4, 4); its translation, scale and shear are ignored.
+    :param matrix: (4, 4); its translation, scale and shear are ignored. Or (3, 3): a rotation.
     :returns: the unit quaternion x, y, z, w with w >= 0.
     :raises ValueError: if the matrix does not contain a rotation.
     """
+    given = np.asarray(matrix, np.float64)
     return rotations.quaternion_from_matrix(
-        affines.decompose44(np.asarray(matrix, np.float64))[1])
+        affines.decompose44(given)[1] if given.shape == (4, 4) else given)
 
 
 def quaternion_conjugate(quaternion: Iterable[float]) -> Array:
@@ -650,6 +673,12 @@ def arcball_nearest_axis(point: ArrayLike, axes: Sequence[ArrayLike]) -> Any:
     :returns: the element of `axes`; None if there is none.
     """
     return _gohlketransforms.arcball_nearest_axis(_vector(point), axes)
+
+
+def _rotation(quaternion: Iterable[float]) -> Sequence[float]:
+    """Return a quaternion, or the identity if its length is zero, as in transforms3d."""
+    given = [*quaternion]
+    return given if np.dot(given, given) >= np.finfo(np.float64).eps else (0.0, 0.0, 0.0, 1.0)
 
 
 def _vector(given: ArrayLike) -> Array:

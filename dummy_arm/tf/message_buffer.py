@@ -70,7 +70,7 @@ class MessageBufferCore(Engine):
         self._set(transform, authority, True)
 
     def _set(self, transform: TransformStamped, authority: str, is_static: bool) -> None:
-        with explain_bad_fields([transform]):
+        with explain_bad_fields([transform], accepts_clock_time=True):
             self.insert(*row_of(transform), authority, is_static)
 
     def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time
@@ -170,10 +170,10 @@ class MessageBufferCore(Engine):
         """
         Return what lookupVelocityCore of tf2_py returns; use `lookup_twist` in new programs.
 
-        tf2 computes the velocity of the tracking frame as seen in the observation frame. But it
-        then rotates the velocity by the rotation of the tracking frame, too, and adds a cross
-        product. So the result is the velocity only while the tracking frame does not rotate, and
-        has the orientation of the observation frame.
+        tf2 computes the velocity of the tracking frame as seen in the observation frame. But tf2
+        then rotates the velocity by the rotation of the tracking frame, and adds a cross product.
+        So the result is the velocity only if the tracking frame does not rotate and has the
+        orientation of the observation frame.
 
         :param tracking_frame: the frame that moves.
         :param observation_frame: the frame in which its poses are looked up.
@@ -183,7 +183,7 @@ class MessageBufferCore(Engine):
         :returns: two vectors x, y, z: the linear velocity (m/s) and the angular velocity (rad/s).
         :raises TransformException: if there is no transform; the class of the error says why.
         :raises TypeError: if a frame is not a str, or the time or the interval has a wrong type.
-        :raises ValueError: if the interval is 0.
+        :raises ValueError: if the interval is too short.
         """
         return self.lookupVelocityFullCore(
             tracking_frame, observation_frame, observation_frame, (0.0, 0.0, 0.0), tracking_frame,

@@ -466,8 +466,8 @@ class Engine:
         Return the velocity of the source frame as seen in the target frame.
 
         The result is the average over an interval around `time`. If the data end within this
-        interval, an interval of the same length that ends with the data is used instead. Between
-        its begin and its end, the source frame must turn by less than 180 degrees.
+        interval, the interval of the same length that ends with the data is used instead. During
+        the interval, the source frame must turn by less than 180 degrees.
 
         :param target_frame: the frame in which the velocity is measured and expressed.
         :param source_frame: the frame that moves. Its origin is the reference point of the linear

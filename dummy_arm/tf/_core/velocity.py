@@ -23,8 +23,8 @@ def twist(lookups: Lookups, target: str, source: str, time: int, interval: int) 
     :param source: the frame that moves.
     :param time: the middle of the averaging interval (ns); 0: the interval ends at the latest
         common time.
-    :param interval: the averaging interval (ns). If it would end after the latest common time, it
-        is moved so that it ends there.
+    :param interval: the averaging interval (ns). If it begins before the latest common time and
+        ends after this time, it is moved so that it ends at this time.
     :returns: the velocity of the origin of the source frame (m/s), and the angular velocity of the
         source frame (rad/s).
     :raises TransformException: if there is no pose at the begin or at the end of the interval; the
@@ -34,8 +34,9 @@ def twist(lookups: Lookups, target: str, source: str, time: int, interval: int) 
     if interval <= 0:
         raise ValueError(f'interval must be longer than 0 ns, got {interval}')
     latest = lookups.latest_common_time(target, source)
-    # A static path has no latest time. Its poses are the same at all times.
-    end = min(time + interval // 2, latest) if time and latest else latest or 2
+    end = time + interval // 2
+    if not time or end - interval <= latest < end:
+        end = latest
     begin = max(end - interval, 1)  # time 0 would mean the latest time
     end = max(end, begin + 1)
     _, before = lookups.pose(target, source, begin)
@@ -55,9 +56,10 @@ def tf2_velocity(lookups: Lookups, tracking: str, observation: str, reference: s
     """
     Compute what `tf2::BufferCore::lookupVelocity` computes, which is not always the velocity.
 
-    The steps and the rounding of times to float64 seconds are those of tf2, with two mistakes. The
-    difference quotients are in the observation frame, but are rotated from the tracking frame to
-    the reference frame. Where the velocity is moved to another reference point, two vectors are
+    The steps and the rounding of times to float64 seconds are those of tf2. Three of the steps are
+    wrong. The velocity is in the axes of the observation frame, but is rotated as if it were in
+    the axes of the tracking frame. The cross product of the position of the tracking frame and the
+    angular velocity is added. To move the velocity to the reference point, two vectors are
     multiplied element by element, where a cross product belongs.
 
     :param lookups: the lookups of a buffer.
@@ -71,7 +73,7 @@ def tf2_velocity(lookups: Lookups, tracking: str, observation: str, reference: s
         observation frame if it would end later.
     :returns: the linear velocity (m/s) and the angular velocity (rad/s).
     :raises TransformException: if there is no such transform; the class of the error says why.
-    :raises ValueError: if the interval is 0.
+    :raises ValueError: if the interval is 0, or is lost when times are rounded to float64.
     """
     try:
         latest = lookups.latest_common_time(observation, tracking)
@@ -81,7 +83,7 @@ def tf2_velocity(lookups: Lookups, tracking: str, observation: str, reference: s
     end = min(middle + seconds * 0.5, in_seconds(latest))
     begin = max(_FIRST + seconds, end) - seconds
     if begin == end:
-        raise ValueError(f'averaging_interval must not be 0, got {interval} ns')
+        raise ValueError(f'averaging_interval is too short at this time: {interval} ns')
     _, before = lookups.pose(observation, tracking, _nanoseconds(begin))
     _, after = lookups.pose(observation, tracking, _nanoseconds(end))
     rate = 1.0 / (end - begin)

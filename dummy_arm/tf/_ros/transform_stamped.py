@@ -162,13 +162,15 @@ class explain_bad_fields:  # noqa: N801
     a ValueError that names the field and its value. Other errors are not changed.
     """
 
-    def __init__(self, messages: Sequence[TransformStamped]) -> None:
+    def __init__(self, messages: Sequence[TransformStamped], accepts_clock_time: bool = False
+                 ) -> None:
         """
         Create the context manager.
 
         :param messages: the transforms that are read or packed in the `with` block.
+        :param accepts_clock_time: whether a stamp may be a Time of rclpy, as in `row_of`.
         """
-        self._messages = messages
+        self._messages, self._accepts_clock_time = messages, accepts_clock_time
 
     def __enter__(self) -> None:
         pass
@@ -176,15 +178,20 @@ class explain_bad_fields:  # noqa: N801
     def __exit__(self, kind: Optional[type], *_: object) -> None:
         if kind is not None and issubclass(kind, _FIELD_ERRORS):
             for i, message in enumerate(self._messages):
-                if isinstance(message, TransformStamped) and (problem := _bad_field(message)):
+                if isinstance(message, TransformStamped) and (
+                        problem := _bad_field(message, self._accepts_clock_time)):
                     raise ValueError(
                         f'transform {i + 1} of {len(self._messages)}, to child '
                         f'{message.child_frame_id!r}: {problem}') from None
 
 
-def _bad_field(message: TransformStamped) -> Optional[str]:
+def _bad_field(message: TransformStamped, accepts_clock_time: bool) -> Optional[str]:
     """Describe the first field with a wrong value; return None if there is no such field."""
+    is_clock_time = accepts_clock_time and isinstance(
+        getattr(message.header, 'stamp', None), ClockTime)
     for path, kind in _FIELDS:
+        if is_clock_time and path.startswith('header.stamp'):
+            continue
         value: Any = message
         for name in path.split('.'):
             value = getattr(value, name)
