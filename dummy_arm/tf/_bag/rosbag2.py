@@ -632,9 +632,10 @@ def _split(data: Buffer, tick: Tick) -> Iterator[tuple[int, int, int]]:
 
 def _encoded(msgtype: str, encoding: str) -> str:
     """
-    Append the encoding to a message type, unless the encoding is CDR.
+    Append the encoding to a message type, if the encoding is another one than CDR.
 
-    The result is then not a type of TF messages. So `BagContext.stream` returns None for it.
+    A type with an appended encoding is not a type of TF messages, so that `BagContext.stream`
+    returns None for it.
     """
     return msgtype if encoding in ('cdr', '') else f'{msgtype} in {encoding}'
 
@@ -861,8 +862,8 @@ class _SqliteReader:
             except sqlite3.DatabaseError as error:
                 self._context.tick()
                 reason = reason or str(error)
-            # Python 3.10 reads one row ahead. So the next row may be undamaged, and the row after
-            # it damaged. Therefore, read the next row by a query of its own.
+            # Is the row with the id `first` damaged, or only the row after it? (Python 3.10 reads
+            # one row ahead.) To find out, read the row with the id `first` alone.
             try:
                 row = self._read_row(query, first)
             except sqlite3.DatabaseError:

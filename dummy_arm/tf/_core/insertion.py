@@ -98,8 +98,8 @@ class Insertion:
             try:
                 is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
             finally:
-                # `dict.clear` is called directly. If a method written in Python called it, a
-                # KeyboardInterrupt at the start of this method would leave invalid paths.
+                # `dict.clear` is called directly, and not by a method that is written in Python: a
+                # KeyboardInterrupt at the start of such a method would leave invalid paths.
                 self._lookups.paths.clear()
         else:
             return False

@@ -244,7 +244,7 @@ def fields_to_send(messages: Iterable[TransformStamped]) -> list[cdr.Fields]:
 @lru_cache(maxsize=4096)
 def check_edge(frame_id: str, child_frame_id: str) -> None:
     """
-    Check the frame names of a transform that is to be broadcast, without their leading slashes.
+    Check the frame names of a transform before it is broadcast; leading slashes are ignored.
 
     :param frame_id: the name of the parent.
     :param child_frame_id: the name of the child.
