@@ -51,9 +51,9 @@ class TransformFuture(Future):
         :param callback: the function; its argument is this future.
         """
         super().add_done_callback(callback)  # type: ignore[no-untyped-call]
-        # An executor that spins until the future is done adds a callback, and never removes the
-        # callback. The executor itself keeps the future alive during the spin. If `_owner` also
-        # kept it, a future that nobody refers to after a spin with a timeout would never end.
+        # `spin_until_future_complete` adds a callback, and does not remove it when the spin times
+        # out. The executor itself keeps the future alive during the spin. After the spin, the
+        # future must be deleted when the user drops it. So it is not kept for such a callback.
         if not is_of_executor(callback):
             self._owner.keep(self)
 
