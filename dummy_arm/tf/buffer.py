@@ -93,7 +93,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Drop the sources, futures, context and logger, which work in the parent process only.
 
-        :param was_held: True if the lock of the buffer was taken before the fork; see `Engine`.
+        :param was_held: as in `Engine`: False if the data may be inconsistent.
         """
         super().after_fork_in_child(was_held)
         self._context = None
