@@ -132,7 +132,7 @@ def test_they_are_re_exports():
 def test_what_is_not_available(ros, use):
     """It can be imported; its use is one clear error."""
     with pytest.raises((AttributeError, NotImplementedError), match=(
-            r'needs services and actions, which only the tf2 of ROS has\. .* use a Buffer with a '
+            r'needs services and actions of tf2_msgs, which only ROS has\. .* use a Buffer and a '
             r'TransformListener')) as caught:
         use(ros.node)
     assert '\n' not in str(caught.value)
@@ -209,6 +209,14 @@ USE = 'import tf2_ros; from dummy_arm.tf import Buffer; assert tf2_ros.Buffer is
       'test.py': f'{USE}\nfrom dummy_arm import answer; print(answer)\ntry:\n'
                  '    from dummy_arm import nothing\nexcept ImportError as e:\n    print(e.name)'},
      ['test.py'], '42\ndummy_arm\n'),
+    ({'dummy_arm.py': 'import tf2_ros\nLIMIT = 1\ndef limit():\n    return LIMIT',
+      'test.py': 'import tf2_ros, dummy_arm\ndummy_arm.LIMIT = 2; print(dummy_arm.limit())\n'
+                 'from dummy_arm import *; print(limit(), "LIMIT" in dir(dummy_arm))'},
+     ['test.py'], '2\n2 True\n'),
+    ({'dummy_arm.py': 'import tf2_ros\ntf2_ros.Bufer',
+      'test.py': 'import tf2_ros\nfor _ in range(2):\n    try:\n        from dummy_arm import f\n'
+                 '    except ImportError as error:\n        print(error.__cause__)'},
+     ['test.py'], 2 * "module 'tf2_ros' has no attribute 'Bufer'\n"),
     # A directory of that name that is no package, such as a clone of this project.
     ({'dummy_arm.py': USE, 'dummy_arm/README.md': ''}, ['dummy_arm.py'], ''),
     ({'dummy_arm/README.md': '', 'beside.py': USE}, ['beside.py'], ''),
@@ -231,7 +239,7 @@ def test_a_program_with_the_name_of_the_package(tmp_path, files, program, printe
 def test_where_the_package_is_not_installed():
     """The error is one line."""
     assert run(f"""
-import collections.abc, importlib.machinery, importlib.util, sys, types, typing
+import collections.abc, importlib.machinery, importlib.util, sys, threading, types, typing
 spec = importlib.util.spec_from_file_location(
     '_dummy_arm_tf2', {str(COMPAT / '_dummy_arm_tf2' / '__init__.py')!r})
 module = importlib.util.module_from_spec(spec)

@@ -12,8 +12,11 @@ from collections.abc import Sequence
 from importlib.machinery import PathFinder
 from importlib.util import find_spec, module_from_spec
 import sys
+from threading import RLock
 from types import ModuleType
 from typing import Any, Optional
+
+_lock = RLock()
 
 
 class _NotExecuted(ModuleType):
@@ -21,11 +24,36 @@ class _NotExecuted(ModuleType):
 
     def __getattr__(self, name: str) -> Any:
         """Execute the program, unless Python itself asks for an attribute of the module."""
-        if name.startswith('__') or self.__spec__ is None or self.__spec__.loader is None:
+        if name.startswith('__') and name != '__all__':
             raise AttributeError(f'module {self.__name__!r} has no attribute {name!r}', name=name)
-        self.__class__ = ModuleType  # type: ignore[assignment]
-        self.__spec__.loader.exec_module(self)
+        self._execute()
         return getattr(self, name)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Execute the program before one of its names is changed; the importer sets modules."""
+        if not (name.startswith('__') or isinstance(value, ModuleType)):
+            self._execute()
+        ModuleType.__setattr__(self, name, value)
+
+    def __dir__(self) -> list[str]:
+        """Execute the program, and return its names."""
+        self._execute()
+        return dir(self)
+
+    def _execute(self) -> None:
+        with _lock:
+            if type(self) is ModuleType:  # another thread has executed it
+                return
+            assert self.__spec__ is not None
+            assert self.__spec__.loader is not None
+            self.__class__ = ModuleType  # type: ignore[assignment]
+            try:
+                self.__spec__.loader.exec_module(self)
+            except BaseException as error:
+                self.__class__ = _NotExecuted
+                if isinstance(error, AttributeError):  # hasattr would hide it
+                    raise ImportError(f'{self.__file__} cannot be imported: {error}') from error
+                raise
 
 
 def _has_tf(path: Optional[Sequence[str]]) -> bool:

@@ -2,8 +2,8 @@
 
 from typing import Any, NoReturn
 
-_REMEDY = ('needs services and actions, which only the tf2 of ROS has. To look up transforms, use '
-           'a Buffer with a TransformListener, which takes much less CPU time here than in ROS')
+_REMEDY = ('needs services and actions of tf2_msgs, which only ROS has. To look up transforms, '
+           'use a Buffer and a TransformListener, which takes much less CPU time here than in ROS')
 
 
 class Unavailable(type):

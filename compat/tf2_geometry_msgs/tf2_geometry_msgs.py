@@ -1,7 +1,7 @@
 """
 The functions of tf2_geometry_msgs, from `dummy_arm.tf.geometry`, and the messages that they take.
 
-The import of this module makes `Buffer.transform` work for these messages.
+`Buffer.transform` works for these messages even if this module is not imported, unlike in tf2.
 """
 
 import _dummy_arm_tf2.ros  # noqa: F401, I001

@@ -1,7 +1,7 @@
 """
 The functions of tf2_sensor_msgs, from `dummy_arm.tf.geometry`.
 
-The import of this module makes `Buffer.transform` work for a PointCloud2.
+`Buffer.transform` works for a PointCloud2 even if this module is not imported, unlike in tf2.
 """
 
 import _dummy_arm_tf2.ros  # noqa: F401
