@@ -105,11 +105,11 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
         raise DrawingError(
             f'drawing needs pygraphviz, which cannot be imported ({error}): pip install '
             'pygraphviz; or with ROS on Ubuntu: apt install python3-pygraphviz') from None
-    # Graphviz runs in a new process, which can be killed; in this process, Ctrl-C could not
-    # interrupt the C code of graphviz. The new process has its own session, so that Ctrl-C reaches
-    # only this process, which then kills the new one. The graph is passed in a file, not in a
-    # pipe: if communicate() times out before all input is sent, the next call of communicate()
-    # does not send the rest.
+    # Ctrl-C cannot interrupt the C code of graphviz. Therefore graphviz runs in a new process,
+    # which can be killed. The new process has its own session, so that Ctrl-C reaches only the
+    # process that calls `draw`, which then kills the new process. The graph is passed in a file,
+    # not in a pipe: if communicate() times out before all input is sent, the next call of
+    # communicate() does not send the rest.
     try:
         with TemporaryFile() as graph:
             graph.write(dot.encode())
