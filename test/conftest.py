@@ -42,6 +42,8 @@ HAS_TF2_MSGS = find_spec('tf2_msgs') is not None and find_spec('tf2_msgs.srv') i
 #: Variables with which programs find tf2_msgs, as on a Jazzy desktop, or else a stand-in for it.
 DESKTOP = {} if HAS_TF2_MSGS else {'PYTHONPATH': os.pathsep.join(filter(None, (
     str(Path(__file__).parent / 'desktop'), os.environ.get('PYTHONPATH'))))}
+#: Variables with which a process uses the libraries of the environment of the tests.
+OF_THIS_ENVIRONMENT = 'LD_LIBRARY_PATH', 'PYTHONPATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE'
 #: The ids of the processes that belong to these tests.
 _pids = {os.getpid()}
 _HAS_ROS = find_spec('rclpy') is not None
@@ -214,7 +216,7 @@ class Process:
         variables = {**os.environ, 'ROS_DOMAIN_ID': str(domain), **environment}
         python = variables.pop('TEST_PYTHON', sys.executable)
         if python != sys.executable:  # it must not use the libraries of this environment
-            for name in 'LD_LIBRARY_PATH', 'PYTHONPATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE':
+            for name in OF_THIS_ENVIRONMENT:
                 variables.pop(name, None)
         self._popen = subprocess.Popen(
             [python, '-u', *arguments], text=True, stdout=subprocess.PIPE,

@@ -7,6 +7,7 @@ import subprocess
 import sys
 
 import bags
+from conftest import OF_THIS_ENVIRONMENT
 import numpy as np
 import pytest
 
@@ -22,8 +23,8 @@ def test_programs_and_evo(tmp_path):
     for name in 'package.xml', 'setup.cfg', 'setup.py':
         shutil.copy(ROOT / name, tmp_path)
     directory = tmp_path / 'environment' / 'bin'
-    variables = {name: value for name, value in os.environ.items() if name not in (
-        'LD_LIBRARY_PATH', 'PYTHONPATH', '_ROS_WHEELS_BOOTSTRAP_COMPLETE')}
+    variables = {name: value for name, value in os.environ.items()
+                 if name not in OF_THIS_ENVIRONMENT}
 
     def run(*command, **kwargs):
         result = subprocess.run(command, cwd=tmp_path, text=True, stdout=subprocess.PIPE,
