@@ -15,6 +15,7 @@ import pytest
 from rclpy.clock import ROSClock
 from rclpy.context import Context
 from rclpy.duration import Duration
+from rclpy.exceptions import InvalidTopicNameException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -29,6 +30,7 @@ from dummy_arm.tf import (
     LookupException,
     MessageBufferCore,
     StaticTransformBroadcaster,
+    StaticTransformListener,
     TFMessage,
     TransformBroadcaster,
     TransformListener,
@@ -313,6 +315,51 @@ def test_remappings_and_namespace_apply_as_with_tf2(ros, listen):
     publisher.publish(TFMessage(transforms=[stamped(5)]))
     eventually(lambda: listener.buffer.can_transform('map', 'robot', LATEST))
     node.destroy_node()
+
+
+def test_other_topics(ros, listen):
+    """Listeners and broadcasters can use other topics than /tf and /tf_static."""
+    topics = {'tf_topic': '/robot1/tf', 'tf_static_topic': 'robot1/tf_static'}
+    buffer, listener = listen(**topics)
+    default, _ = listen()
+    assert [each.topic_name for each in listener.subscriptions] == [
+        '/robot1/tf_static', '/robot1/tf']
+    dynamic = TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
+    static = StaticTransformBroadcaster(ros.node, tf_static_topic='/robot1/tf_static')
+    eventually(lambda: dynamic.pub_tf.get_subscription_count() == 1)
+    dynamic.sendTransform(stamped(5))
+    static.sendTransform(stamped(0, 'robot', 'camera'))
+    buffer.lookup_transform('map', 'camera', LATEST, WAIT)
+    assert not default.frame_names()
+    for create in TransformListener, StaticTransformListener:
+        with pytest.raises(InvalidTopicNameException, match="must not contain repeated '/'"):
+            create(Buffer(), ros.node, tf_static_topic='robot1//tf_static')
+
+
+def test_a_static_transform_listener(ros):
+    """It receives what was latched before, and never subscribes to /tf."""
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped(0, 'robot', 'camera'))
+    buffer = Buffer()
+    listener = StaticTransformListener(buffer, ros.node, spin_thread=True, static_qos=LATCHED)
+    buffer.lookup_transform('robot', 'camera', LATEST, WAIT)
+    assert listener.tf_sub is None
+    assert not ros.node.count_subscribers('/tf')
+    listener.unregister()
+    eventually(lambda: not ros.node.count_subscribers('/tf_static'))
+
+
+def test_a_static_transform_listener_calls_its_callback(ros):
+    """An overridden callback gets the messages, as that of a TransformListener does."""
+    frames = []
+
+    class Recorder(StaticTransformListener):
+        def static_callback(self, data):
+            frames.extend(transform.child_frame_id for transform in data.transforms)
+
+    listener = Recorder(Buffer(), ros.node)
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped(0, 'robot', 'camera'))
+    eventually(lambda: frames == ['camera'])
+    listener.unregister()
 
 
 def test_no_executor_sees_the_subscriptions(ros, listen):

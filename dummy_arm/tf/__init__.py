@@ -39,6 +39,9 @@ if TYPE_CHECKING:
     from dummy_arm.tf.transform import Twist as Twist
     from dummy_arm.tf.transform_broadcaster import PreparedTransforms as PreparedTransforms
     from dummy_arm.tf.transform_broadcaster import TransformBroadcaster as TransformBroadcaster
+    from dummy_arm.tf.transform_listener import (
+        StaticTransformListener as StaticTransformListener,
+    )
     from dummy_arm.tf.transform_listener import TransformListener as TransformListener
 
 _MODULES = {
@@ -60,6 +63,7 @@ _MODULES = {
     'PyKDLType': 'buffer_interface',
     'Stamped': 'buffer_interface',
     'StaticTransformBroadcaster': 'static_transform_broadcaster',
+    'StaticTransformListener': 'transform_listener',
     'TFMessage': '_ros.messages',
     'TimeoutException': 'exceptions',
     'Transform': 'transform',

@@ -16,7 +16,7 @@ from dummy_arm.tf._wire import cdr
 
 class StaticTransformBroadcaster:
     """
-    A publisher of transforms on /tf_static, with the API of tf2_ros.StaticTransformBroadcaster.
+    A publisher of static transforms, with the API of tf2_ros.StaticTransformBroadcaster.
 
     The broadcaster remembers the newest transform that it has sent for each child frame. Each
     message contains all of these transforms. By default, the last message is latched: DDS keeps
@@ -24,16 +24,18 @@ class StaticTransformBroadcaster:
     after it was sent, the change has no effect until the object is sent again.
     """
 
-    def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None) -> None:
+    def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None, *,
+                 tf_static_topic: str = '/tf_static') -> None:
         """
         Create the publisher.
 
         :param node: the node that publishes; its remappings apply.
         :param qos: the QoS profile of the publisher. An int is the depth of a reliable, transient
             local profile. None means the same as the int 1.
+        :param tf_static_topic: the name of the topic.
         """
         self.pub_tf = node.create_publisher(
-            TFMessage, '/tf_static',
+            TFMessage, tf_static_topic,
             profile(qos, 1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self._sent: dict[str, cdr.Fields] = {}
         self._lock = Lock()

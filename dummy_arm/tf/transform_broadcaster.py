@@ -24,22 +24,24 @@ from dummy_arm.tf._wire import cdr
 
 class TransformBroadcaster:
     """
-    A publisher of transforms on /tf, with the API of tf2_ros.TransformBroadcaster.
+    A publisher of dynamic transforms, with the API of tf2_ros.TransformBroadcaster.
 
     Transforms are checked before they are sent. If a transform is invalid, the call raises an
     error that names the frames of this transform, and nothing is sent.
     """
 
-    def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None) -> None:
+    def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None, *,
+                 tf_topic: str = '/tf') -> None:
         """
         Create the publisher.
 
         :param node: the node that publishes; its remappings apply.
         :param qos: the QoS profile of the publisher. An int is the depth of a reliable, volatile
             profile. None means the same as the int 100.
+        :param tf_topic: the name of the topic.
         """
         self.pub_tf = node.create_publisher(
-            TFMessage, '/tf', QoSProfile(depth=100) if qos is None else qos)
+            TFMessage, tf_topic, QoSProfile(depth=100) if qos is None else qos)
 
     def sendTransform(  # noqa: N802
             self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:

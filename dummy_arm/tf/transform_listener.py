@@ -1,4 +1,4 @@
-"""A transform listener like that of tf2_ros: it subscribes to /tf and /tf_static."""
+"""Transform listeners like those of tf2_ros: they subscribe to /tf and /tf_static."""
 
 from collections.abc import Callable
 from functools import partial, wraps
@@ -11,6 +11,7 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.subscription import Subscription
 
 from dummy_arm.tf._core.engine import Engine, Source
 from dummy_arm.tf._core.pose import BatchOrRows
@@ -133,6 +134,8 @@ class TransformListener:
     def __init__(self, buffer: Any, node: Node, *, spin_thread: bool = False,
                  qos: Optional[Union[QoSProfile, int]] = None,
                  static_qos: Optional[Union[QoSProfile, int]] = None,
+                 tf_topic: str = '/tf', tf_static_topic: str = '/tf_static',
+                 static_only: bool = False,
                  source: Callable[..., SubscriptionSource] = SubscriptionSource) -> None:
         """
         Subscribe, and start the thread.
@@ -150,6 +153,9 @@ class TransformListener:
             volatile profile. None means the same as the int 100.
         :param static_qos: the QoS profile of the subscription to /tf_static. An int is the depth
             of a reliable, transient local profile. None means the same as the int 100.
+        :param tf_topic: the name of the topic of dynamic transforms.
+        :param tf_static_topic: the name of the topic of static transforms.
+        :param static_only: True: subscribe to the topic of static transforms only.
         :param source: a function that creates the object that takes messages from the
             subscriptions; for use inside this package only.
         """
@@ -173,19 +179,20 @@ class TransformListener:
         #: reentrant, because a signal handler or the garbage collector may interrupt the thread
         #: that holds the lock. If they end the listener, the same thread takes the lock again.
         self._attach_lock = RLock()
-        self.tf_sub = subscribe(
-            node, TFMessage, '/tf', self.callback, profile(qos, 100), self.group)
+        #: The subscription to the topic of dynamic transforms; None if `static_only` is True.
+        self.tf_sub = None if static_only else subscribe(
+            node, TFMessage, tf_topic, self.callback, profile(qos, 100), self.group)
         self.tf_static_sub = subscribe(
-            node, TFMessage, '/tf_static', self.static_callback,
+            node, TFMessage, tf_static_topic, self.static_callback,
             profile(static_qos, 100, durability=DurabilityPolicy.TRANSIENT_LOCAL), self.group)
-        self._qos_monitors = QosMonitor(self.tf_sub), QosMonitor(self.tf_static_sub)
+        self._qos_monitors = [QosMonitor(each) for each in self.subscriptions]
         self._thread = ListenerThread(node, self.group, self.tf_static_sub, self.tf_sub,
                                       self._work, self._close, self._holds_lock)
         self._messages = source(
             self.tf_static_sub, self.tf_sub, self._on_fault, self._thread.wake)
         self._callbacks = _CallbackSource(self._thread.start)
         #: The topics whose messages are passed to the callbacks, if `_calls_back` is True.
-        self._topics = Topic(self.tf_static_sub, True), Topic(self.tf_sub, False)
+        self._topics = [Topic(each, each is self.tf_static_sub) for each in self.subscriptions]
         self.buffer = buffer
         if (not self._overrides_callbacks()
                 or type(self).__init__ is not type(self)._starting_constructor):
@@ -197,6 +204,11 @@ class TransformListener:
             self._attach(None)
         finally:
             self._thread.end()
+
+    @property
+    def subscriptions(self) -> list[Subscription]:
+        """The subscriptions of this listener: static transforms first, then dynamic ones."""
+        return [each for each in (self.tf_static_sub, self.tf_sub) if each is not None]
 
     @property
     def buffer(self) -> Any:
@@ -296,7 +308,8 @@ class TransformListener:
         :returns: True if messages have arrived.
         """
         has_news = False
-        for topic, callback in zip(self._topics, (self.static_callback, self.callback)):
+        for topic in self._topics:
+            callback = self.static_callback if topic.is_static else self.callback
             arrived: list[Any] = []
             topic.take(arrived)
             for data, _ in arrived:
@@ -336,8 +349,32 @@ class TransformListener:
         self._log.flush()
         for monitor in self._qos_monitors:
             monitor.close()
-        self.tf_sub.destroy()
-        self.tf_static_sub.destroy()
+        for subscription in self.subscriptions:
+            subscription.destroy()
+
+
+
+class StaticTransformListener(TransformListener):
+    """
+    A subscriber to static transforms only, as StaticTransformListener of newer tf2_ros.
+
+    A program that needs no dynamic transforms saves the cost of receiving them.
+    """
+
+    def __init__(self, buffer: Any, node: Node, *, spin_thread: bool = False,
+                 static_qos: Optional[Union[QoSProfile, int]] = None,
+                 tf_static_topic: str = '/tf_static') -> None:
+        """
+        Subscribe, and start the thread; see `TransformListener`.
+
+        :param buffer: the buffer that is filled; see `TransformListener`.
+        :param node: the node that subscribes; its remappings apply.
+        :param spin_thread: ignored, as in `TransformListener`.
+        :param static_qos: the QoS profile of the subscription, as in `TransformListener`.
+        :param tf_static_topic: the name of the topic of static transforms.
+        """
+        super().__init__(buffer, node, spin_thread=spin_thread, static_qos=static_qos,
+                         tf_static_topic=tf_static_topic, static_only=True)
 
 
 def _detach(buffer: Engine, source: Source) -> None:

@@ -6,7 +6,7 @@ from contextlib import suppress
 import os
 from threading import current_thread, Lock, Thread
 from time import monotonic
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Optional
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
@@ -49,7 +49,8 @@ class ListenerThread:
     when ROS is shut down.
     """
 
-    def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription, tf: Subscription,
+    def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription,
+                 tf: Optional[Subscription],
                  work: Callable[[], Round], on_end: Callable[[], object],
                  is_blocked: Callable[[], bool], clock: Callable[[], float] = monotonic) -> None:
         """
@@ -58,7 +59,8 @@ class ListenerThread:
         :param node: the node of the subscriptions; the executor that spins the node is woken.
         :param group: the callback group of the guard condition that wakes the executor.
         :param tf_static: the subscription to /tf_static, whose messages always wake the thread.
-        :param tf: the subscription to /tf, whose messages do not wake the thread during a pause.
+        :param tf: the subscription to /tf, whose messages do not wake the thread during a pause;
+            None: there is no such subscription.
         :param work: the function that the thread calls when messages have arrived, and at least 5
             times per second. It returns a `Round`.
         :param on_end: a function that the thread calls at its end. If the thread was never
@@ -118,7 +120,8 @@ class ListenerThread:
 
     def _run(self) -> None:
         try:
-            with self._wake.handle, self._tf_static.handle, self._tf.handle:
+            tf = self._tf or self._tf_static
+            with self._wake.handle, self._tf_static.handle, tf.handle:
                 self._listen()
         except (InvalidHandle, RCLError):
             if not self.has_ended and self._context.ok():
@@ -150,7 +153,7 @@ class ListenerThread:
         wait_set.clear_entities()
         wait_set.add_guard_condition(self._wake.handle)
         wait_set.add_subscription(self._tf_static.handle)
-        if not pause:
+        if self._tf is not None and not pause:
             wait_set.add_subscription(self._tf.handle)
         limit = pause or _MAX_WAIT
         if self._is_wake_pending and not pause:

@@ -18,6 +18,7 @@ from rclpy.event_handler import (
     SubscriptionEventCallbacks,
     UnsupportedEventTypeError,
 )
+from rclpy.expand_topic_name import expand_topic_name
 from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
 from rclpy.logging import get_logger
@@ -25,6 +26,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.type_support import check_is_valid_msg_type
+from rclpy.validate_full_topic_name import validate_full_topic_name
+from rclpy.validate_topic_name import validate_topic_name
 
 from dummy_arm.tf._ros.transform_stamped import deserialize, serialize
 from dummy_arm.tf._wire.cdr import MalformedMessage
@@ -147,9 +150,12 @@ def subscribe(node: Node, message_type: type, topic: str, callback: Callable[[An
     :param qos: the profile of the subscription.
     :param group: the callback group of the subscription.
     :returns: the subscription.
+    :raises InvalidTopicNameException: if the name of the topic is invalid; the text says why.
     """
     # This call loads the type support of a generated message class.
     check_is_valid_msg_type(message_type)
+    validate_topic_name(topic)
+    validate_full_topic_name(expand_topic_name(topic, node.get_name(), node.get_namespace()))
     with node.handle:
         handle = _rclpy.Subscription(node.handle, message_type, topic, qos.get_c_qos_profile())
     return Subscription(handle, message_type, topic, callback, group, qos, True,

@@ -6,7 +6,7 @@ from itertools import islice
 from math import inf
 from operator import itemgetter
 from time import monotonic
-from typing import Any
+from typing import Any, Optional
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.logging import get_logger
@@ -74,14 +74,14 @@ class SubscriptionSource:
     that is too short or too long.
     """
 
-    def __init__(self, tf_static: Subscription, tf: Subscription,
+    def __init__(self, tf_static: Subscription, tf: Optional[Subscription],
                  on_fault: Callable[[Exception], None], wake: Callable[[], None],
                  clock: Callable[[], float] = monotonic) -> None:
         """
         Create the source.
 
         :param tf_static: the subscription to /tf_static.
-        :param tf: the subscription to /tf.
+        :param tf: the subscription to /tf; None: there is no such subscription.
         :param on_fault: called with the error of each message that cannot be decoded, and with any
             other error that is raised while messages are decoded.
         :param wake: a function that makes the listener's thread update the buffer now.
@@ -90,11 +90,11 @@ class SubscriptionSource:
         self.wake, self._on_fault, self._clock = wake, on_fault, clock
         #: For each topic: the topic, its reader, and its messages that are not decoded yet.
         self._topics: list[tuple[Topic, MessageReader, list[Any]]] = [
-            (Topic(tf_static, True), MessageReader(on_fault), []),
-            (Topic(tf, False), MessageReader(on_fault), [])]
+            (Topic(subscription, subscription is tf_static), MessageReader(on_fault), [])
+            for subscription in (tf_static, tf) if subscription is not None]
         #: The transforms that are decoded but not inserted yet.
         self._batches: list[BatchOrRows] = []
-        qos = tf.qos_profile
+        qos = (tf or tf_static).qos_profile
         self._depth = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
         #: The time of the last call of `end_round` (s), and the number of messages that were
         #: decoded since that call.
