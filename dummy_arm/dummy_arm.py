@@ -6,6 +6,7 @@ This node is the final task of the course.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 import math
 from typing import Optional
@@ -19,7 +20,7 @@ from rclpy.parameter import Parameter
 
 from dummy_arm.arm import Arm, Wave
 from dummy_arm.cli.node import run_node
-from dummy_arm.cli.parser import Parser, run, UsageError
+from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
 from dummy_arm.tf.formatting import logged
 
@@ -98,7 +99,9 @@ class DummyArm(Node):
         base.header.frame_id = MAP
         self._static = StaticTransformBroadcaster(self)
         self._static.sendTransform(base)
-        self._joints = TransformBroadcaster(self).prepare(list(pairwise(frames)))
+        broadcaster = TransformBroadcaster(self)
+        self._joints = broadcaster.prepare(list(pairwise(frames)))
+        self._topics = self._static.pub_tf.topic_name, broadcaster.pub_tf.topic_name
         self._timer = self.create_timer(1.0 / self._number('rate'), self._tick)
         self._warning = self.create_timer(
             CLOCK_PATIENCE, self._warn_of_clock, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -178,8 +181,9 @@ class DummyArm(Node):
             self._start_ns = now_ns
             (base, _), *_ = self._joints.edges
             chain = ' -> '.join(map(logged, (base, *(child for _, child in self._joints.edges))))
+            static_topic, topic = self._topics
             self.get_logger().info(
-                f'publishing {MAP} -> {logged(base)} on /tf_static and {chain} on /tf at '
+                f'publishing {MAP} -> {logged(base)} on {static_topic} and {chain} on {topic} at '
                 f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
         t = self._seconds(now_ns)
         # A wave remembers its old limits: `angle(t)` uses the limit that the wave had at the time
@@ -200,7 +204,7 @@ def make_parser() -> Parser:
     lines = [f'  {name:15} {quantity.meaning} ({quantity.unit}; {quantity.smallest:g} to '
              f'{quantity.largest:g}; default {quantity.default:g})'
              for name, quantity in number_parameters(Arm()).items()]
-    return Parser(
+    parser = Parser(
         'dummy_arm',
         description='Publish the transforms of a small arm that waves, until Ctrl-C: map -> '
                     'base_link\non /tf_static, base_link -> joint_1 -> joint_2 -> joint_3 -> '
@@ -210,6 +214,8 @@ def make_parser() -> Parser:
             f'  {PREFIX:15} {PREFIX_DESCRIPTION}',
             '  use_sim_time    take the time from /clock (default false)',
             '', 'example: dummy_arm --ros-args -p rate:=100 -p joint_1.speed:=1.0')))
+    add_namespace_option(parser, 'publish on')
+    return parser
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
@@ -219,4 +225,4 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     :param args: the command line without the name of the command; None: `sys.argv[1:]`.
     :returns: the exit code.
     """
-    return run(make_parser(), lambda ros_args: run_node(DummyArm, ros_args), args)
+    return run(make_parser(), partial(run_node, DummyArm), args)

@@ -197,8 +197,8 @@ def test_a_failure_is_printed_and_it_goes_on(start, ros):
     (('map', 'odom', '-t', '1.' + 30 * '0' + '1'), 'with at most 9 digits after the point'),
     (('map', 'odom', '-t', '1.0000000001'), 'with at most 9 digits after the point'),
     (('map', 'odom', '--bag', 'x', '-r', '1'), 'leave out the rate'),
-    (('map', 'odom', '--partial'), '--namespace and --partial need --bag'),
-    (('map', 'odom', '--namespace', 'a'), r'--ros-args -r /tf:=/NAME/tf')])
+    (('map', 'odom', '--partial'), '--partial needs --bag'),
+    (('map', 'odom', '--namespace', 'a-b'), 'Invalid namespace: namespace must not contain')])
 def test_wrong_use(failed, arguments, why):
     """The exit code is 2, and the error is one line."""
     code, error = failed(main, *arguments)

@@ -350,7 +350,7 @@ def test_a_static_transform_listener(ros):
 
 def test_a_static_transform_listener_calls_its_callback(ros):
     """An overridden callback gets the messages, as that of a TransformListener does."""
-    frames = []
+    frames: list[str] = []
 
     class Recorder(StaticTransformListener):
         def static_callback(self, data):

@@ -257,6 +257,10 @@ class StubSource:
         """Return the facts, whatever the frame is."""
         return self._publication
 
+    def other_topics_hint(self):
+        """Return a hint."""
+        return 'other <topics>'
+
     def why_no_frames(self):
         """Return a reason."""
         return 'because'
@@ -276,6 +280,7 @@ def test_texts():
     assert '/tf: 5 frames' in text
     assert 'not connected to map: w&quot;orld' in text
     assert 'in a loop: ' in text
+    assert 'other &lt;topics&gt;' in text
     assert '→ x\\n' in text
     text = details(snapshot, 'b', source)
     assert '<b data-value="parent">&lt;script&gt;</b>' in text

@@ -153,11 +153,14 @@ def test_trees_that_change(start, ros, open_page):
             broadcaster.prepare([(parent, child)]).send(
                 ros.node.get_clock().now(), [(x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)])
 
+    robot = TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
     edges = [('map', 'odom', 1.0), ('map', 'left', 3.0), ('odom', 'base', 0.5)]
-    ros.node.create_timer(0.02, lambda: send(*edges))
     page = open_page(start(*VIEW))
     page.scene_with()
     until = partial(page.until, pause=partial(ros.executor.spin_once, timeout_sec=0.05))
+    until(lambda: '/robot1/tf has 1 publisher: --namespace robot1' in page.overview())
+    ros.node.destroy_publisher(robot.pub_tf)
+    ros.node.create_timer(0.02, lambda: send(*edges))
 
     def scene_with(*names, at=None):
         def there():

@@ -4,7 +4,7 @@ from argparse import ArgumentParser
 from pathlib import Path
 from typing import Optional
 
-from dummy_arm.cli.parser import CommandError, UsageError
+from dummy_arm.cli.parser import add_namespace_option, CommandError, UsageError
 from dummy_arm.cli.progress import progress
 from dummy_arm.cli.signals import check_signals
 from dummy_arm.tf import BufferCore
@@ -20,8 +20,7 @@ def add_bag_options(parser: ArgumentParser) -> None:
     parser.add_argument('--bag', metavar='FILE', help='read the transforms from a bag, '
                         'without ROS: a rosbag2 directory, a .mcap or .db3 file, or a .bag of '
                         'ROS 1')
-    parser.add_argument('--namespace', default='', metavar='NAME',
-                        help='with --bag: read /NAME/tf and /NAME/tf_static')
+    add_namespace_option(parser, 'read the transforms from')
     parser.add_argument('--partial', action='store_true',
                         help='with --bag: if the bag is cut off or damaged, read what can be read')
 
@@ -36,15 +35,13 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
     :param partial: what to do if the bag is cut off or damaged. True: read its undamaged parts.
         False: raise a CommandError.
     :returns: a buffer with the transforms of the bag; None if no bag was given.
-    :raises UsageError: if the path is empty, or if `namespace` or `partial` is set without a bag.
+    :raises UsageError: if the path is empty, or if `partial` is set without a bag.
     :raises CommandError: if the bag cannot be read.
     :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received; see `dummy_arm.cli.signals`.
     """
     if bag is None:
-        if namespace or partial:
-            raise UsageError(
-                '--namespace and --partial need --bag; to listen in a namespace: '
-                '--ros-args -r /tf:=/NAME/tf -r /tf_static:=/NAME/tf_static')
+        if partial:
+            raise UsageError('--partial needs --bag')
         return None
     if not bag:
         raise UsageError('--bag needs the path of a bag, got an empty one')

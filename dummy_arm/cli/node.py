@@ -6,11 +6,12 @@ from contextlib import contextmanager, suppress
 from threading import Event, Thread
 
 import rclpy
-from rclpy.exceptions import ParameterException
+from rclpy.exceptions import InvalidNamespaceException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
+from rclpy.validate_namespace import validate_namespace
 
 from dummy_arm.cli.fast_dds import destroy
 from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
@@ -21,36 +22,39 @@ from dummy_arm.cli.signals import begin_cleanup, signal_received
 _LONGEST_WAIT = 0.2
 
 
-def run_node(make_node: Callable[[], Node], ros_args: Sequence[str]) -> int:
+def run_node(make_node: Callable[[], Node], ros_args: Sequence[str], namespace: str = '') -> int:
     """
     Run a node until Ctrl-C, SIGTERM or a shutdown of the context.
 
     :param make_node: a function that creates the node; it may raise a UsageError.
     :param ros_args: the command line, with the name of the command.
+    :param namespace: the namespace of the node and of the topics /tf and /tf_static; '': none.
     :returns: the exit code, which is 0.
-    :raises UsageError: if `make_node` raises a UsageError, or if the node rejects a parameter that
-        is set in the ROS arguments.
+    :raises UsageError: if `make_node` raises a UsageError, if the node rejects a parameter that
+        is set in the ROS arguments, or if the namespace is invalid.
     :raises CommandError: if ROS cannot be initialised.
     """
-    with ros_context(ros_args), suppress(ExternalShutdownException):
+    with ros_context(ros_args, namespace), suppress(ExternalShutdownException):
         _spin_until_signal(make_node())
     return 0
 
 
 @contextmanager
-def ros_context(ros_args: Sequence[str]) -> Iterator[None]:
+def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
     """
     Initialise ROS, and shut it down at the end of the `with` block.
 
     :param ros_args: as for `run_node`.
+    :param namespace: as for `run_node`.
     :returns: a context manager; the target of `as` is None.
     :raises UsageError: if a node in the block rejects a parameter that is set in the ROS
-        arguments.
+        arguments, or if the namespace is invalid.
     :raises CommandError: if ROS cannot be initialised.
     """
+    arguments = [*ros_args[:1], *_namespace_args(namespace), *ros_args[1:]]
     try:
         # The signal handlers of rclpy would shut down the context while a node is using it.
-        rclpy.init(args=list(ros_args), signal_handler_options=SignalHandlerOptions.NO)
+        rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # rcl failed, for example because ROS_DOMAIN_ID is invalid
         raise CommandError(rcl_error_text(error)) from None
     try:
@@ -62,19 +66,21 @@ def ros_context(ros_args: Sequence[str]) -> Iterator[None]:
 
 
 @contextmanager
-def spinning_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
+def spinning_node(name: str, ros_args: Sequence[str], namespace: str = '') -> Iterator[Node]:
     """
     Initialise ROS and spin a node in a thread until the end of the `with` block.
 
     :param name: name of the node.
     :param ros_args: as for `run_node`.
+    :param namespace: as for `run_node`.
     :returns: a context manager; the target of `as` is the node.
-    :raises UsageError: if the node rejects a parameter that is set in the ROS arguments.
+    :raises UsageError: if the node rejects a parameter that is set in the ROS arguments, or if the
+        namespace is invalid.
     :raises CommandError: if ROS cannot be initialised, or if the executor raises an error. Such an
         error first interrupts the block in the same way as Ctrl-C; then this function raises the
         CommandError.
     """
-    with ros_context(ros_args):
+    with ros_context(ros_args, namespace):
         node, stop_requested = rclpy.create_node(name), Event()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
@@ -106,6 +112,26 @@ def spinning_node(name: str, ros_args: Sequence[str]) -> Iterator[Node]:
         if errors:
             raise CommandError(f'the node stopped, because its executor raised '
                                f'{type(errors[0]).__name__}: {errors[0]}') from errors[0]
+
+
+def _namespace_args(namespace: str) -> list[str]:
+    """
+    Return ROS arguments that put all nodes, and the topics /tf and /tf_static, into a namespace.
+
+    :param namespace: the namespace, with or without slashes at its ends; '': none.
+    :raises UsageError: if the namespace is invalid.
+    """
+    parts = [part for part in namespace.split('/') if part]
+    if not parts:
+        return []
+    path = '/' + '/'.join(parts)
+    try:
+        validate_namespace(path)
+    except InvalidNamespaceException as error:
+        reason = str(error).splitlines()[0].removesuffix(':')
+        raise UsageError(f'{reason}, got {namespace!r}') from None
+    rules = f'__ns:={path}', f'/tf:={path}/tf', f'/tf_static:={path}/tf_static'
+    return ['--ros-args', *(word for rule in rules for word in ('-r', rule)), '--']
 
 
 def _spin_until_signal(node: Node) -> None:

@@ -1,8 +1,10 @@
 """The TF listener of the commands: it knows who publishes a frame, and why a frame is missing."""
 
 from difflib import SequenceMatcher
+from itertools import islice
 import os
 from time import monotonic
+from typing import Optional
 
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -17,6 +19,8 @@ _SHOWN = 20
 #: For this time (s) after the start, `why_no_transform` does not add the text of `why_no_frames`,
 #: since the publishers may not have been discovered yet.
 _DISCOVERY = 1.0
+#: The name of the type of TFMessage in the ROS graph.
+_TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
 
 
 class FrameListener:
@@ -29,9 +33,15 @@ class FrameListener:
         :param node: the node that subscribes.
         :param seconds: how long the buffer keeps transforms (s).
         """
-        self.node, self._start, self._has_explained = node, monotonic(), False
+        self.node, self._start = node, monotonic()
+        #: The hint in the last text of `why_no_frames` that `why_no_transform` has added; None if
+        #: it has added none.
+        self._explained: Optional[str] = None
         self.buffer = Buffer(Duration(seconds=seconds), node)
         self.publisher_listener = PublisherListener(self.buffer, node)
+        #: The names of the topics of static and of dynamic transforms, after remapping.
+        self.topics = [each.topic_name for each in self.publisher_listener.subscriptions]
+        self._has_dynamic_frames = False
 
     def now(self) -> int:
         """
@@ -55,20 +65,49 @@ class FrameListener:
 
         :returns: sentences that name the settings to check.
         """
-        publishers = sum(map(self.node.count_publishers, ('/tf', '/tf_static')))
-        return (f'Publishers on /tf and /tf_static here: {publishers}. Check that something '
-                'publishes, and that it has the same '
+        publishers = sum(map(self.node.count_publishers, self.topics))
+        hint = self.other_topics_hint()
+        static, dynamic = self.topics
+        return (f'{hint}{" " if hint else ""}Publishers on {dynamic} and {static} here: '
+                f'{publishers}. Check that something publishes, and that it has the same '
                 f'ROS_DOMAIN_ID (here: {os.environ.get("ROS_DOMAIN_ID") or 0}) and '
                 'ROS_AUTOMATIC_DISCOVERY_RANGE (here: '
                 f'{os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET"}); or listen '
                 'longer: discovery can take several seconds.')
 
+    def other_topics_hint(self) -> str:
+        """
+        Return which other topics have transforms, if no dynamic transform has been received.
+
+        :returns: a sentence that names the topics and the options with which a command receives
+            them; '' if there are no such topics, or if a dynamic transform has been received.
+        """
+        if not self._has_dynamic_frames:
+            self._has_dynamic_frames = not all(frame.is_static for frame in self.buffer.frames())
+        if self._has_dynamic_frames:
+            return ''
+        remedies: dict[str, str] = {}
+        for topic, types in sorted(self.node.get_topic_names_and_types()):
+            count = self.node.count_publishers(topic)
+            if _TF_MESSAGE in types and topic not in self.topics and count:
+                namespace, _, name = topic.rpartition('/')
+                option = (f'--ros-args -r /tf:={topic}' if name not in ('tf', 'tf_static') else
+                          f'--namespace {namespace[1:]}' if namespace else 'omit --namespace')
+                remedies.setdefault(
+                    option, f'{topic} has {count} publisher{"s" if count > 1 else ""}: {option}')
+        if not remedies:
+            return ''
+        more = f'; {len(remedies) - _SHOWN} more' if len(remedies) > _SHOWN else ''
+        return (f'No message has arrived on {self.topics[-1]}, but '
+                f'{"; ".join(islice(remedies.values(), _SHOWN))}{more}.')
+
     def why_no_transform(self, target: str, source: str, time: int = 0) -> str:
         """
         Return why there is no transform, and which frames exist.
 
-        If no frame exists at all, the text of `why_no_frames` is added, but only once, and not in
-        the first second after the start.
+        If no frame exists at all, the text of `why_no_frames` is added, but not in the first
+        second after the start, and again only if its hint at other topics has changed. If frames
+        exist, only this hint is added.
 
         :param target: the frame in which the transform is expressed.
         :param source: the frame whose pose is looked up.
@@ -81,9 +120,10 @@ class FrameListener:
             return ''
         known = self.buffer.frame_names()
         if not known:
-            if self._has_explained or monotonic() < self._start + _DISCOVERY:
+            hint = self.other_topics_hint()
+            if monotonic() < self._start + _DISCOVERY or hint == self._explained:
                 return why
-            self._has_explained = True
+            self._explained = hint
             return f'{why} {self.why_no_frames()}'
         for name in (target, source):  # the list below replaces these suggestions
             why = why.replace(f' {suggest_names(name, tuple(known))}', '')
@@ -93,4 +133,5 @@ class FrameListener:
         near = sorted(match_candidates(known), key=lambda name: -max(
             SequenceMatcher(None, name, other).ratio() for other in missing or [target, source]))
         listed = list(dict.fromkeys((*near, *known)))
-        return f'{why} Frames here, the nearest names first: {comma_list(listed, _SHOWN, quoted)}.'
+        return (f'{why} Frames here, the nearest names first: '
+                f'{comma_list(listed, _SHOWN, quoted)}. {self.other_topics_hint()}').rstrip()

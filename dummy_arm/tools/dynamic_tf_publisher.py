@@ -26,7 +26,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from dummy_arm.cli.node import run_node
-from dummy_arm.cli.parser import Parser, run, UsageError
+from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
 from dummy_arm.tf import TransformBroadcaster
 from dummy_arm.tf.rotations import quaternion_from_euler
 
@@ -123,14 +123,15 @@ def problem(parameter: Parameter) -> Optional[str]:
     return None
 
 
-def command(*, ros_args: Sequence[str] = ()) -> int:
+def command(namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
     """
     Run the node until Ctrl-C or SIGTERM.
 
+    :param namespace: the namespace of the node and of the topic `tf`; '': none.
     :param ros_args: the command line, with the name of the command.
     :returns: the exit code.
     """
-    return run_node(DynamicTfPublisher, ros_args)
+    return run_node(DynamicTfPublisher, ros_args, namespace)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
@@ -140,7 +141,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     :param args: the command line without the name of the command; None: `sys.argv[1:]`.
     :returns: the exit code.
     """
-    return run(Parser(
+    parser = Parser(
         'dynamic_tf_publisher', 'Publish map -> moving_frame on /tf, ten times a second, until '
         'Ctrl-C.\nThe frame moves around map on a circle of radius 1 m.',
         'parameters, which can also be set while the node runs:\n'
@@ -148,4 +149,6 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '                    circle) or euler (roll, pitch, and yaw plus the angle on the\n'
         '                    circle)\n'
         '  roll, pitch, yaw  Euler angles for rotation:=euler (rad; default 0)\n\n'
-        'example: dynamic_tf_publisher --ros-args -p rotation:=euler -p roll:=0.5'), command, args)
+        'example: dynamic_tf_publisher --ros-args -p rotation:=euler -p roll:=0.5')
+    add_namespace_option(parser, 'publish on')
+    return run(parser, command, args)

@@ -12,7 +12,7 @@ from rcl_interfaces.msg import ParameterDescriptor
 from rclpy.node import Node
 
 from dummy_arm.cli.node import run_node
-from dummy_arm.cli.parser import number, Parser, run, UsageError
+from dummy_arm.cli.parser import add_namespace_option, number, Parser, run, UsageError
 from dummy_arm.tf import StaticTransformBroadcaster
 from dummy_arm.tf.rotations import quaternion_from_euler
 
@@ -78,8 +78,8 @@ def _listed(values: Sequence[float]) -> str:
 
 
 def command(translation: Sequence[float], rotation: Sequence[float], frame_id: str,
-            child_frame_id: str, *, is_old_style: bool = False, ros_args: Sequence[str] = ()
-            ) -> int:
+            child_frame_id: str, namespace: str = '', *, is_old_style: bool = False,
+            ros_args: Sequence[str] = ()) -> int:
     """
     Publish the pose of a child frame in its parent frame, until Ctrl-C or SIGTERM.
 
@@ -88,6 +88,7 @@ def command(translation: Sequence[float], rotation: Sequence[float], frame_id: s
         scaled to length 1 before it is published.
     :param frame_id: the parent frame.
     :param child_frame_id: the child frame.
+    :param namespace: the namespace of the node and of the topic `tf_static`; '': none.
     :param is_old_style: whether to warn that old-style arguments are deprecated.
     :param ros_args: the command line, with the name of the command.
     :returns: the exit code.
@@ -109,11 +110,12 @@ def command(translation: Sequence[float], rotation: Sequence[float], frame_id: s
             f'the length of the quaternion {" ".join(f"{value:g}" for value in rotation)} must be '
             f'1, not {length:g}; did you mean {" ".join(f"{value:.6g}" for value in unit)}?')
     return run_node(lambda: StaticTransformPublisher(
-        translation, unit, frame_id, child_frame_id, is_old_style), ros_args)
+        translation, unit, frame_id, child_frame_id, is_old_style), ros_args, namespace)
 
 
 def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Optional[str],
-           child_frame_id: Optional[str], **flags: Optional[float]) -> int:
+                     child_frame_id: Optional[str], namespace: str, **flags: Optional[float]
+                     ) -> int:
     """
     Call `command` with the values of the flags or of the old-style arguments.
 
@@ -121,6 +123,7 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
     :param ros_args: the command line, with the name of the command.
     :param frame_id: the parent frame; None: the flag is not given.
     :param child_frame_id: the child frame; None: the flag is not given.
+    :param namespace: as for `command`.
     :param flags: the values of the other flags: x, y and z (m); qx, qy, qz and qw; roll, pitch and
         yaw (rad). None: the flag is not given.
     :returns: the exit code.
@@ -157,7 +160,7 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
         roll, pitch, yaw = (flags[name] or 0.0 for name in EULER)
         rotation = [*quaternion_from_euler(roll, pitch, yaw)]
     return command([flags[name] or 0.0 for name in TRANSLATION], rotation, frame_id,
-                   child_frame_id, is_old_style=bool(old_style), ros_args=ros_args)
+                   child_frame_id, namespace, is_old_style=bool(old_style), ros_args=ros_args)
 
 
 def make_parser() -> Parser:
@@ -179,6 +182,7 @@ def make_parser() -> Parser:
             parser.add_argument(f'--{name}', type=number, help=what.format(axis))
     parser.add_argument('--frame-id', help='the parent frame')
     parser.add_argument('--child-frame-id', help='the child frame, whose pose is published')
+    add_namespace_option(parser, 'publish on')
     parser.add_argument('old_style', nargs='*', help=argparse.SUPPRESS)
     return parser
 

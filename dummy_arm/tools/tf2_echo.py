@@ -75,7 +75,7 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
     :param once: True: print the transform once, then end.
     :param bag: path of the bag to read; None: subscribe to /tf and /tf_static. With a bag, the
         transform is printed only once.
-    :param namespace: the namespace of the topics in the bag, as in `read_bag`.
+    :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
     :param partial: True: if the bag is damaged, read its undamaged parts.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
         `--ros-args`.
@@ -104,16 +104,16 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
             raise CommandError(str(error)) from None
         print(format_transform(transform, precision))
         return 0
-    return _echo(source_frame, target_frame, hertz, time, precision, once, ros_args)
+    return _echo(source_frame, target_frame, hertz, time, precision, once, ros_args, namespace)
 
 
 def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precision: int,
-          once: bool, ros_args: Sequence[str]) -> int:
+          once: bool, ros_args: Sequence[str], namespace: str) -> int:
     from rclpy.time import Time
 
     from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
-    with spinning_node('tf2_echo', ros_args) as node:
+    with spinning_node('tf2_echo', ros_args, namespace) as node:
         frame_listener = FrameListener(node)
         buffer = frame_listener.buffer
         while why := frame_listener.why_no_transform(source_frame, target_frame, time):

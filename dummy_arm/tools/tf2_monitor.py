@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import Optional, TYPE_CHECKING
 
-from dummy_arm.cli.parser import Parser, run, UsageError
+from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
 from dummy_arm.cli.signals import sleep
 from dummy_arm.inspection.terminal import column_width, padded, show, width, wrapped
 from dummy_arm.inspection.traffic import Delays, Stream, summarize, Traffic, WINDOW
@@ -140,17 +140,19 @@ def _rate_and_delays(stream: Stream) -> str:
     return f'{hertz:>8} Hz {average:13.6f} s {maximum:11.6f} s'
 
 
-def command(source_frame: Optional[str] = None, target_frame: Optional[str] = None, *,
-            ros_args: Sequence[str] = ()) -> int:
+def command(source_frame: Optional[str] = None, target_frame: Optional[str] = None,
+            namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
     """
     Print the rates and delays of received transforms every second, until Ctrl-C.
 
     :param source_frame: the first frame of the path to monitor; None: monitor all frames.
     :param target_frame: the last frame of the path; None if `source_frame` is None.
+    :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
         `--ros-args`.
     :returns: the exit code.
-    :raises UsageError: if only one frame is given, or if the name of a frame is empty.
+    :raises UsageError: if only one frame is given, if the name of a frame is empty, or if the
+        namespace is invalid.
     """
     ends = tuple(name.removeprefix('/') for name in (source_frame, target_frame)
                  if name is not None)
@@ -158,7 +160,7 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
         raise UsageError('give two frames, or none to monitor all frames')
     from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
-    with spinning_node('tf2_monitor', ros_args) as node:
+    with spinning_node('tf2_monitor', ros_args, namespace) as node:
         traffic = Traffic(lambda: int(node.get_clock().now().nanoseconds))
         frame_listener = FrameListener(node)
         chain = Chain(frame_listener, (ends[0], ends[1])) if len(ends) == 2 else None
@@ -185,6 +187,8 @@ def _results(frame_listener: 'FrameListener', traffic: Traffic, chain: Optional[
     if not frame_listener.now():
         lines += wrapped('Warning: use_sim_time is set, but no message has arrived on /clock: '
                          'delays are not known')
+    if hint := frame_listener.other_topics_hint():
+        lines += wrapped(f'Warning: {hint}')
     if dropped:
         lines += wrapped(f'Warning: {dropped} messages arrived too fast to be counted')
     if chain is not None:
@@ -210,4 +214,5 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'examples: tf2_monitor\n          tf2_monitor map end_effector')
     parser.add_argument('source_frame', nargs='?')
     parser.add_argument('target_frame', nargs='?')
+    add_namespace_option(parser, 'listen to')
     return run(parser, command, args)

@@ -73,7 +73,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     :param watch: True: print the tree every second, until Ctrl-C.
     :param bag: path of the bag to read; None: listen. With a bag, ages are relative to the newest
         transform of the bag.
-    :param namespace: the namespace of the topics in the bag, as in `read_bag`.
+    :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
     :param partial: True: if the bag is damaged, read its undamaged parts.
     :param root: draw or print only this frame and its descendants; None: all frames.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
@@ -100,7 +100,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
         frames = buffer.frames()
         now = max(frame.latest for frame in frames)
     else:
-        frames, now = _listen(seconds, watch, root, ros_args)
+        frames, now = _listen(seconds, watch, root, ros_args, namespace)
     forest = _forest(frames, root)
     for loop in forest.loops:
         print(f'view_frames: warning: these frames form a loop: '
@@ -116,8 +116,8 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     return 0
 
 
-def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str]
-            ) -> tuple[list[Frame], int]:
+def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str],
+            namespace: str) -> tuple[list[Frame], int]:
     """
     Listen for some time; return the frames, and the time of the node's clock (ns).
 
@@ -126,16 +126,18 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
     """
     from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
-    with spinning_node('view_frames', ros_args) as node:
+    with spinning_node('view_frames', ros_args, namespace) as node:
         frame_listener = FrameListener(node, max(10.0, seconds))
         while watch:
             _show(frame_listener, root)
             sleep(_REFRESH)
-        wait(seconds, 'listening to /tf and /tf_static')
+        wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}')
         frames = frame_listener.frames()
         if not frames:
             raise CommandError(f'no transform was received within {seconds:g} s. '
                                f'{frame_listener.why_no_frames()}')
+        if hint := frame_listener.other_topics_hint():
+            print(f'view_frames: warning: {visible(hint)}', file=sys.stderr)
         return frames, frame_listener.now()
 
 
@@ -150,7 +152,10 @@ def _show(frame_listener: 'FrameListener', root: Optional[str]) -> None:
     except CommandError as error:  # the root may be published later
         show(wrapped(f'waiting for the root: {error}'))
     else:
-        show(format_tree(forest, frame_listener.now(), height()), forest.line_count)
+        hint = frame_listener.other_topics_hint()
+        warning = wrapped(f'Warning: {hint}') if hint else []
+        show([*warning, *format_tree(forest, frame_listener.now(), height())],
+             len(warning) + forest.line_count)
 
 
 def _forest(frames: list[Frame], root: Optional[str]) -> Forest:

@@ -29,7 +29,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[str] = N
     :param host: the address at which the page is served.
     :param port: the port of the page; None: 8080, or the next free port if 8080 is in use.
     :param bag: path of the bag to play; None: show /tf and /tf_static.
-    :param namespace: the namespace of the topics in the bag, as in `read_bag`.
+    :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
     :param partial: True: if the bag is damaged, read its undamaged parts.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
         `--ros-args`.
@@ -44,7 +44,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[str] = N
     else:
         from dummy_arm.cli.node import spinning_node
         from dummy_arm.view.source import LiveSource
-        with spinning_node('web_view', ros_args) as node:
+        with spinning_node('web_view', ros_args, namespace) as node:
             _show(LiveSource(node), host, port)
     return 0
 

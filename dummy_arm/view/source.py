@@ -114,6 +114,13 @@ class Source(Protocol):
         :returns: its rate, delay and publisher.
         """
 
+    def other_topics_hint(self) -> str:
+        """
+        Return which other topics have transforms, if no dynamic transform has arrived.
+
+        :returns: one sentence; '' if there are no such topics.
+        """
+
     def why_no_frames(self) -> str:
         """
         Return the likely reason that there are no frames.
@@ -146,6 +153,14 @@ class BagSource:
         """
         return Publication(frequency(frame), None, frame.authority)
 
+    def other_topics_hint(self) -> str:
+        """
+        Return an empty text: when a bag is opened, the command checks its topics.
+
+        :returns: ''.
+        """
+        return ''
+
     def why_no_frames(self) -> str:
         """
         Return the reason that there are no frames.
@@ -165,12 +180,12 @@ class LiveSource:
         :param node: the node that subscribes.
         """
         from dummy_arm.inspection.frame_listener import FrameListener
-        self.name = '/tf and /tf_static'
         self.player: Optional[Player] = None
         #: The frame whose rate and delay are measured.
         self._measured_frame = ''
         self._traffic: Optional[Traffic] = None
         self._frame_listener = FrameListener(node, LENGTH)
+        self.name = ' and '.join(reversed(self._frame_listener.topics))
         self.buffer: AnyBuffer = self._frame_listener.buffer
 
     def publication(self, frame: Frame) -> Publication:
@@ -200,6 +215,14 @@ class LiveSource:
         if summary is None:
             return Publication(None, None, publisher)
         return Publication(summary.rate, summary.average_delay, publisher)
+
+    def other_topics_hint(self) -> str:
+        """
+        Return which other topics have transforms, if no dynamic transform has arrived.
+
+        :returns: as `FrameListener.other_topics_hint`.
+        """
+        return self._frame_listener.other_topics_hint()
 
     def why_no_frames(self) -> str:
         """

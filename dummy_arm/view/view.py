@@ -18,6 +18,8 @@ from dummy_arm.view.source import AnyBuffer, LENGTH, Source
 
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
+#: The time between two updates of the hint at other topics (s).
+_HINT_PERIOD = 1.0
 #: The cameras are moved this long (s) after the first frame has appeared. In this time, most other
 #: frames appear.
 _SETTLING = 1.0
@@ -100,9 +102,11 @@ class View:
         self._lines = np.empty((0, 2, 3))
         #: The earliest time of the next update of the texts (s, monotonic clock).
         self._next_texts = 0.0
-        #: The snapshot for which the shown texts were made, and two names: those of the chosen
-        #: fixed frame and the selected frame.
-        self._texts_key: tuple[Optional[Snapshot], tuple[str, str]] = None, ('', '')
+        #: The snapshot for which the shown texts were made, and three texts: the names of the
+        #: chosen fixed frame and of the selected frame, and `_hint`.
+        self._texts_key: tuple[Optional[Snapshot], tuple[str, str, str]] = None, ('', '', '')
+        #: The hint at other topics, and the time of its next update (s, monotonic clock).
+        self._hint, self._next_hint = '', 0.0
         #: The time at which the cameras of all clients are moved so that all frames are visible
         #: (s, monotonic clock); None until there are frames; infinite after this move.
         self._turn_at: Optional[float] = None
@@ -151,10 +155,12 @@ class View:
     def _update_texts(self, now: float, fixed: str, selected: str) -> None:
         """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""
         snapshot, key = self._snapshot, self._texts_key
-        is_new = snapshot is not key[0] or (fixed, selected) != key[1]
+        if now >= self._next_hint:
+            self._hint, self._next_hint = self._source.other_topics_hint(), now + _HINT_PERIOD
+        is_new = snapshot is not key[0] or (fixed, selected, self._hint) != key[1]
         if is_new and now >= self._next_texts:
             self._next_texts = now + _TEXT_PERIOD
-            self._texts_key = snapshot, (fixed, selected)
+            self._texts_key = snapshot, (fixed, selected, self._hint)
             self._panel.show_texts(overview(snapshot, self._source, fixed),
                                    details(snapshot, selected, self._source))
 
