@@ -14,6 +14,7 @@ import sys
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', '97')
 
+import filtering
 from geometry_msgs.msg import TransformStamped
 import hostile
 import listening
@@ -43,6 +44,7 @@ def main() -> None:
     print(f'Python {sys.version.split()[0]}, numpy {np.__version__}, {os.cpu_count()} cores; '
           f'u = {u * 1e6:.1f} µs')
     table('Listening', listening.over_dds())
+    table('Messages that wait for their transforms', filtering.rows())
     table('Looking up', lookups.rows(u))
     lookups.plot(sys.argv[1])
     table('Publishing', sending.rows(rclpy.create_node('bench'), u), sending.other_type(u),

@@ -86,7 +86,9 @@ def compare_lookups(buffer, model, target, source, fixed, at, source_at):
     full = outcome(buffer.lookup_transform_full, target, at, source, source_at, fixed)
     poses = buffer.lookup_transforms(target, source, [at, source_at, at])
     assert time.monotonic() - began < 5.0
+    available, _ = buffer.availability(target, source, [at, source_at])
     other = outcome(buffer.lookup_transform, target, source, source_at)
+    assert available == [not isinstance(one, str) for one in (answer, other)]
     assert [*poses[2]] == [not isinstance(one, str) for one in (answer, other, answer)]
     for i, one in enumerate((answer, other, answer)):
         if poses[2][i]:

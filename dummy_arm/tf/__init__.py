@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from dummy_arm.tf.exceptions import TimeoutException as TimeoutException
     from dummy_arm.tf.exceptions import TransformException as TransformException
     from dummy_arm.tf.message_buffer import MessageBufferCore as MessageBufferCore
+    from dummy_arm.tf.message_filter import FilterFailureReason as FilterFailureReason
+    from dummy_arm.tf.message_filter import MessageFilter as MessageFilter
     from dummy_arm.tf.static_transform_broadcaster import (
         StaticTransformBroadcaster as StaticTransformBroadcaster,
     )
@@ -52,11 +54,13 @@ _MODULES = {
     'convert': 'buffer_interface',
     'ConvertRegistration': 'buffer_interface',
     'ExtrapolationException': 'exceptions',
+    'FilterFailureReason': 'message_filter',
     'Frame': '_core.frames',
     'InvalidArgumentException': 'exceptions',
     'is_too_long': '_core.pose',
     'LookupException': 'exceptions',
     'MessageBufferCore': 'message_buffer',
+    'MessageFilter': 'message_filter',
     'MsgStamped': 'buffer_interface',
     'NotImplementedException': 'buffer_interface',
     'PreparedTransforms': 'transform_broadcaster',

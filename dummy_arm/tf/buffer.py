@@ -4,7 +4,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 import logging
-from typing import Any, Optional, Union
+from typing import Any, Optional, Protocol, Union
 from weakref import finalize, ref
 
 from geometry_msgs.msg import TransformStamped
@@ -54,14 +54,15 @@ class Buffer(MessageBufferCore, BufferInterface):
         MessageBufferCore.__init__(
             self, cache_time, max_frames=max_frames, max_samples=max_samples)
         BufferInterface.__init__(self)
-        self._futures: PendingFutures = PendingFutures(node)
+        self._futures = PendingFutures(node)
+        self.add_waiter(self._futures)
         self._insertion.log.write = get_logger('tf2_buffer').warning
         self._context: Optional[Context] = (
             get_default_context() if node is None else node.context)
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
             self.srv = _create_frames_service(node, self)
-        self.jump_handle = _create_jump_handle(self.clock, self)
+        self.jump_handle = create_jump_handle(self.clock, self)
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
         """
@@ -71,19 +72,6 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         get_logger('tf2_buffer').warning('Detected jump back in time. Clearing tf buffer.')
         self.clear()
-
-    def after_insertion(self) -> bool:
-        """
-        Log why transforms were refused, and complete futures.
-
-        A future is completed if the transform for which it waits is available now.
-
-        Call this without holding the lock of the buffer, if possible.
-
-        :returns: whether a future was completed.
-        """
-        super().after_insertion()
-        return len(self._futures) > 0 and self._futures.check()
 
     def _liveness(self) -> tuple[bool, ...]:
         """Return the flags of `Engine`, and a flag that is True while the context is valid."""
@@ -100,6 +88,7 @@ class Buffer(MessageBufferCore, BufferInterface):
         # The loggers of rclpy have locks that other threads may have held during the fork.
         self._insertion.log.write = logging.getLogger('dummy_arm.tf').warning
         self._futures = PendingFutures(None)
+        self.add_waiter(self._futures)
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: Time,
                          timeout: Duration = NO_WAIT) -> TransformStamped:
@@ -276,7 +265,7 @@ class Buffer(MessageBufferCore, BufferInterface):
             lookup, None if timeout is None else _seconds(timeout),
             f"the transform from '{source_frame}' to '{target_frame}'")
         if not future.done():
-            self._wake_sources()
+            self.wake_sources()
         return future
 
 
@@ -289,19 +278,34 @@ def _seconds(timeout: Duration) -> float:
 # that neither the node nor the clock keeps the buffer alive.
 
 
-def _create_jump_handle(clock: Clock, buffer: Buffer) -> JumpHandle:
-    """
-    Register `time_jump_callback` with the clock.
+class _HasJumpCallback(Protocol):
+    """An object with the method `time_jump_callback`."""
 
-    `time_jump_callback` is called when the clock jumps back by 1 s or more, or when the clock
-    switches between system time and simulated time.
+    def time_jump_callback(self, time_jump: TimeJump) -> None:
+        """
+        Clear the object.
+
+        :param time_jump: the jump of the clock.
+        """
+
+
+def create_jump_handle(clock: Clock, owner: _HasJumpCallback) -> JumpHandle:
+    """
+    Register the method `time_jump_callback` of an object with a clock.
+
+    The method is called when the clock jumps back by 1 s or more, or when the clock switches
+    between system time and simulated time.
+
+    :param clock: the clock; it does not keep the object alive.
+    :param owner: the object.
+    :returns: the handle, which is unregistered when the object is deleted.
     """
     handle = clock.create_jump_callback(
         JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1), on_clock_change=True),
-        post_callback=partial(_on_time_jump, ref(buffer)))
+        post_callback=partial(_on_time_jump, ref(owner)))
     # rcl stores the address of the handle, but does not keep the handle alive. Therefore the
     # handle must be unregistered before its memory is freed.
-    finalize(buffer, _unregister, handle).atexit = False
+    finalize(owner, _unregister, handle).atexit = False
     return handle
 
 
@@ -312,9 +316,9 @@ def _create_frames_service(node: Node, buffer: Buffer) -> Any:
     return node.create_service(FrameGraph, 'tf2_frames', partial(_on_frames_request, ref(buffer)))
 
 
-def _on_time_jump(buffer_ref: ref[Buffer], time_jump: TimeJump) -> None:
-    if (buffer := buffer_ref()) is not None:
-        buffer.time_jump_callback(time_jump)
+def _on_time_jump(owner_ref: ref[_HasJumpCallback], time_jump: TimeJump) -> None:
+    if (owner := owner_ref()) is not None:
+        owner.time_jump_callback(time_jump)
 
 
 def _on_frames_request(buffer_ref: ref[Buffer], _: Any, response: Any) -> Any:

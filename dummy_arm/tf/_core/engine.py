@@ -90,12 +90,13 @@ kinds of waiters are woken after an insertion:
   the second attempt pulls what has arrived by then, and the listener's thread does not pause
   afterwards, because the queue is registered. The lookup also tries again every 0.2 s, because
   nothing wakes the lookup when ROS is shut down.
-- A *future*, which `wait_for_transform_async` returns, is completed by `after_insertion`. This
-  method is called without the lock, because the callbacks of a future are users' code.
-  `set_transform` calls this method after the insertion, and the listener's thread calls it
-  whenever the generation has changed. A lookup does not complete futures. If a lookup pulls
-  messages while futures are pending, it wakes the sources, so that the listener's thread completes
-  the futures.
+- A `Waiter` waits without blocking a thread. The futures that `wait_for_transform_async` returns
+  are one waiter, and each message filter is another. `after_insertion` makes the waiters check
+  what is available. This method is called without the lock, because the callbacks of a future are
+  users' code. `set_transform` calls this method after the insertion, and the listener's thread
+  calls it whenever the generation has changed. A lookup does not call it. If a lookup pulls
+  messages while a waiter waits, the lookup wakes the sources, so that the listener's thread calls
+  `after_insertion`.
 - The *executor* that spins the node of a listener is woken by the listener's thread. The executor
   then runs the coroutines that await a completed future, and `rclpy.spin_once` returns. When the
   listener's thread has completed a future, it wakes the executor at once. For other new data, it
@@ -112,12 +113,12 @@ from the buffer and destroys the subscriptions.
 
 Fork. The locks of all buffers are taken before the process forks. Otherwise a lock in the child
 process could stay held forever, by a thread that exists in the parent process only. The child
-process has the data, but no sources, threads or futures. If the lock of a buffer could not be
+process has the data, but no sources, threads or waiters. If the lock of a buffer could not be
 taken in time, the child process drops the dynamic transforms of that buffer; see `forking`.
 """
 
 from array import array
-from collections.abc import Callable, Iterable, Sized
+from collections.abc import Callable, Iterable, Sequence
 from contextlib import AbstractContextManager, suppress
 from operator import index
 from queue import Empty, SimpleQueue
@@ -166,6 +167,23 @@ class Source(Protocol):
         """Make the thread of the source, if there is one, call `Engine.update` now."""
 
 
+class Waiter(Protocol):
+    """An object that waits for transforms without blocking a thread."""
+
+    @property
+    def is_waiting(self) -> bool:
+        """True if a future or a message waits."""
+
+    def check(self) -> bool:
+        """
+        Complete what waits for transforms that are available now.
+
+        The caller does not hold the lock of the buffer, if possible.
+
+        :returns: True if the executor that spins the node of a listener must be woken.
+        """
+
+
 class Engine:
     """The base class of all buffers, with the data and the methods that do not depend on ROS."""
 
@@ -192,7 +210,7 @@ class Engine:
         self._generation = 0
         #: The queues of the blocked lookups. Each insertion puts the new generation into them.
         self._queues: set[SimpleQueue[int]] = set()
-        self._futures: Sized = ()
+        self._waiters: tuple[Waiter, ...] = ()
         forking.register(self)
 
     # Sources and insertion
@@ -303,14 +321,40 @@ class Engine:
 
     def after_insertion(self) -> bool:
         """
-        Log why transforms were refused; call this without the lock, if possible.
+        Log why transforms were refused, and make the waiters check what is available.
 
-        `Buffer` overrides this method, in order to complete its futures, too.
+        Call this without holding the lock of the buffer, if possible.
 
-        :returns: True if a future was completed.
+        :returns: True if the executor that spins the node of a listener must be woken.
         """
         self._insertion.log.flush()
-        return False
+        is_urgent, error = False, None
+        for waiter in self._waiters:
+            try:
+                is_urgent |= waiter.is_waiting and waiter.check()
+            except BaseException as raised:  # raised by a done callback of a future
+                error = raised
+        if error is not None:
+            raise error
+        return is_urgent
+
+    def add_waiter(self, waiter: Waiter) -> None:
+        """
+        Add a waiter, which `after_insertion` then checks.
+
+        :param waiter: the waiter.
+        """
+        with self._lock:
+            self._waiters += (waiter,)
+
+    def remove_waiter(self, waiter: Waiter) -> None:
+        """
+        Remove a waiter.
+
+        :param waiter: the waiter; if it was removed before, nothing happens.
+        """
+        with self._lock:
+            self._waiters = tuple(each for each in self._waiters if each is not waiter)
 
     def clear(self) -> None:
         """Remove all dynamic transforms; static ones and the names of all frames stay."""
@@ -334,12 +378,12 @@ class Engine:
         """
         Pull in a user's thread.
 
-        If there are new data while futures are pending, wake the sources, so that the threads of
-        the listeners complete the futures.
+        If there are new data while a waiter waits, wake the sources, so that the threads of the
+        listeners call `after_insertion`.
         """
         before = self._generation
-        if self.update() > before and len(self._futures):
-            self._wake_sources()
+        if self.update() > before and any(waiter.is_waiting for waiter in self._waiters):
+            self.wake_sources()
 
     def fetched(self) -> AbstractContextManager[Any]:
         """
@@ -363,10 +407,11 @@ class Engine:
 
     @property
     def has_waiters(self) -> bool:
-        """True if a blocked lookup or a future waits for a transform."""
-        return bool(self._queues) or len(self._futures) > 0
+        """True if a blocked lookup or a waiter waits for a transform."""
+        return bool(self._queues) or any(waiter.is_waiting for waiter in self._waiters)
 
-    def _wake_sources(self) -> None:
+    def wake_sources(self) -> None:
+        """Wake the sources, so that their threads update the buffer now, and do not pause."""
         for source in self._sources:
             source.wake()
 
@@ -393,7 +438,7 @@ class Engine:
         queue: SimpleQueue[int] = SimpleQueue()
         try:
             self._queues.add(queue)
-            self._wake_sources()
+            self.wake_sources()
             while True:
                 # Read the flags before the attempt. If no source is left at this moment, all data
                 # of the removed sources are in the buffer. The attempt uses these data, so it can
@@ -459,6 +504,24 @@ class Engine:
             poses[part], known[part] = self._pull_and_call(
                 self._lookups.poses, target_frame, source_frame, times[part])
         return poses[:, :3], poses[:, 3:], known
+
+    def availability(self, target_frame: str, source_frame: str, times: Sequence[int]
+                     ) -> tuple[list[bool], int]:
+        """
+        Return at which times there is a transform; much faster than one `can_transform` per time.
+
+        :param target_frame: the target frame.
+        :param source_frame: the source frame.
+        :param times: the times (ns); 0: the latest time for which every edge on the path has data.
+        :returns: two values. The first is a list with one bool for each time: True if
+            `lookup_transform` would return a transform. The second is a time (ns): a transform for
+            an earlier time that is not available now will never be available, because such a time
+            is older than the latest common time by more than the cache time.
+        :raises TypeError: if a frame is not a str.
+        """
+        available, latest = self._pull_and_call(
+            self._lookups.available, target_frame, source_frame, times)
+        return available, latest - self._tree.cache_time if latest else -_INT64
 
     def lookup_twist(self, target_frame: str, source_frame: str, time: Any, interval: Any
                      ) -> Twist:
@@ -594,7 +657,9 @@ class Engine:
 
     def after_fork_in_child(self, was_held: bool) -> None:
         """
-        Drop the sources and the queues of blocked lookups, which work in the parent process only.
+        Drop the sources, the waiters and the queues of blocked lookups.
+
+        They work in the parent process only.
 
         In the child process, there is only one thread, and the middleware does not work. So
         lookups use the data that the buffer had when the process forked.
@@ -602,7 +667,7 @@ class Engine:
         :param was_held: True if the lock was taken before the fork. If it is False, another thread
             may have been changing the data, so all dynamic transforms are dropped.
         """
-        self._sources = ()
+        self._sources, self._waiters = (), ()
         self._queues.clear()
         if not was_held:
             self._lock = RLock()

@@ -1,6 +1,6 @@
 """Lookups in the tree of frames: one pose, the poses at many times, or the poses of all frames."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from typing import Optional
 
@@ -138,6 +138,34 @@ class Lookups:
                 return
             self.tree.check_for_can_transform(target_frame=target, source_frame=source)
             self._search(target, source, time)
+
+    def available(self, target: str, source: str, times: Sequence[int]) -> tuple[list[bool], int]:
+        """
+        Return at which times there is a pose of the source frame in the target frame.
+
+        :param target: as `pose`.
+        :param source: as `pose`.
+        :param times: the times (ns); 0: the latest common time.
+        :returns: two values: for each time, True if `pose` has a result; and the latest common
+            time (ns), which is 0 if there is no path or no dynamic edge.
+        :raises TypeError: if a frame is not a str.
+        """
+        path = self.paths.get((target, source))
+        if path is not None:
+            latest = path.latest_common_time()
+            begin, end = path.span()
+            return [begin <= (time or latest) <= end for time in times], latest
+        if target == source:
+            return [True] * len(times), 0
+        available, latest = [False] * len(times), 0
+        if self.tree.may_be_connected(target, source):
+            with suppress(TransformException):
+                latest = self.tree.latest_common_time(target, source)
+            for i, time in enumerate(times):
+                with suppress(TransformException):
+                    self.check(target, source, time)
+                    available[i] = True
+        return available, latest
 
     def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                    ) -> None:

@@ -50,6 +50,22 @@ class Path:
         """
         return min([latest for edge in self.edges if (latest := edge.latest)], default=0)
 
+    def span(self) -> tuple[int, int]:
+        """
+        Return the first and the last time at which every edge has a pose.
+
+        Call this only if `has_constant_parents` returns True.
+
+        :returns: two times (ns). If there is no such time, the first is later than the last.
+        """
+        begin, end = -2**63, 2**63
+        for edge in self.edges:
+            if not edge.is_static:
+                begin, end = max(begin, edge.oldest), min(end, edge.latest)
+                if not len(edge):
+                    return 1, 0
+        return begin, end
+
     def covers(self, time: int) -> bool:
         """
         Return True if every edge has a pose at a time.

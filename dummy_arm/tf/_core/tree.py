@@ -324,6 +324,31 @@ class FrameTree:
                 return True
         return False
 
+    def may_be_connected(self, frame: str, other: str) -> bool:
+        """
+        Return True if two frames may be connected at some time.
+
+        From both frames upwards, every parent that occurs in a history is followed.
+
+        :param frame: the name of a frame.
+        :param other: the name of another frame.
+        :returns: False if a frame does not exist, or if the frames have no common ancestor.
+        :raises TypeError: if a name is not a str.
+        """
+        if self._problem(frame) or self._problem(other):
+            return False
+        return not self._all_ancestors(frame).isdisjoint(self._all_ancestors(other))
+
+    def _all_ancestors(self, frame: str) -> set[str]:
+        """Return a frame and all its ancestors, of every parent that occurs in a history."""
+        found = [frame]
+        seen = {frame}
+        for name in found:
+            if (history := self.histories[name]) is not None:
+                found += [parent for parent in history.all_parents if parent not in seen]
+                seen.update(history.all_parents)
+        return seen
+
     def _append(self, chain: list[str], frame: str) -> None:
         """Append a frame to a chain; raise a LookupException if the chain becomes too long."""
         chain.append(frame)

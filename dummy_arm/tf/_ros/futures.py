@@ -98,8 +98,10 @@ class PendingFutures:
         self._starting = RLock()
         self._thread: Optional[Thread] = None
 
-    def __len__(self) -> int:
-        return len(self._futures)
+    @property
+    def is_waiting(self) -> bool:
+        """True if a future is pending."""
+        return bool(self._futures)
 
     def add(self, lookup: Callable[[], TransformStamped], timeout: Optional[float], what: str
             ) -> Future:

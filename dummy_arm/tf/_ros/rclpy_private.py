@@ -182,8 +182,8 @@ def incompatible_qos(subscription: Subscription) -> Any:
             return None
 
 
-def guard_condition(node: Node, group: CallbackGroup, on_destroy: Callable[[], object]
-                    ) -> GuardCondition:
+def guard_condition(node: Node, group: CallbackGroup, on_destroy: Callable[[], object],
+                    callback: Callable[[], object] = lambda: None) -> GuardCondition:
     """
     Create a guard condition that wakes the executor of a node.
 
@@ -192,9 +192,10 @@ def guard_condition(node: Node, group: CallbackGroup, on_destroy: Callable[[], o
     :param on_destroy: a function that is called before the guard condition is destroyed. The
         method `destroy_node` has no hook, but it destroys all guard conditions of the node. So
         `destroy_node`, too, calls `on_destroy`.
+    :param callback: the function that the executor calls when the guard condition is triggered.
     :returns: the guard condition.
     """
-    guard = node.create_guard_condition(lambda: None, group)
+    guard = node.create_guard_condition(callback, group)
 
     def destroy() -> None:
         """Call `on_destroy`, then destroy the guard condition."""

@@ -1,0 +1,548 @@
+"""A filter that passes messages on when their transforms are available, like that of tf2_ros."""
+
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
+from enum import IntEnum
+from heapq import heapify, heappop, heappush
+from inspect import iscoroutine
+from itertools import count
+from operator import index
+from threading import RLock
+from time import monotonic, monotonic_ns
+from typing import Any, NamedTuple, Optional, Union
+
+from rclpy.clock import Clock, TimeJump
+from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+from rclpy.subscription import Subscription
+from rclpy.time import Time
+
+from dummy_arm.tf._core.texts import logged, visible
+from dummy_arm.tf._core.times import display_time, nanoseconds, nanoseconds_or_int, SECOND
+from dummy_arm.tf._ros.rclpy_private import guard_condition, RCLError
+from dummy_arm.tf.buffer import create_jump_handle
+from dummy_arm.tf.message_buffer import MessageBufferCore
+
+#: The shortest time between two log lines about messages dropped for the same reason (s).
+_LOG_PERIOD = 1.0
+
+
+class FilterFailureReason(IntEnum):
+    """The reason why a MessageFilter has dropped a message; the names are those of tf2 in C++."""
+
+    #: The transforms were available, but not any more when the callbacks were due.
+    Unknown = 0
+    #: The transforms will never be available: the message is older than the cache of the buffer.
+    OutTheBack = 1
+    #: The frame id of the message is empty.
+    EmptyFrameID = 2
+    #: The timeout of the message was over before its transforms were available.
+    NoTransformFound = 3
+    #: The queue was full, and this message was the oldest in it.
+    QueueFull = 4
+
+
+#: tf2's texts for the log.
+_REASON_TEXTS = {
+    FilterFailureReason.Unknown: 'unknown',
+    FilterFailureReason.OutTheBack:
+        'the timestamp on the message is earlier than all the data in the transform cache',
+    FilterFailureReason.EmptyFrameID: 'the frame id of the message is empty',
+    FilterFailureReason.NoTransformFound:
+        'did not find a valid transform, this usually happens at startup ...',
+    FilterFailureReason.QueueFull: 'discarding message because the queue is full'}
+
+
+class _Entry(NamedTuple):
+    """A message in a filter."""
+
+    stamp: int  #: the stamp of the message (ns)
+    number: int  #: counts the messages in the order of their arrival
+    frame: str  #: the frame of the message
+    message: Any
+    deadline: int  #: the time when the timeout is over (ns, on the monotonic clock)
+    reason: Optional[FilterFailureReason] = None  #: why the message was dropped
+
+
+class _Requirement(NamedTuple):
+    """The transforms that a message needs."""
+
+    targets: tuple[str, ...]  #: the target frames
+    tolerance: int  #: ns
+
+
+class MessageFilter:
+    """
+    A filter that holds each message back until its transforms are available.
+
+    A message has the transforms that it needs when it can be transformed to every target frame at
+    the stamp of its header. With a tolerance, this must also be possible at the stamp plus the
+    tolerance. A message that does not have its transforms yet waits in a queue. It is passed on as
+    soon as it has them; other messages that wait do not hold it back. Messages that can be passed
+    on at the same moment are passed on in the order of their stamps. In the callbacks,
+    `buffer.transform` and `buffer.lookup_transform` therefore need no timeout.
+
+    The callbacks are called by the executor that spins the node, in the default callback group of
+    the node. When the clock of the node jumps back by 1 s or more, all messages in the filter are
+    dropped, as `clear` does. The filter ends when its node is destroyed.
+
+    The methods have the names of tf2_ros::MessageFilter, which exists in C++ only.
+    """
+
+    def __init__(self, input: Any, buffer: MessageBufferCore,  # noqa: A002
+                 target_frames: Union[str, Iterable[str]], queue_size: int, node: Node, *,
+                 tolerance: Union[Duration, int] = 0,
+                 buffer_timeout: Union[Duration, int, None] = None) -> None:
+        """
+        Create the filter, and connect it to its input.
+
+        :param input: the source of the messages: a tuple (message type, topic, QoS), an object
+            with the method `registerCallback` (such as a Subscriber of message_filters), or None.
+            None: messages are only added by `add`. A message must have a `header`.
+        :param buffer: the buffer with the transforms: a Buffer or a MessageBufferCore.
+        :param target_frames: the name of the target frame, or the names of several target frames.
+            While there is no target frame, messages are ignored, as in tf2.
+        :param queue_size: the largest number of messages that wait; 0: any number. If the queue is
+            full, the message that has waited longest is dropped.
+        :param node: the node that subscribes, and whose executor calls the callbacks.
+        :param tolerance: a Duration, or an int (ns). If it is not 0, a message also needs its
+            transforms at its stamp plus the tolerance.
+        :param buffer_timeout: how long a message waits at most, on the wall clock: a Duration, or
+            an int (ns). None: there is no limit.
+        :raises TypeError: if an argument has a wrong type.
+        :raises ValueError: if a target frame has no name, or if the queue size or the timeout is
+            negative.
+        """
+        if not isinstance(buffer, MessageBufferCore):
+            raise TypeError('buffer must be a Buffer or MessageBufferCore of dummy_arm.tf, got '
+                            f'{buffer!r}')
+        #: How many messages were dropped for each reason.
+        self.dropped = dict.fromkeys(FilterFailureReason, 0)
+        self._buffer, self._node = buffer, node
+        self._timeout = None if buffer_timeout is None else nanoseconds_or_int(
+            buffer_timeout, 'buffer_timeout')
+        if self._timeout is not None and self._timeout < 0:
+            raise ValueError(f'buffer_timeout must not be negative, got {self._timeout} ns')
+        self._requirement = _Requirement(
+            _frame_names(target_frames), nanoseconds_or_int(tolerance, 'tolerance'))
+        self._queue_size = _checked_size(queue_size)
+        self._callbacks: list[tuple[Callable[..., object], tuple[Any, ...]]] = []
+        self._failure_callbacks: list[Callable[[Any, FilterFailureReason], object]] = []
+        #: Guards the next four attributes. It is held for a short time only: no callback is called
+        #: and no other lock is taken meanwhile. It is reentrant because of signal handlers.
+        self._lock = RLock()
+        #: The messages that wait, by their numbers; the oldest message first.
+        self._waiting: dict[int, _Entry] = {}
+        #: A heap of the messages for which the callbacks are due.
+        self._due: list[_Entry] = []
+        self._numbers = count()
+        #: The generation of the buffer, and the requirement, at the last check of all messages.
+        self._checked: tuple[int, Optional[_Requirement]] = -1, None
+        #: The earliest time of the next log line for each reason (s, on the monotonic clock).
+        self._next_logs = dict.fromkeys(FilterFailureReason, 0.0)
+        self._has_ended = False
+        self._guard = guard_condition(
+            node, node.default_callback_group, self._end, self._call_back)
+        self._timer = None if self._timeout is None else node.create_timer(
+            self._timeout / SECOND, self._on_timeout, node.default_callback_group,
+            Clock(clock_type=ClockType.STEADY_TIME), autostart=False)
+        self._jump_handle = create_jump_handle(node.get_clock(), self)
+        self._subscription: Optional[Subscription] = None
+        self._connection: object = None
+        buffer.add_waiter(self)
+        if input is not None:
+            try:
+                self.connectInput(input)
+            except BaseException:
+                self.unregister()
+                raise
+
+    @property
+    def is_waiting(self) -> bool:
+        """True if a message waits for its transforms."""
+        return bool(self._waiting)
+
+    def unregister(self) -> None:
+        """Drop all messages and end the filter for good; the callbacks are not called any more."""
+        self._node.destroy_guard_condition(self._guard)  # calls `_end`, but only once
+
+    def _end(self) -> None:
+        """End the filter, because its guard condition is about to be destroyed."""
+        self._has_ended = True
+        self._buffer.remove_waiter(self)
+        self._disconnect()
+        if self._timer is not None:
+            self._node.destroy_timer(self._timer)
+        self.clear()
+
+    # Input
+
+    def connectInput(self, input: Any) -> None:  # noqa: A002, N802
+        """
+        Connect the filter to another input; messages of the previous input are ignored.
+
+        :param input: as for the constructor, but not None.
+        :raises TypeError: if the input has a wrong type, or its messages have no header.
+        """
+        self._disconnect()
+        if hasattr(input, 'registerCallback'):
+            # message_filters cannot unregister a callback. So the callback gets the connection,
+            # and ignores messages if the filter has another connection by then.
+            self._connection = connection = object()
+            input.registerCallback(self._on_input, connection)
+            return
+        if not (isinstance(input, Sequence) and len(input) == 3 and isinstance(input[0], type)):
+            raise TypeError('input must be a tuple (message type, topic, QoS) or an object with '
+                            f'the method registerCallback, got {input!r}')
+        message_type, topic, qos = input
+        if not hasattr(message_type, 'header'):
+            raise TypeError(f'messages must have a header, but {message_type.__name__} has none')
+        self._subscription = self._node.create_subscription(
+            message_type, topic, self._on_message, qos)
+
+    def _disconnect(self) -> None:
+        self._connection = None
+        if self._subscription is not None:
+            self._node.destroy_subscription(self._subscription)
+            self._subscription = None
+
+    def _on_input(self, message: Any, connection: object) -> None:
+        """Add a message of the input that has made this connection."""
+        if connection is self._connection:
+            self.add(message)
+
+    def _on_message(self, message: Any) -> None:
+        """Add a message of the subscription; the executor calls this, so call back at once."""
+        self._put(message)
+        self._call_back()
+
+    def add(self, message: Any) -> None:
+        """
+        Add a message; any thread may call this method.
+
+        :param message: a message with a header.
+        :raises TypeError: if the message has no header.
+        """
+        self._put(message)
+        if self._due or self._timer is not None:
+            self._trigger()
+
+    def _put(self, message: Any) -> None:
+        """Add a message, without triggering the guard condition."""
+        header: Any = getattr(message, 'header', None)
+        if not (hasattr(header, 'stamp') and hasattr(header, 'frame_id')):
+            raise TypeError('a message must have a header with stamp and frame_id, got '
+                            f'{type(message).__name__}')
+        if self._has_ended or not self._requirement.targets:
+            return
+        deadline = 0 if self._timeout is None else monotonic_ns() + self._timeout
+        with self._lock:
+            entry = _Entry(nanoseconds(header.stamp), next(self._numbers),
+                           header.frame_id.removeprefix('/'), message, deadline)
+            self._waiting[entry.number] = entry
+            if not entry.frame:
+                self._drop(entry, FilterFailureReason.EmptyFrameID)
+                return
+        # The message is checked after it has been added to `_waiting`. So if transforms are
+        # inserted after this check, the check that follows the insertion finds the message.
+        self._check_if_new([entry])
+        if entry.number in self._waiting:
+            self._start_timer()
+            if next(iter(self._waiting), None) == entry.number:
+                self._buffer.wake_sources()  # so that the thread of the listener does not pause
+            self._shorten()
+
+    def clear(self) -> None:
+        """Drop all messages in the filter; no callback is called for them, not even a failure."""
+        with self._lock:
+            self._waiting.clear()
+            self._due.clear()
+
+    def time_jump_callback(self, time_jump: TimeJump) -> None:
+        """
+        Drop all messages, because the clock of the node has jumped back.
+
+        :param time_jump: the jump of the clock, as rclpy reports it; not used.
+        """
+        if self._waiting or self._due:
+            self._node.get_logger().warning(
+                'Detected jump back in time. Clearing the message filter.')
+        self.clear()
+
+    # Settings
+
+    def setTargetFrame(self, target_frame: str) -> None:  # noqa: N802
+        """
+        Set one target frame, also for the messages that wait.
+
+        :param target_frame: the name of the frame.
+        :raises TypeError: if the name is not a str.
+        :raises ValueError: if the name is empty.
+        """
+        self.setTargetFrames([target_frame])
+
+    def setTargetFrames(self, target_frames: Union[str, Iterable[str]]) -> None:  # noqa: N802
+        """
+        Set the target frames, also for the messages that wait.
+
+        :param target_frames: as for the constructor.
+        :raises TypeError: as for the constructor.
+        :raises ValueError: if a target frame has no name.
+        """
+        self._require(_Requirement(_frame_names(target_frames), self._requirement.tolerance))
+
+    def setTolerance(self, tolerance: Union[Duration, int]) -> None:  # noqa: N802
+        """
+        Set the tolerance, also for the messages that wait.
+
+        :param tolerance: as for the constructor.
+        :raises TypeError: as for the constructor.
+        """
+        self._require(_Requirement(
+            self._requirement.targets, nanoseconds_or_int(tolerance, 'tolerance')))
+
+    def setQueueSize(self, queue_size: int) -> None:  # noqa: N802
+        """
+        Set the size of the queue; if too many messages wait, drop the oldest of them.
+
+        :param queue_size: as for the constructor.
+        :raises TypeError: if the size is not an integer.
+        :raises ValueError: if the size is negative.
+        """
+        self._queue_size = _checked_size(queue_size)
+        self._shorten()
+        if self._due:
+            self._trigger()
+
+    def getQueueSize(self) -> int:  # noqa: N802
+        """
+        Return the size of the queue.
+
+        :returns: the largest number of messages that wait; 0: any number.
+        """
+        return self._queue_size
+
+    def _require(self, requirement: _Requirement) -> None:
+        """Set the requirement; messages that are due, but not passed on yet, wait again."""
+        with self._lock:
+            self._requirement = requirement
+            waiting = [*self._waiting.values(),
+                       *(entry for entry in self._due if entry.reason is None)]
+            self._waiting = {entry.number: entry for entry in sorted(
+                waiting, key=lambda entry: entry.number)}
+            self._due = [entry for entry in self._due if entry.reason is not None]
+            heapify(self._due)
+            self._checked = -1, None
+        self.check()
+
+    # Checks
+
+    def check(self) -> bool:
+        """
+        Let the executor pass on the messages whose transforms are available.
+
+        The buffer calls this method after transforms have been inserted.
+
+        :returns: False, because the filter itself wakes the executor of its node.
+        """
+        self._check_if_new()
+        if self._due:
+            self._trigger()
+        return False
+
+    def _check_if_new(self, entries: Sequence[_Entry] = ()) -> None:
+        """
+        Move the messages that are ready, or too old, from `_waiting` to `_due`.
+
+        If the buffer or the requirement has changed since the last check, all messages that wait
+        are checked. So messages that become ready together are moved together.
+
+        :param entries: the messages that are checked in any case.
+        """
+        with self._lock:
+            requirement, waiting = self._requirement, tuple(self._waiting.values())
+        with self._buffer.fetched():  # all lookups use the same data
+            state = self._buffer.update(), requirement
+            if state != self._checked:
+                entries = waiting
+            ready, expired = self._ready_and_expired(entries, requirement)
+        with self._lock:
+            if requirement is not self._requirement:  # `_require` checks the messages again
+                return
+            self._checked = state
+            for entry in ready:
+                if self._waiting.pop(entry.number, None) is not None:
+                    heappush(self._due, entry)
+            for entry in expired:
+                self._drop(entry, FilterFailureReason.OutTheBack)
+
+    def _ready_and_expired(self, entries: Sequence[_Entry], requirement: _Requirement
+                           ) -> tuple[list[_Entry], list[_Entry]]:
+        """
+        Return the messages whose transforms are available, and those that are too old.
+
+        All messages of the same frame are looked up in one call, because a full queue may be
+        checked a thousand times a second.
+        """
+        ready: list[_Entry] = []
+        expired: list[_Entry] = []
+        frames: dict[str, list[_Entry]] = {}
+        for entry in entries:
+            frames.setdefault(entry.frame, []).append(entry)
+        shifts = {0, requirement.tolerance}
+        for frame, group in frames.items():
+            is_ready, is_expired = [True] * len(group), [False] * len(group)
+            for target in requirement.targets:
+                for shift in shifts:
+                    times = [entry.stamp + shift for entry in group]
+                    available, earliest = self._buffer.availability(target, frame, times)
+                    for i, time in enumerate(times):
+                        if not available[i]:
+                            is_ready[i] = False
+                            is_expired[i] |= time < earliest
+            for entry, ready_now, expired_now in zip(group, is_ready, is_expired):
+                if ready_now:
+                    ready.append(entry)
+                elif expired_now:
+                    expired.append(entry)
+        return ready, expired
+
+    def _drop(self, entry: _Entry, reason: FilterFailureReason) -> None:
+        """Move a message from `_waiting` to `_due`, with a reason; the caller holds the lock."""
+        if self._waiting.pop(entry.number, None) is not None:
+            self.dropped[reason] += 1
+            heappush(self._due, entry._replace(reason=reason))
+
+    def _shorten(self) -> None:
+        """Drop the oldest messages while the queue is too long."""
+        with self._lock:
+            while 0 < self._queue_size < len(self._waiting):
+                self._drop(next(iter(self._waiting.values())), FilterFailureReason.QueueFull)
+
+    # Timeouts
+
+    def _start_timer(self) -> None:
+        """Start the timer for the oldest message, if it is not running."""
+        timer = self._timer
+        if timer is None or not timer.is_canceled():
+            return
+        with self._lock:
+            deadline = next((entry.deadline for entry in self._waiting.values()), None)
+        if deadline is not None:
+            with suppress(InvalidHandle):  # if the filter is ended at this moment
+                timer.timer_period_ns = max(1, deadline - monotonic_ns())
+                timer.reset()
+
+    def _on_timeout(self) -> None:
+        """Drop the messages whose timeout is over."""
+        assert self._timer is not None
+        self._timer.cancel()
+        self._check_if_new()
+        now = monotonic_ns()
+        with self._lock:
+            for entry in tuple(self._waiting.values()):
+                if entry.deadline > now:
+                    break
+                self._drop(entry, FilterFailureReason.NoTransformFound)
+        self._start_timer()
+        self._call_back()
+
+    # Output
+
+    def registerCallback(  # noqa: N802
+            self, callback: Callable[..., object], *args: Any) -> None:
+        """
+        Register a function that is called with each message that is passed on.
+
+        :param callback: the function; it may be a coroutine function.
+        :param args: further arguments of the function, after the message.
+        """
+        self._callbacks.append((callback, args))
+
+    def registerFailureCallback(  # noqa: N802
+            self, callback: Callable[[Any, FilterFailureReason], object]) -> None:
+        """
+        Register a function that is called with each message that is dropped.
+
+        If there is no such function, dropped messages are logged.
+
+        :param callback: the function; its arguments are the message and the reason.
+        """
+        self._failure_callbacks.append(callback)
+
+    def _trigger(self) -> None:
+        """Make the executor call `_call_back`."""
+        with suppress(InvalidHandle, RCLError):  # if the filter is ended at this moment
+            self._guard.trigger()
+
+    def _call_back(self) -> None:
+        """Call the callbacks for the messages that are due now; the executor calls this."""
+        try:
+            for _ in range(len(self._due)):
+                with self._lock:
+                    if not self._due:
+                        return
+                    entry = heappop(self._due)
+                if entry.reason is None and not self._ready_and_expired(
+                        [entry], self._requirement)[0]:
+                    self.dropped[FilterFailureReason.Unknown] += 1
+                    entry = entry._replace(reason=FilterFailureReason.Unknown)
+                if entry.reason is None:
+                    for callback, args in tuple(self._callbacks):
+                        self._call(callback, entry.message, *args)
+                else:
+                    for failure_callback in tuple(self._failure_callbacks):
+                        self._call(failure_callback, entry.message, entry.reason)
+                    if not self._failure_callbacks:
+                        self._log(entry, entry.reason)
+        finally:
+            if self._due:
+                self._trigger()
+
+    def _call(self, callback: Callable[..., object], *args: Any) -> None:
+        """Call a function; if it is a coroutine function, make the executor run the coroutine."""
+        result = callback(*args)
+        if iscoroutine(result) and (executor := self._node.executor) is not None:
+            executor.create_task(result)
+
+    def _log(self, entry: _Entry, reason: FilterFailureReason) -> None:
+        """Log that a message was dropped, at most once a second for each reason."""
+        if (now := monotonic()) < self._next_logs[reason]:
+            return
+        self._next_logs[reason] = now + _LOG_PERIOD
+        why = '' if reason is FilterFailureReason.EmptyFrameID else self._why_not(entry)
+        self._node.get_logger().warning(
+            f"Message Filter dropping message: frame '{logged(entry.frame)}' at time "
+            f"{display_time(entry.stamp)} for reason '{_REASON_TEXTS[reason]}'. Messages dropped "
+            f'for this reason: {self.dropped[reason]}.{why}')
+
+    def _why_not(self, entry: _Entry) -> str:
+        """Return why a transform of a message is not available; '' if all are available now."""
+        for target in self._requirement.targets:
+            for shift in 0, self._requirement.tolerance:
+                is_available, why = self._buffer.can_transform_core(
+                    target, entry.frame, Time(nanoseconds=entry.stamp + shift))
+                if not is_available:
+                    return f' {visible(why)}'
+        return ''
+
+
+def _frame_names(target_frames: Union[str, Iterable[str]]) -> tuple[str, ...]:
+    """Return the names of target frames, without leading slashes."""
+    names = [target_frames] if isinstance(target_frames, str) else list(target_frames)
+    for name in names:
+        if not isinstance(name, str):
+            raise TypeError(f'a target frame must be a str, got {name!r}')
+        if not name.removeprefix('/'):
+            raise ValueError('a target frame must have a name, got an empty one')
+    return tuple(name.removeprefix('/') for name in names)
+
+
+def _checked_size(queue_size: int) -> int:
+    """Return the size of a queue; raise a ValueError if it is negative."""
+    if index(queue_size) < 0:
+        raise ValueError(f'queue_size must be 0 (any number of messages) or more, got '
+                         f'{queue_size}')
+    return index(queue_size)

@@ -1,0 +1,730 @@
+"""The MessageFilter: which messages it passes on or drops, when, and in which order."""
+
+from collections.abc import Callable
+import gc
+from pathlib import Path
+import random
+import threading
+import time
+from typing import Any, NamedTuple
+
+from conftest import TIMEOUT
+from geometry_msgs.msg import PointStamped
+import pytest
+from rclpy.clock import ROSClock
+from rclpy.duration import Duration
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Empty
+
+from dummy_arm.tf import (
+    Buffer,
+    BufferCore,
+    FilterFailureReason,
+    MessageFilter,
+    TransformBroadcaster,
+    TransformException,
+    TransformListener,
+)
+from dummy_arm.tf._core.pose import Row
+from dummy_arm.tf._ros.transform_stamped import message_of
+
+S = 10**9
+MS = 10**6
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+NO_DROPS = dict.fromkeys(FilterFailureReason, 0)
+
+
+def point(stamp, frame='laser', x=0.0):
+    """Return a message with a header; the stamp is in ns."""
+    message = PointStamped()
+    message.header.stamp = Time(nanoseconds=stamp).to_msg()
+    message.header.frame_id = frame
+    message.point.x = x
+    return message
+
+
+def stamp_of(message):
+    """Return the stamp of a message (ns)."""
+    return Time.from_msg(message.header.stamp).nanoseconds
+
+
+def insert(buffer, stamp, child='laser', parent='map'):
+    """Insert a transform into a buffer; the stamp is in ns."""
+    buffer.set_transform(message_of(Row(stamp, parent, child, STILL)), 'test')
+
+
+class Setup:
+    """A filter without a listener, and what has come out of it."""
+
+    def __init__(self, ros, targets='map', queue_size=10, source=None, node=None, buffer=None,
+                 **kwargs):
+        """Create the filter; by default, messages are added by hand."""
+        self.ros, self.node = ros, node or ros.node
+        self.buffer = buffer or Buffer(node=self.node)
+        self.filter = MessageFilter(
+            source, self.buffer, targets, queue_size, self.node, **kwargs)
+        self.passed: list[Any] = []
+        self.failed: list[tuple[Any, FilterFailureReason]] = []
+        self.filter.registerCallback(self.passed.append)
+        self.filter.registerFailureCallback(
+            lambda message, reason: self.failed.append((message, reason)))
+
+    def add(self, *messages):
+        """Add messages."""
+        for message in messages:
+            self.filter.add(message)
+
+    def insert(self, *stamps, child='laser', parent='map'):
+        """Insert transforms at several stamps (ns)."""
+        for stamp in stamps:
+            insert(self.buffer, stamp, child, parent)
+
+    def spin(self):
+        """Let the executor call what is due now."""
+        for _ in range(5):
+            self.ros.executor.spin_once(timeout_sec=0.0)
+
+    def stamps(self):
+        """Return the stamps of the messages that have been passed on (ns)."""
+        self.spin()
+        return [stamp_of(message) for message in self.passed]
+
+    def failures(self):
+        """Return the stamps (ns) and the reasons of the messages that have been dropped."""
+        self.spin()
+        return [(stamp_of(message), reason) for message, reason in self.failed]
+
+
+def test_a_message_is_passed_on_when_its_transform_is_available(ros):
+    """It is passed on once, as it was, and by the executor only."""
+    setup = Setup(ros)
+    message = point(5 * S, x=1.0)
+    setup.add(message)
+    setup.insert(4 * S)
+    assert setup.stamps() == []
+    setup.insert(6 * S)
+    assert setup.passed == []  # the executor has not been spun
+    assert setup.stamps() == [5 * S]
+    assert setup.passed[0] is message
+    setup.insert(7 * S)
+    assert setup.stamps() == [5 * S]
+    setup.add(point(5 * S + 1, '/laser'), point(0, x=2.0))  # available at once; 0 is the latest
+    assert setup.stamps() == [5 * S, 0, 5 * S + 1]
+    assert setup.filter.dropped == NO_DROPS
+    assert setup.failures() == []
+
+
+def test_a_waiting_message_holds_no_other_back(ros):
+    """A later message of another frame is passed on first."""
+    setup = Setup(ros)
+    setup.add(point(1 * S, 'nowhere'), point(1 * S), point(2 * S))
+    setup.insert(1 * S)
+    assert setup.stamps() == [1 * S]
+    setup.insert(3 * S)
+    assert setup.stamps() == [1 * S, 2 * S]
+    setup.insert(1 * S, child='nowhere')
+    assert setup.stamps() == [1 * S, 2 * S, 1 * S]
+
+
+def test_messages_that_become_ready_together_are_sorted_by_stamp(ros):
+    """The order of arrival decides only between equal stamps."""
+    setup = Setup(ros)
+    setup.add(*(point(stamp * S, x=float(i)) for i, stamp in enumerate((5, 3, 4, 3))))
+    setup.insert(1 * S, 6 * S)
+    assert setup.stamps() == [3 * S, 3 * S, 4 * S, 5 * S]
+    assert [message.point.x for message in setup.passed] == [1.0, 3.0, 2.0, 0.0]
+
+
+def test_an_empty_frame(ros):
+    """The reason is EmptyFrameID, also for a lone slash."""
+    setup = Setup(ros)
+    setup.add(point(1 * S, ''), point(2 * S, '/'))
+    assert setup.failures() == [(1 * S, FilterFailureReason.EmptyFrameID),
+                                (2 * S, FilterFailureReason.EmptyFrameID)]
+    assert setup.filter.dropped == {**NO_DROPS, FilterFailureReason.EmptyFrameID: 2}
+
+
+def test_a_full_queue(ros):
+    """The oldest message that waits is dropped; messages that need not wait need no place."""
+    setup = Setup(ros, queue_size=2)
+    setup.insert(1 * S)
+    setup.add(point(5 * S), point(3 * S), point(1 * S))
+    assert setup.stamps() == [1 * S]
+    assert setup.failures() == []
+    setup.add(point(4 * S))
+    assert setup.failures() == [(5 * S, FilterFailureReason.QueueFull)]
+    setup.filter.setQueueSize(1)
+    assert setup.filter.getQueueSize() == 1
+    assert setup.failures()[1:] == [(3 * S, FilterFailureReason.QueueFull)]
+    setup.filter.setQueueSize(0)
+    setup.add(*(point(6 * S) for _ in range(100)))
+    assert setup.filter.dropped == {**NO_DROPS, FilterFailureReason.QueueFull: 2}
+    setup.insert(7 * S)
+    assert setup.stamps() == [1 * S, 4 * S, *[6 * S] * 100]
+
+
+def test_a_message_that_is_too_old(ros):
+    """It is dropped as soon as the latest transform is newer by more than the cache time."""
+    setup = Setup(ros, buffer=Buffer(Duration(seconds=10), ros.node))
+    setup.insert(20 * S)
+    setup.add(point(10 * S), point(10 * S - 1))
+    assert setup.failures() == [(10 * S - 1, FilterFailureReason.OutTheBack)]
+    setup.insert(20 * S + 1)
+    assert setup.failures()[1:] == [(10 * S, FilterFailureReason.OutTheBack)]
+    assert setup.filter.dropped == {**NO_DROPS, FilterFailureReason.OutTheBack: 2}
+    assert setup.stamps() == []
+
+
+def test_a_timeout(ros):
+    """A message is dropped when its own timeout is over, though nothing else happens."""
+    setup = Setup(ros, buffer_timeout=Duration(seconds=0.3))
+    begin = time.monotonic()
+    setup.add(point(1 * S), point(2 * S, 'other'))
+    ros.until(lambda: time.monotonic() - begin > 0.15)
+    setup.add(point(3 * S))
+    setup.insert(2 * S, child='other')
+    ros.until(lambda: setup.failed)
+    assert 0.3 <= time.monotonic() - begin < 5.0
+    assert setup.failures()[0] == (1 * S, FilterFailureReason.NoTransformFound)
+    ros.until(lambda: len(setup.failed) == 2)
+    assert time.monotonic() - begin >= 0.45
+    assert setup.failures()[1] == (3 * S, FilterFailureReason.NoTransformFound)
+    assert setup.stamps() == [2 * S]
+    assert setup.filter.dropped == {**NO_DROPS, FilterFailureReason.NoTransformFound: 2}
+    setup.add(point(4 * S))  # the timer starts again
+    ros.until(lambda: len(setup.failed) == 3)
+
+
+def test_a_timeout_of_zero(ros):
+    """A message whose transforms are not available is dropped at once."""
+    setup = Setup(ros, buffer_timeout=0)
+    setup.insert(1 * S)
+    setup.add(point(1 * S), point(2 * S))
+    ros.until(lambda: setup.failed)
+    assert setup.failures() == [(2 * S, FilterFailureReason.NoTransformFound)]
+    assert setup.stamps() == [1 * S]
+
+
+def test_a_transform_that_is_gone(ros):
+    """The reason is Unknown if the transform is lost before the executor calls the callbacks."""
+    setup = Setup(ros)
+    setup.add(point(1 * S))
+    setup.insert(1 * S)
+    setup.buffer.clear()
+    assert setup.failures() == [(1 * S, FilterFailureReason.Unknown)]
+    assert setup.stamps() == []
+    assert setup.filter.dropped == {**NO_DROPS, FilterFailureReason.Unknown: 1}
+
+
+def test_a_tolerance(ros):
+    """The transform must be available at the stamp and at the stamp plus the tolerance."""
+    setup = Setup(ros, tolerance=Duration(seconds=0.5))
+    setup.add(point(1 * S))
+    setup.insert(1 * S, 1 * S + 499 * MS)
+    assert setup.stamps() == []
+    setup.insert(1 * S + 500 * MS)
+    assert setup.stamps() == [1 * S]
+    setup.add(point(1 * S - 200 * MS))  # available at stamp + tolerance, but not at the stamp
+    assert setup.stamps() == [1 * S]
+    setup.add(point(1 * S + 100 * MS), point(1 * S + 200 * MS))
+    setup.filter.setTolerance(400 * MS)
+    assert setup.stamps() == [1 * S, 1 * S + 100 * MS]
+    setup.filter.setTolerance(0)
+    assert setup.stamps() == [1 * S, 1 * S + 100 * MS, 1 * S + 200 * MS]
+
+
+def test_several_target_frames(ros):
+    """A message waits for all of them; a target frame may appear later."""
+    setup = Setup(ros, targets=['map', '/odom'])
+    setup.add(point(1 * S))
+    setup.insert(1 * S)
+    assert setup.stamps() == []
+    setup.insert(1 * S, child='map', parent='odom')
+    assert setup.stamps() == [1 * S]
+
+
+def test_target_frames_that_are_set_later(ros):
+    """New target frames hold for the messages that wait, and for those that are due."""
+    setup = Setup(ros, targets='map')
+    setup.insert(2 * S)
+    setup.add(point(1 * S), point(2 * S), point(3 * S))  # the second is due
+    setup.filter.setTargetFrames(['map', 'odom'])
+    assert setup.stamps() == []
+    setup.insert(2 * S, 3 * S, child='map', parent='odom')
+    assert setup.stamps() == [2 * S]
+    setup.filter.setTargetFrame('laser')  # no transform is needed
+    assert setup.stamps() == [2 * S, 1 * S, 3 * S]
+    assert setup.failures() == []
+    setup.add(point(4 * S))
+    setup.filter.setTargetFrame('laser')  # the same again, while a message is due
+    assert setup.stamps() == [2 * S, 1 * S, 3 * S, 4 * S]
+
+
+def test_without_target_frames(ros):
+    """As in tf2, messages are ignored while there are no target frames."""
+    setup = Setup(ros, targets=[])
+    setup.add(point(1 * S))
+    setup.filter.setTargetFrame('map')
+    setup.insert(1 * S)
+    assert setup.stamps() == []
+    setup.add(point(1 * S))
+    assert setup.stamps() == [1 * S]
+
+
+def test_after_clear_nothing_old_is_delivered(ros):
+    """Neither messages that wait nor those that are due, nor failures; counters stay."""
+    setup = Setup(ros, queue_size=1)
+    setup.add(point(1 * S), point(2 * S), point(3 * S))  # two are dropped, one waits
+    setup.insert(4 * S, child='other')
+    setup.add(point(4 * S, 'other'))  # due
+    setup.filter.clear()
+    setup.insert(3 * S)
+    assert setup.stamps() == []
+    assert setup.failures() == []
+    assert setup.filter.dropped == {**NO_DROPS, FilterFailureReason.QueueFull: 2}
+    setup.add(point(3 * S))
+    assert setup.stamps() == [3 * S]
+
+
+def test_clear_in_a_callback(ros):
+    """The messages that became ready together with this one are not delivered."""
+    setup = Setup(ros)
+    setup.filter.registerCallback(lambda _: setup.filter.clear())
+    setup.add(point(1 * S), point(2 * S))
+    setup.insert(1 * S, 2 * S)
+    assert setup.stamps() == [1 * S]
+
+
+def test_an_error_of_a_callback(ros):
+    """It reaches the spinning program, as that of a subscription; other messages are not lost."""
+    setup = Setup(ros)
+    setup.add(point(1 * S), point(2 * S), point(3 * S))
+
+    def fail(message):
+        if stamp_of(message) == 1 * S:
+            raise RuntimeError('mine')
+
+    setup.filter.registerCallback(fail)
+    setup.insert(1 * S, 3 * S)
+    with pytest.raises(RuntimeError, match='mine'):
+        setup.stamps()
+    assert setup.stamps() == [1 * S, 2 * S, 3 * S]
+
+
+def test_a_coroutine_function(ros):
+    """It may be registered for messages and for failures, and may await a transform."""
+    setup = Setup(ros)
+    results = []
+
+    async def look_up(message, offset):
+        later = Time(nanoseconds=stamp_of(message) + offset)
+        results.append(await setup.buffer.lookup_transform_async('map', 'laser', later))
+
+    async def fail(message, reason):
+        results.append(reason)
+
+    setup.filter.registerCallback(look_up, 1 * S)
+    setup.filter.registerFailureCallback(fail)
+    setup.add(point(1 * S), point(1 * S, ''))
+    setup.insert(1 * S)
+    ros.until(lambda: results == [FilterFailureReason.EmptyFrameID])
+    setup.insert(2 * S)
+    ros.until(lambda: len(results) == 2)
+    assert results[1].header.stamp.sec == 2
+
+
+class SimpleFilter:
+    """What the filters of message_filters are in Python, a part of that library's interface."""
+
+    def __init__(self):
+        """Create a filter without callbacks."""
+        self.callbacks: dict[int, tuple[Callable[..., object], Any]] = {}
+
+    def registerCallback(self, callback, *args):
+        """Register a callback."""
+        self.callbacks[len(self.callbacks)] = callback, args
+        return len(self.callbacks) - 1
+
+    def signalMessage(self, *message):
+        """Call the callbacks."""
+        for callback, args in self.callbacks.values():
+            callback(*(message + args))
+
+
+def test_the_input_can_be_replaced(ros):
+    """Messages of the previous input are ignored, also if it cannot forget its callbacks."""
+    first, second = SimpleFilter(), SimpleFilter()
+    setup = Setup(ros, source=first)
+    setup.insert(1 * S, 9 * S)
+    first.signalMessage(point(1 * S))
+    setup.filter.connectInput(second)
+    first.signalMessage(point(2 * S))
+    second.signalMessage(point(3 * S))
+    assert setup.stamps() == [1 * S, 3 * S]
+    setup.filter.connectInput((PointStamped, 'points', 10))
+    second.signalMessage(point(4 * S))
+    publisher = ros.node.create_publisher(PointStamped, 'points', 10)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(point(5 * S))
+    ros.until(lambda: len(setup.passed) == 3)
+    assert setup.stamps() == [1 * S, 3 * S, 5 * S]
+    setup.filter.connectInput(first)
+    ros.until(lambda: not publisher.get_subscription_count())
+    first.signalMessage(point(6 * S))
+    assert setup.stamps() == [1 * S, 3 * S, 5 * S, 6 * S]
+
+
+def test_it_can_be_the_input_of_another_filter(ros):
+    """A TimeSynchronizer of message_filters registers a callback with further arguments."""
+    setup = Setup(ros, targets='map')
+    calls = []
+    setup.filter.registerCallback(lambda *arguments: calls.append(arguments), 'queue', 3)
+    second = Setup(ros, targets='odom', source=setup.filter, buffer=setup.buffer)
+    setup.insert(1 * S)
+    message = point(1 * S)
+    setup.add(message)
+    assert setup.stamps() == [1 * S]
+    assert calls == [(message, 'queue', 3)]
+    assert second.stamps() == []
+    setup.insert(1 * S, child='map', parent='odom')
+    assert second.stamps() == [1 * S]
+
+
+@pytest.mark.parametrize('by_node', [False, True])
+def test_it_ends(ros, by_node):
+    """It ends with its node, or by unregister; no callback is called any more."""
+    node = Node('other', context=ros.context)
+    ros.executor.add_node(node)
+    source = SimpleFilter()
+    setup = Setup(ros, node=node, buffer=Buffer(), source=(PointStamped, 'points', 10),
+                  buffer_timeout=Duration(seconds=100))
+    setup.add(point(1 * S), point(2 * S, ''))
+    if by_node:
+        ros.executor.remove_node(node)
+        node.destroy_node()
+    else:
+        setup.filter.unregister()
+        assert not [*node.subscriptions, *node.timers]
+        setup.filter.unregister()
+    assert not setup.buffer.has_waiters
+    setup.insert(1 * S)
+    setup.add(point(1 * S))
+    source.signalMessage(point(1 * S))
+    assert setup.stamps() == []
+    assert setup.failures() == []
+    if not by_node:
+        ros.executor.remove_node(node)
+        node.destroy_node()
+
+
+def test_unregister_in_a_callback(ros):
+    """The rest of the messages is not delivered."""
+    setup = Setup(ros)
+    setup.filter.registerCallback(lambda _: setup.filter.unregister())
+    setup.add(point(1 * S), point(2 * S))
+    setup.insert(1 * S, 2 * S)
+    assert setup.stamps() == [1 * S]
+
+
+def test_the_node_keeps_the_filter_alive(ros):
+    """As with a subscription, the program need not keep a reference."""
+    passed: list[Any] = []
+    buffer = Buffer(node=ros.node)
+    MessageFilter((PointStamped, 'points', 10), buffer, 'map', 10, ros.node,
+                  ).registerCallback(passed.append)
+    gc.collect()
+    publisher = ros.node.create_publisher(PointStamped, 'points', 10)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(point(1 * S))
+    insert(buffer, 1 * S)
+    ros.until(lambda: passed)
+
+
+def test_time_that_jumps_back(ros):
+    """The messages that wait, and those that are due, are dropped without a failure."""
+    node = Node('simulated', context=ros.context, parameter_overrides=[
+        Parameter('use_sim_time', value=True)])
+    ros.executor.add_node(node)
+    setup = Setup(ros, node=node)
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+
+    def set_time(stamp):
+        def is_set():
+            clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))
+            return node.get_clock().now().nanoseconds == stamp
+
+        ros.until(is_set)
+
+    assert isinstance(node.get_clock(), ROSClock)
+    set_time(100 * S)
+    setup.insert(100 * S)
+    setup.add(point(101 * S))  # waits
+    set_time(100 * S - 500 * MS)  # less than a second back
+    setup.insert(101 * S)  # now the message is due
+    assert setup.stamps() == [101 * S]
+    setup.add(point(102 * S))
+    set_time(50 * S)
+    setup.insert(102 * S)
+    assert setup.stamps() == [101 * S]
+    assert setup.failures() == []
+    setup.add(point(102 * S))
+    assert setup.stamps() == [101 * S, 102 * S]
+    ros.executor.remove_node(node)
+    node.destroy_node()
+
+
+def test_dropped_messages_are_logged(ros, capfd):
+    """tf2's text and why, once a second for each reason, unless there is a failure callback."""
+    buffer = Buffer(node=ros.node)
+    for stamp in 1, 2:
+        insert(buffer, stamp * S)
+    message_filter = MessageFilter(None, buffer, 'map', 1, ros.node)
+    for stamp in range(5, 8):
+        message_filter.add(point(stamp * S))
+        message_filter.add(point(stamp * S, 'a\nb'))
+    message_filter.add(point(1 * S, ''))
+    for _ in range(5):
+        ros.executor.spin_once(timeout_sec=0.0)
+    error = capfd.readouterr().err
+    assert error.count('Message Filter dropping message: ') == 2
+    assert ("Message Filter dropping message: frame 'laser' at time 5.000000 for reason "
+            "'discarding message because the queue is full'. Messages dropped for this reason: 5. "
+            'Lookup would require extrapolation into the future.') in error
+    assert ("Message Filter dropping message: frame '' at time 1.000000 for reason 'the frame id "
+            "of the message is empty'. Messages dropped for this reason: 1.\n") in error
+
+
+@pytest.mark.parametrize(('changes', 'error', 'text'), [
+    ({'target_frames': ['map', '']}, ValueError, 'a target frame must have a name'),
+    ({'target_frames': '/'}, ValueError, 'a target frame must have a name'),
+    ({'target_frames': [3]}, TypeError, 'a target frame must be a str, got 3'),
+    ({'queue_size': -1}, ValueError, 'queue_size must be 0 .* or more, got -1'),
+    ({'queue_size': 1.5}, TypeError, 'integer'),
+    ({'tolerance': 0.1}, TypeError, 'tolerance must have sec and nanosec'),
+    ({'buffer_timeout': -1}, ValueError, 'buffer_timeout must not be negative, got -1 ns'),
+    ({'buffer_timeout': 0.1}, TypeError, 'buffer_timeout must have sec and nanosec'),
+    ({'buffer': BufferCore()}, TypeError, 'buffer must be a Buffer or MessageBufferCore'),
+    ({'input': 'points'}, TypeError, 'input must be a tuple'),
+    ({'input': (PointStamped, 'points')}, TypeError, 'input must be a tuple'),
+    ({'input': (Empty, 'points', 10)}, TypeError, 'must have a header, but Empty has none')])
+def test_wrong_arguments(ros, changes, error, text):
+    """The error names the argument; nothing is left in the node or the buffer."""
+    buffer = Buffer()
+    arguments = {'input': None, 'buffer': buffer, 'target_frames': 'map', 'queue_size': 1,
+                 'node': ros.node}
+    before = [list(ros.node.guards), list(ros.node.subscriptions), list(ros.node.timers)]
+    with pytest.raises(error, match=text):
+        MessageFilter(**{**arguments, **changes})
+    assert before == [list(ros.node.guards), list(ros.node.subscriptions), list(ros.node.timers)]
+    message_filter = MessageFilter(**arguments)
+    with pytest.raises(TypeError, match='a message must have a header'):
+        message_filter.add(Empty())
+
+
+def test_over_dds_while_the_listener_inserts(ros):
+    """In the callback, which the executor's thread calls, a lookup needs no timeout."""
+    buffer = Buffer(node=ros.node)
+    listener = TransformListener(buffer, ros.node)
+    broadcaster = TransformBroadcaster(ros.node)
+    passed = []
+
+    def use(message):
+        buffer.transform(message, 'map')
+        passed.append((stamp_of(message), threading.get_ident()))
+
+    message_filter = MessageFilter((PointStamped, 'points', 10), buffer, 'map', 10, ros.node)
+    message_filter.registerCallback(use)
+    publisher = ros.node.create_publisher(PointStamped, 'points', 10)
+    ros.until(lambda: publisher.get_subscription_count()
+              and broadcaster.pub_tf.get_subscription_count())
+    expected = []
+    for stamp in range(1 * S, 3 * S, 100 * MS):
+        publisher.publish(point(stamp))
+        ros.until(lambda: message_filter.is_waiting)
+        broadcaster.sendTransform(message_of(Row(stamp, 'map', 'laser', STILL)))
+        expected.append((stamp, threading.get_ident()))
+        ros.until(lambda: passed == expected)
+    listener.unregister()
+
+
+def test_messages_and_transforms_of_several_threads(ros):
+    """Every message is passed on exactly once, whatever the order of additions and insertions."""
+    setup = Setup(ros, queue_size=0, buffer=Buffer(Duration(seconds=10**6), ros.node))
+    number = 400
+
+    def add(offset):
+        for stamp in range(offset, number + 1, 4):
+            setup.add(point(stamp * S, 'laser'))
+
+    def move():
+        for stamp in range(number + 1):
+            setup.insert(stamp * S)
+            time.sleep(0.0002)
+
+    threads = [*(threading.Thread(target=add, args=(offset + 1,)) for offset in range(4)),
+               threading.Thread(target=move)]
+    for thread in threads:
+        thread.start()
+    ros.until(lambda: len(setup.passed) == number)
+    for thread in threads:
+        thread.join()
+    assert sorted(setup.stamps()) == [stamp * S for stamp in range(1, number + 1)]
+    assert setup.filter.dropped == NO_DROPS
+    assert not setup.filter.is_waiting
+
+
+class Waiting(NamedTuple):
+    """A message in the slow filter."""
+
+    stamp: int
+    frame: str
+    number: int
+
+
+class SlowFilter:
+    """The specification of the filter: after each event, it looks up every message."""
+
+    def __init__(self, buffer, targets, queue_size, tolerance, cache_time):
+        """Create a filter of messages (stamp, frame, number); times are in ns."""
+        self.buffer, self.targets, self.queue_size = buffer, targets, queue_size
+        self.tolerance, self.cache_time = tolerance, cache_time
+        self.queue: list[Waiting] = []
+
+    def _times(self, message):
+        return [message.stamp] + [message.stamp + self.tolerance] * bool(self.tolerance)
+
+    def _is_ready(self, message):
+        return all(self.buffer.can_transform(target, message.frame, Time(nanoseconds=stamp))
+                   for target in self.targets for stamp in self._times(message))
+
+    def _is_too_old(self, message):
+        for target in self.targets:
+            try:
+                latest = self.buffer.get_latest_common_time(target, message.frame).nanoseconds
+            except TransformException:
+                continue
+            if any(latest and stamp + self.cache_time < latest and not self.buffer.can_transform(
+                    target, message.frame, Time(nanoseconds=stamp))
+                    for stamp in self._times(message)):
+                return True
+        return False
+
+    def add(self, message):
+        """Add a message, and return what is passed on or dropped because of it."""
+        if not message.frame:
+            return [(message, FilterFailureReason.EmptyFrameID)]
+        self.queue.append(message)
+        if self._is_ready(message):
+            return [(self.queue.pop(), None)]
+        if self._is_too_old(message):
+            return [(self.queue.pop(), FilterFailureReason.OutTheBack)]
+        if self.queue_size and len(self.queue) > self.queue_size:
+            return [(self.queue.pop(0), FilterFailureReason.QueueFull)]
+        return []
+
+    def check(self):
+        """Return what is passed on or dropped after an insertion, in the order of the stamps."""
+        outcomes: list[tuple[Waiting, Any]] = []
+        for message in tuple(self.queue):
+            if self._is_ready(message):
+                outcomes.append((message, None))
+            elif self._is_too_old(message):
+                outcomes.append((message, FilterFailureReason.OutTheBack))
+            else:
+                continue
+            self.queue.remove(message)
+        return sorted(outcomes, key=lambda outcome: (outcome[0].stamp, outcome[0].number))
+
+
+@pytest.mark.parametrize(('targets', 'queue_size', 'tolerance'), [
+    (['map'], 0, 0), (['map', 'odom'], 20, 30 * MS), (['base', 'other'], 7, 0)])
+def test_random_delays_against_a_slow_implementation(ros, targets, queue_size, tolerance):
+    """
+    The outcomes of thousands of messages are those of the specification, event by event.
+
+    Transforms arrive with random delays and gaps, one edge gets another parent now and then, and
+    one tree is connected only at times.
+    """
+    random.seed(f'{targets} {queue_size} {tolerance}')
+    cache = S // 2
+    buffer = Buffer(Duration(nanoseconds=cache), ros.node)
+    slow = SlowFilter(buffer, targets, queue_size, tolerance, cache)
+    fast = MessageFilter(None, buffer, targets, queue_size, ros.node, tolerance=tolerance)
+    outcomes: list[tuple[Waiting, Any]] = []
+
+    def waiting(message):
+        return Waiting(stamp_of(message), message.header.frame_id, int(message.point.x))
+
+    fast.registerCallback(lambda message: outcomes.append((waiting(message), None)))
+    fast.registerFailureCallback(lambda message, why: outcomes.append((waiting(message), why)))
+    events: list[tuple[int, Any]] = []
+    number = 10_000 // 3 + 1
+    for i in range(number):
+        stamp = S + i * MS
+        frame = random.choice([*['laser'] * 6, *['camera'] * 4, 'lost', 'nowhere', ''])
+        events.append((stamp + int(random.expovariate(1 / (8 * MS))), Waiting(stamp, frame, i)))
+    for parent, child, period in (('map', 'odom', 10), ('odom', 'base', 5), ('base', 'laser', 20),
+                                  ('base', 'camera', 33), ('other', 'lost', 15)):
+        for stamp in range(S - 50 * MS, S + number * MS, period * MS):
+            if random.random() < 0.9:
+                now = 'odom' if child == 'laser' and random.random() < 0.02 else parent
+                delay = int(random.expovariate(1 / (15 * MS)))
+                events.append((stamp + delay, Row(stamp, now, child, STILL)))
+    for stamp in range(S + 500 * MS, S + 700 * MS, 20 * MS):  # the trees are connected for a time
+        events.append((stamp, Row(stamp, 'map', 'other', STILL)))
+    for _, event in sorted(events, key=lambda event: event[0]):
+        del outcomes[:]
+        if isinstance(event, Row):
+            buffer.set_transform(message_of(event), 'test')
+            expected = slow.check()
+        else:
+            fast.add(point(event.stamp, event.frame, float(event.number)))
+            expected = slow.add(event)
+        for _ in range(10):
+            if len(outcomes) < len(expected):
+                ros.executor.spin_once(timeout_sec=0.0)
+        assert outcomes == expected
+    ros.executor.spin_once(timeout_sec=0.0)
+    reasons = {why for why, count in fast.dropped.items() if count}
+    assert FilterFailureReason.EmptyFrameID in reasons
+    assert (FilterFailureReason.QueueFull in reasons) == (queue_size > 0)
+    assert (FilterFailureReason.OutTheBack in reasons) == (queue_size == 0)
+
+
+@pytest.mark.soak
+def test_a_thousand_messages_a_second(ros, start):
+    """All 10 000 are passed on in order, though their transforms arrive 5 ms after them."""
+    buffer = Buffer(node=ros.node)
+    listener = TransformListener(buffer, ros.node)
+    message_filter = MessageFilter((PointStamped, 'points', 1000), buffer, 'map', 100, ros.node)
+    numbers: list[int] = []
+    message_filter.registerCallback(lambda message: numbers.append(int(message.point.x)))
+    bench = Path(__file__).parent.parent / 'bench'
+    sender = start(str(bench / 'filtering.py'), 'send', '1000', '10')
+    ros.until(lambda: 'sent' in sender.output, 3 * TIMEOUT)
+    ros.until(lambda: len(numbers) == 10_000)
+    assert numbers == sorted({*numbers})
+    assert message_filter.dropped == NO_DROPS
+    listener.unregister()
+
+
+def test_a_filter_of_another_executor(ros):
+    """The filter wakes the executor of its own node, not that of the listener's node."""
+    node = Node('filtering', context=ros.context)
+    executor = SingleThreadedExecutor(context=ros.context)
+    executor.add_node(node)
+    setup = Setup(ros, node=node, buffer=Buffer(node=ros.node))
+    setup.add(point(1 * S))
+    timer = threading.Timer(0.2, setup.insert, (1 * S,))
+    timer.start()
+    deadline = time.monotonic() + TIMEOUT
+    while not setup.passed and time.monotonic() < deadline:
+        executor.spin_once(timeout_sec=TIMEOUT)
+    assert len(setup.passed) == 1
+    timer.join()
+    executor.shutdown()
+    node.destroy_node()
