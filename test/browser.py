@@ -162,7 +162,11 @@ class BrowserPage:
 
     def tick(self, label: str, is_on: bool) -> None:
         """Check or uncheck a checkbox."""
-        self.page.get_by_label(label, exact=True).set_checked(is_on, force=True)
+        # `set_checked` fails if a busy page shows the new state only after a while.
+        box = self.page.get_by_label(label, exact=True)
+        if box.is_checked() != is_on:
+            box.click(force=True)
+        self.until(lambda: box.is_checked() == is_on)
 
 
 @contextmanager

@@ -8,7 +8,7 @@ import threading
 import time
 from typing import Any, NamedTuple
 
-from conftest import TIMEOUT
+from conftest import ArrivedMessages, TIMEOUT
 from geometry_msgs.msg import PointStamped
 import pytest
 from rclpy.clock import ROSClock
@@ -16,6 +16,7 @@ from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Empty
@@ -25,11 +26,13 @@ from dummy_arm.tf import (
     BufferCore,
     FilterFailureReason,
     MessageFilter,
+    TFMessage,
     TransformBroadcaster,
     TransformException,
     TransformListener,
 )
 from dummy_arm.tf._core.pose import Row
+from dummy_arm.tf._ros.rclpy_private import guard_condition
 from dummy_arm.tf._ros.transform_stamped import message_of
 
 S = 10**9
@@ -184,16 +187,16 @@ def test_a_timeout(ros):
     setup = Setup(ros, buffer_timeout=Duration(seconds=0.3))
     begin = time.monotonic()
     setup.add(point(1 * S), point(2 * S, 'other'))
+    setup.insert(2 * S, child='other')
+    assert setup.stamps() == [2 * S]
     ros.until(lambda: time.monotonic() - begin > 0.15)
     setup.add(point(3 * S))
-    setup.insert(2 * S, child='other')
     ros.until(lambda: setup.failed)
     assert 0.3 <= time.monotonic() - begin < 5.0
     assert setup.failures()[0] == (1 * S, FilterFailureReason.NoTransformFound)
     ros.until(lambda: len(setup.failed) == 2)
     assert time.monotonic() - begin >= 0.45
     assert setup.failures()[1] == (3 * S, FilterFailureReason.NoTransformFound)
-    assert setup.stamps() == [2 * S]
     assert setup.filter.dropped == {**NO_DROPS, FilterFailureReason.NoTransformFound: 2}
     setup.add(point(4 * S))  # the timer starts again
     ros.until(lambda: len(setup.failed) == 3)
@@ -265,7 +268,7 @@ def test_target_frames_that_are_set_later(ros):
 
 
 def test_without_target_frames(ros):
-    """As in tf2, messages are ignored while there are no target frames."""
+    """As in tf2, new messages are ignored while there are no target frames, and old ones wait."""
     setup = Setup(ros, targets=[])
     setup.add(point(1 * S))
     setup.filter.setTargetFrame('map')
@@ -273,6 +276,95 @@ def test_without_target_frames(ros):
     assert setup.stamps() == []
     setup.add(point(1 * S))
     assert setup.stamps() == [1 * S]
+    setup.add(point(2 * S))
+    setup.filter.setTargetFrames([])
+    setup.insert(2 * S)
+    assert setup.stamps() == [1 * S]
+    setup.filter.setTargetFrames(['map'])
+    assert setup.stamps() == [1 * S, 2 * S]
+
+
+def test_limits_hold_after_a_change(ros):
+    """Messages that were due and wait again count for the queue, and have their timeout."""
+    setup = Setup(ros, queue_size=2, buffer_timeout=Duration(seconds=0.2))
+    setup.insert(1 * S, 5 * S)
+    setup.add(point(1 * S), point(2 * S), point(3 * S))
+    setup.filter.setTargetFrame('nowhere')
+    assert setup.failures() == [(1 * S, FilterFailureReason.QueueFull)]
+    ros.until(lambda: len(setup.failed) == 3)
+    assert setup.filter.dropped == {
+        **NO_DROPS, FilterFailureReason.QueueFull: 1, FilterFailureReason.NoTransformFound: 2}
+    assert setup.stamps() == []
+
+
+def test_a_message_that_is_added_during_a_check(ros, monkeypatch):
+    """A check of another thread, which pulls the transform, does not hide the message."""
+    setup = Setup(ros)
+    setup.add(point(9 * S, 'other'))  # so that there is something to check
+    fetched = setup.buffer.fetched
+
+    def add_meanwhile():
+        monkeypatch.undo()
+        thread = threading.Thread(target=setup.add, args=(point(3 * S),))
+        thread.start()
+        thread.join()
+        transform = message_of(Row(3 * S, 'map', 'laser', STILL))
+        setup.buffer.add_source(ArrivedMessages(serialize_message(TFMessage(
+            transforms=[transform]))))
+        return fetched()
+
+    monkeypatch.setattr(setup.buffer, 'fetched', add_meanwhile)
+    setup.insert(2 * S, child='another')
+    assert setup.stamps() == []
+    setup.buffer.after_insertion()  # as the thread of a listener does
+    assert setup.stamps() == [3 * S]
+
+
+def test_a_stamp_of_zero_is_never_too_old(ros):
+    """It stands for the latest time, as in a lookup; it waits until there is such a time."""
+    setup = Setup(ros, buffer=Buffer(Duration(seconds=10), ros.node))
+    setup.insert(100 * S, 101 * S, child='odom')
+    setup.insert(50 * S, child='laser', parent='odom')
+    setup.add(point(0))
+    assert setup.failures() == []
+    setup.insert(101 * S, child='laser', parent='odom')
+    assert setup.stamps() == [0]
+
+
+@pytest.mark.parametrize('timeout', [2**63 - 1, 10**6 * S])
+def test_a_long_timeout(ros, timeout):
+    """A timeout may be as long as a Duration can be."""
+    setup = Setup(ros, buffer_timeout=Duration(nanoseconds=timeout))
+    setup.add(point(1 * S))
+    assert setup.failures() == []
+    setup.insert(1 * S)
+    assert setup.stamps() == [1 * S]
+
+
+def test_a_stamp_before_1970(ros, capfd):
+    """It is logged like any other."""
+    message_filter = MessageFilter(None, Buffer(), 'map', 1, ros.node, tolerance=-5 * S)
+    for x in 0.0, 1.0:
+        message = point(1 * S, x=x)
+        message.header.stamp.sec = -1
+        message_filter.add(message)
+    for _ in range(5):
+        ros.executor.spin_once(timeout_sec=0.0)
+    assert "frame 'laser' at time -1.000000 for reason" in capfd.readouterr().err
+
+
+def test_messages_that_wait_long_are_logged(ros, capfd, monkeypatch):
+    """If nothing is dropped, it is logged why the oldest message still waits."""
+    now = [0]
+    monkeypatch.setattr('dummy_arm.tf.message_filter.monotonic_ns', lambda: now[0])
+    message_filter = MessageFilter(None, Buffer(), 'map', 0, ros.node)
+    for _ in range(100):
+        message_filter.add(point(1 * S))
+        now[0] += 100 * MS
+    error = capfd.readouterr().err
+    assert error.count('Messages wait for their transforms.') == 1
+    assert ("The oldest, of frame 'laser' at time 1.000000, has waited for 2.1 s. Invalid frame "
+            'ID "map" passed to canTransform argument target_frame - ') in error
 
 
 def test_after_clear_nothing_old_is_delivered(ros):
@@ -313,6 +405,27 @@ def test_an_error_of_a_callback(ros):
     with pytest.raises(RuntimeError, match='mine'):
         setup.stamps()
     assert setup.stamps() == [1 * S, 2 * S, 3 * S]
+
+
+def test_coroutine_functions_start_in_order(ros):
+    """None waits for the end of another; messages that are ready together start by stamp."""
+    setup = Setup(ros)
+    started, ended = [], []
+
+    async def look_up(message):
+        started.append(stamp_of(message) // S)
+        later = Time(nanoseconds=stamp_of(message) + 10 * S)
+        await setup.buffer.lookup_transform_async('map', 'laser', later)
+        ended.append(stamp_of(message) // S)
+
+    setup.filter.registerCallback(look_up)
+    setup.add(*(point(stamp * S) for stamp in (3, 1, 4, 2, 5)))
+    setup.insert(1 * S, 5 * S)
+    ros.until(lambda: len(started) == 5)
+    assert started == [1, 2, 3, 4, 5]
+    assert not ended
+    setup.insert(15 * S)
+    ros.until(lambda: len(ended) == 5)
 
 
 def test_a_coroutine_function(ros):
@@ -372,10 +485,14 @@ def test_the_input_can_be_replaced(ros):
     publisher.publish(point(5 * S))
     ros.until(lambda: len(setup.passed) == 3)
     assert setup.stamps() == [1 * S, 3 * S, 5 * S]
+    with pytest.raises(TypeError, match='input must be a tuple'):
+        setup.filter.connectInput('points')
+    publisher.publish(point(5 * S + 1))  # the refused input has changed nothing
+    ros.until(lambda: len(setup.passed) == 4)
     setup.filter.connectInput(first)
     ros.until(lambda: not publisher.get_subscription_count())
     first.signalMessage(point(6 * S))
-    assert setup.stamps() == [1 * S, 3 * S, 5 * S, 6 * S]
+    assert setup.stamps() == [1 * S, 3 * S, 5 * S, 5 * S + 1, 6 * S]
 
 
 def test_it_can_be_the_input_of_another_filter(ros):
@@ -399,12 +516,10 @@ def test_it_ends(ros, by_node):
     """It ends with its node, or by unregister; no callback is called any more."""
     node = Node('other', context=ros.context)
     ros.executor.add_node(node)
-    source = SimpleFilter()
     setup = Setup(ros, node=node, buffer=Buffer(), source=(PointStamped, 'points', 10),
                   buffer_timeout=Duration(seconds=100))
     setup.add(point(1 * S), point(2 * S, ''))
     if by_node:
-        ros.executor.remove_node(node)
         node.destroy_node()
     else:
         setup.filter.unregister()
@@ -413,12 +528,28 @@ def test_it_ends(ros, by_node):
     assert not setup.buffer.has_waiters
     setup.insert(1 * S)
     setup.add(point(1 * S))
-    source.signalMessage(point(1 * S))
     assert setup.stamps() == []
     assert setup.failures() == []
+    with pytest.raises(RuntimeError, match='the filter has ended'):
+        setup.filter.connectInput(SimpleFilter())
     if not by_node:
-        ros.executor.remove_node(node)
         node.destroy_node()
+
+
+def test_messages_of_a_node_that_ends(ros):
+    """A message may be added while the node is being destroyed."""
+    node = Node('other', context=ros.context)
+    added: list[bool] = []
+
+    def add():
+        setup.add(point(1 * S))
+        added.append(True)
+
+    guard_condition(node, node.default_callback_group, add)  # it is destroyed first
+    setup = Setup(ros, node=node, buffer=Buffer(), buffer_timeout=Duration(seconds=100))
+    node.destroy_node()
+    assert added
+    assert not setup.buffer.has_waiters
 
 
 def test_unregister_in_a_callback(ros):
@@ -502,8 +633,9 @@ def test_dropped_messages_are_logged(ros, capfd):
     ({'target_frames': ['map', '']}, ValueError, 'a target frame must have a name'),
     ({'target_frames': '/'}, ValueError, 'a target frame must have a name'),
     ({'target_frames': [3]}, TypeError, 'a target frame must be a str, got 3'),
+    ({'target_frames': None}, TypeError, 'target_frames must be a name or several names'),
     ({'queue_size': -1}, ValueError, 'queue_size must be 0 .* or more, got -1'),
-    ({'queue_size': 1.5}, TypeError, 'integer'),
+    ({'queue_size': 1.5}, TypeError, 'queue_size must be an integer, got 1.5'),
     ({'tolerance': 0.1}, TypeError, 'tolerance must have sec and nanosec'),
     ({'buffer_timeout': -1}, ValueError, 'buffer_timeout must not be negative, got -1 ns'),
     ({'buffer_timeout': 0.1}, TypeError, 'buffer_timeout must have sec and nanosec'),
@@ -523,6 +655,9 @@ def test_wrong_arguments(ros, changes, error, text):
     message_filter = MessageFilter(**arguments)
     with pytest.raises(TypeError, match='a message must have a header'):
         message_filter.add(Empty())
+    for name in 'registerCallback', 'registerFailureCallback':
+        with pytest.raises(TypeError, match='a callback must be a function, got None'):
+            getattr(message_filter, name)(None)
 
 
 def test_over_dds_while_the_listener_inserts(ros):
@@ -607,9 +742,9 @@ class SlowFilter:
                 latest = self.buffer.get_latest_common_time(target, message.frame).nanoseconds
             except TransformException:
                 continue
-            if any(latest and stamp + self.cache_time < latest and not self.buffer.can_transform(
+            if any(0 != stamp < latest - self.cache_time and not self.buffer.can_transform(
                     target, message.frame, Time(nanoseconds=stamp))
-                    for stamp in self._times(message)):
+                    for stamp in self._times(message) if latest):
                 return True
         return False
 
@@ -665,7 +800,7 @@ def test_random_delays_against_a_slow_implementation(ros, targets, queue_size, t
     number = 10_000 // 3 + 1
     for i in range(number):
         stamp = S + i * MS
-        frame = random.choice([*['laser'] * 6, *['camera'] * 4, 'lost', 'nowhere', ''])
+        frame = random.choice([*['laser'] * 12, *['camera'] * 8, 'lost', 'nowhere', ''])
         events.append((stamp + int(random.expovariate(1 / (8 * MS))), Waiting(stamp, frame, i)))
     for parent, child, period in (('map', 'odom', 10), ('odom', 'base', 5), ('base', 'laser', 20),
                                   ('base', 'camera', 33), ('other', 'lost', 15)):

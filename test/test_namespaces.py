@@ -15,7 +15,7 @@ from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._ros.transform_stamped import message_of
 
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
-HINT = 'No message has arrived on /tf, but /robot1/tf has 2 publishers: --namespace robot1'
+HINT = 'No transform has arrived on /tf, but /robot1/tf has 2 publishers: --namespace robot1'
 
 
 def transform(stamp, child):
@@ -87,21 +87,42 @@ def test_the_remedies(ros):
         TransformBroadcaster(ros.node, tf_topic=topic)
     for topic in '/b/c/tf_static', '/d/tf_static':
         StaticTransformBroadcaster(ros.node, tf_static_topic=topic)
-    hint = ('No message has arrived on /a/tf, but /b/c/tf has 1 publisher: --namespace b/c; '
+    hint = ('No transform has arrived on /a/tf, but /b/c/tf has 1 publisher: --namespace b/c; '
             '/d/tf_static has 1 publisher: --namespace d; /tf has 1 publisher: omit --namespace; '
-            '/tf_old has 1 publisher: --ros-args -r /tf:=/tf_old.')
+            '/tf_old has 1 publisher: --ros-args -r /tf:=/tf_old -r /tf_static:=/tf_old_static.')
     ros.until(lambda: listener.other_topics_hint() == hint)
-    assert listener.why_no_frames().startswith(
-        f'{hint} Publishers on /a/tf and /a/tf_static here: 0. ')
+    assert listener.why_no_frames() == hint
+    publisher = TransformBroadcaster(ros.node, tf_topic='/a/tf').pub_tf
+    ros.until(lambda: listener.other_topics_hint() == '')
+    assert 'Publishers on /a/tf and /a/tf_static here: 1. Check' in listener.why_no_frames()
+    ros.node.destroy_publisher(publisher)
+    ros.until(lambda: listener.other_topics_hint() == hint)
     listener.buffer.set_transform_static(transform(0, 'camera'), 'test')
-    assert listener.other_topics_hint() == hint
-    assert listener.why_no_transform('map', 'camara').endswith(hint)
-    listener.buffer.set_transform(transform(1, 'robot'), 'test')
-    assert listener.other_topics_hint() == ''
+    assert listener.other_topics_hint() == ''  # a robot may have static transforms only
     node.destroy_node()
 
 
-@pytest.mark.parametrize('name', ['robot-1', '1robot', 'a b', 'ä'])
+def test_no_remedy_is_needed(ros):
+    """Once a dynamic transform has been received, nothing is said about other topics."""
+    listener = FrameListener(ros.node)
+    TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
+    ros.until(listener.other_topics_hint)
+    listener.buffer.set_transform_static(transform(0, 'camera'), 'test')
+    assert listener.why_no_transform('map', 'camara').endswith(
+        'No transform has arrived on /tf, but /robot1/tf has 1 publisher: --namespace robot1.')
+    listener.buffer.set_transform(transform(1, 'robot'), 'test')
+    assert listener.other_topics_hint() == ''
+
+
+def test_a_remapping_wins_over_the_namespace(start, ros):
+    """The rule that the user has written is used first."""
+    start(*ARM, '--namespace', 'a', '--ros-args', '-r', '/tf:=/tf_old', '-p', 'rate:=10.0')
+    ros.until(lambda: ros.node.count_publishers('/tf_old'))
+    ros.until(lambda: ros.node.count_publishers('/a/tf_static'))
+    assert not ros.node.count_publishers('/a/tf')
+
+
+@pytest.mark.parametrize('name', ['robot-1', '1robot', 'a b', 'ä', 'a__b'])
 def test_an_invalid_namespace(name):
     """It is refused before ROS is initialised."""
     with pytest.raises(UsageError, match='Invalid namespace: '):

@@ -37,7 +37,8 @@ ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in 
 WITH_ARM = {('commands.md', 'param'), ('commands.md', 'tf2_echo'), ('commands.md', 'tf2_monitor'),
             ('commands.md', 'view_frames'), ('bags.md', 'Record a bag')}
 #: The sections that take long: they install packages, or listen again and again.
-LONG = {('README.md', 'A first program'), ('bags.md', 'Install'), ('commands.md', 'view_frames')}
+LONG = {('README.md', 'A first program'), ('bags.md', 'Install'),
+        ('commands.md', 'Several robots'), ('commands.md', 'view_frames')}
 
 
 class Block(NamedTuple):

@@ -503,7 +503,7 @@ def test_a_bag_of_a_namespace(capsys, tmp_path):
 @pytest.mark.parametrize(('arguments', 'code', 'why'), [
     (('--bag', 'x', '--watch'), 2, 'are for listening: leave them out'),
     (('--bag', 'x', '-t', '5'), 2, 'are for listening: leave them out'),
-    (('--namespace', 'x'), 2, '--ros-args -r /tf:=/NAME/tf'),
+    (('--partial',), 2, '--partial needs --bag'),
     (('--bag', ''), 2, '--bag needs the path of a bag'),
     (('--bag', 'nowhere'), 1, 'cannot read nowhere: No such file or directory')])
 def test_bags_used_wrongly(failed, monkeypatch, tmp_path, arguments, code, why):

@@ -51,7 +51,8 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
         arguments, or if the namespace is invalid.
     :raises CommandError: if ROS cannot be initialised.
     """
-    arguments = [*ros_args[:1], *_namespace_args(namespace), *ros_args[1:]]
+    # The first rule that fits a name is used, so the user's own rules come first.
+    arguments = [*ros_args, *_namespace_args(namespace)]
     try:
         # The signal handlers of rclpy would shut down the context while a node is using it.
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -125,13 +126,15 @@ def _namespace_args(namespace: str) -> list[str]:
     if not parts:
         return []
     path = '/' + '/'.join(parts)
+    if '__' in path:
+        raise UsageError(f"Invalid namespace: namespace must not contain '__', got {namespace!r}")
     try:
         validate_namespace(path)
     except InvalidNamespaceException as error:
         reason = str(error).splitlines()[0].removesuffix(':')
         raise UsageError(f'{reason}, got {namespace!r}') from None
     rules = f'__ns:={path}', f'/tf:={path}/tf', f'/tf_static:={path}/tf_static'
-    return ['--ros-args', *(word for rule in rules for word in ('-r', rule)), '--']
+    return ['--ros-args', *(word for rule in rules for word in ('-r', rule))]
 
 
 def _spin_until_signal(node: Node) -> None:

@@ -60,15 +60,17 @@ class Parser(argparse.ArgumentParser):
         self.exit(2, f'{self.prog}: {visible(message)}; {usage}\n')
 
 
-def add_namespace_option(parser: argparse.ArgumentParser, what: str) -> None:
+def add_namespace_option(parser: argparse.ArgumentParser, what: str, *topics: str) -> None:
     """
     Add the option `--namespace` to a parser.
 
     :param parser: the parser of the command.
     :param what: what the command does with the topics, for the help.
+    :param topics: the topics that the command uses; none: `tf` and `tf_static`.
     """
     parser.add_argument('--namespace', default='', metavar='NAME',
-                        help=f'{what} /NAME/tf and /NAME/tf_static')
+                        help=f'{what} ' + ' and '.join(
+                            f'/NAME/{topic}' for topic in topics or ('tf', 'tf_static')))
 
 
 def number(text: str) -> float:

@@ -4,7 +4,6 @@ from difflib import SequenceMatcher
 from itertools import islice
 import os
 from time import monotonic
-from typing import Optional
 
 from rclpy.duration import Duration
 from rclpy.node import Node
@@ -33,10 +32,7 @@ class FrameListener:
         :param node: the node that subscribes.
         :param seconds: how long the buffer keeps transforms (s).
         """
-        self.node, self._start = node, monotonic()
-        #: The hint in the last text of `why_no_frames` that `why_no_transform` has added; None if
-        #: it has added none.
-        self._explained: Optional[str] = None
+        self.node, self._start, self._has_explained = node, monotonic(), False
         self.buffer = Buffer(Duration(seconds=seconds), node)
         self.publisher_listener = PublisherListener(self.buffer, node)
         #: The names of the topics of static and of dynamic transforms, after remapping.
@@ -63,12 +59,14 @@ class FrameListener:
         """
         Return the possible reasons why no transform has been received.
 
-        :returns: sentences that name the settings to check.
+        :returns: the text of `other_topics_hint`; if it is empty, sentences that name the settings
+            to check.
         """
+        if hint := self.other_topics_hint():
+            return hint
         publishers = sum(map(self.node.count_publishers, self.topics))
-        hint = self.other_topics_hint()
         static, dynamic = self.topics
-        return (f'{hint}{" " if hint else ""}Publishers on {dynamic} and {static} here: '
+        return (f'Publishers on {dynamic} and {static} here: '
                 f'{publishers}. Check that something publishes, and that it has the same '
                 f'ROS_DOMAIN_ID (here: {os.environ.get("ROS_DOMAIN_ID") or 0}) and '
                 'ROS_AUTOMATIC_DISCOVERY_RANGE (here: '
@@ -77,37 +75,44 @@ class FrameListener:
 
     def other_topics_hint(self) -> str:
         """
-        Return which other topics have transforms, if no dynamic transform has been received.
+        Return which other topics have transforms, if nothing publishes dynamic transforms here.
 
         :returns: a sentence that names the topics and the options with which a command receives
-            them; '' if there are no such topics, or if a dynamic transform has been received.
+            them. It is '' in these cases: there are no such topics; a dynamic transform has been
+            received, or has a publisher; or static transforms have been received in a namespace.
         """
+        static, dynamic = self.topics
         if not self._has_dynamic_frames:
-            self._has_dynamic_frames = not all(frame.is_static for frame in self.buffer.frames())
-        if self._has_dynamic_frames:
+            frames = self.buffer.frames()
+            self._has_dynamic_frames = not all(frame.is_static for frame in frames)
+            if frames and dynamic != '/tf':
+                return ''
+        if self._has_dynamic_frames or self.node.count_publishers(dynamic):
             return ''
         remedies: dict[str, str] = {}
         for topic, types in sorted(self.node.get_topic_names_and_types()):
             count = self.node.count_publishers(topic)
-            if _TF_MESSAGE in types and topic not in self.topics and count:
-                namespace, _, name = topic.rpartition('/')
-                option = (f'--ros-args -r /tf:={topic}' if name not in ('tf', 'tf_static') else
+            if _TF_MESSAGE in types and topic not in (static, dynamic) and count:
+                base = topic.removesuffix('_static')
+                namespace, _, name = base.rpartition('/')
+                option = (f'--ros-args -r /tf:={base} -r /tf_static:={base}_static'
+                          if name != 'tf' else
                           f'--namespace {namespace[1:]}' if namespace else 'omit --namespace')
                 remedies.setdefault(
                     option, f'{topic} has {count} publisher{"s" if count > 1 else ""}: {option}')
         if not remedies:
             return ''
         more = f'; {len(remedies) - _SHOWN} more' if len(remedies) > _SHOWN else ''
-        return (f'No message has arrived on {self.topics[-1]}, but '
+        return (f'No transform has arrived on {dynamic}, but '
                 f'{"; ".join(islice(remedies.values(), _SHOWN))}{more}.')
 
     def why_no_transform(self, target: str, source: str, time: int = 0) -> str:
         """
         Return why there is no transform, and which frames exist.
 
-        If no frame exists at all, the text of `why_no_frames` is added, but not in the first
-        second after the start, and again only if its hint at other topics has changed. If frames
-        exist, only this hint is added.
+        The text of `other_topics_hint` is added. If it is empty, and no frame exists at all, the
+        text of `why_no_frames` is added, but only once. In the first second after the start, both
+        are left out if no frame exists.
 
         :param target: the frame in which the transform is expressed.
         :param source: the frame whose pose is looked up.
@@ -120,10 +125,13 @@ class FrameListener:
             return ''
         known = self.buffer.frame_names()
         if not known:
-            hint = self.other_topics_hint()
-            if monotonic() < self._start + _DISCOVERY or hint == self._explained:
+            if monotonic() < self._start + _DISCOVERY:
                 return why
-            self._explained = hint
+            if hint := self.other_topics_hint():
+                return f'{why} {hint}'
+            if self._has_explained:
+                return why
+            self._has_explained = True
             return f'{why} {self.why_no_frames()}'
         for name in (target, source):  # the list below replaces these suggestions
             why = why.replace(f' {suggest_names(name, tuple(known))}', '')

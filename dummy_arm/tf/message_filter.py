@@ -1,8 +1,9 @@
 """A filter that passes messages on when their transforms are available, like that of tf2_ros."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 from enum import IntEnum
+from functools import partial
 from heapq import heapify, heappop, heappush
 from inspect import iscoroutine
 from itertools import count
@@ -17,7 +18,7 @@ from rclpy.duration import Duration
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.subscription import Subscription
-from rclpy.time import Time
+from rclpy.timer import Timer
 
 from dummy_arm.tf._core.texts import logged, visible
 from dummy_arm.tf._core.times import display_time, nanoseconds, nanoseconds_or_int, SECOND
@@ -27,6 +28,12 @@ from dummy_arm.tf.message_buffer import MessageBufferCore
 
 #: The shortest time between two log lines about messages dropped for the same reason (s).
 _LOG_PERIOD = 1.0
+#: If the oldest message has waited for this time, it is logged why (ns).
+_LONG_WAIT = 2 * SECOND
+#: The shortest time between two log lines about messages that wait (s).
+_WAIT_LOG_PERIOD = 10.0
+#: The longest period of a timer (ns).
+_LONGEST_PERIOD = 3600 * SECOND
 
 
 class FilterFailureReason(IntEnum):
@@ -62,7 +69,7 @@ class _Entry(NamedTuple):
     number: int  #: counts the messages in the order of their arrival
     frame: str  #: the frame of the message
     message: Any
-    deadline: int  #: the time when the timeout is over (ns, on the monotonic clock)
+    arrival: int  #: the time of arrival (ns, on the monotonic clock)
     reason: Optional[FilterFailureReason] = None  #: why the message was dropped
 
 
@@ -85,8 +92,9 @@ class MessageFilter:
     `buffer.transform` and `buffer.lookup_transform` therefore need no timeout.
 
     The callbacks are called by the executor that spins the node, in the default callback group of
-    the node. When the clock of the node jumps back by 1 s or more, all messages in the filter are
-    dropped, as `clear` does. The filter ends when its node is destroyed.
+    the node. When the clock of the node jumps back by 1 s or more, or switches between system time
+    and simulated time, all messages in the filter are dropped, as `clear` does. The filter ends
+    when its node is destroyed.
 
     The methods have the names of tf2_ros::MessageFilter, which exists in C++ only.
     """
@@ -103,14 +111,16 @@ class MessageFilter:
             None: messages are only added by `add`. A message must have a `header`.
         :param buffer: the buffer with the transforms: a Buffer or a MessageBufferCore.
         :param target_frames: the name of the target frame, or the names of several target frames.
-            While there is no target frame, messages are ignored, as in tf2.
+            While there is no target frame, new messages are ignored, as in tf2, and messages that
+            wait go on waiting.
         :param queue_size: the largest number of messages that wait; 0: any number. If the queue is
             full, the message that has waited longest is dropped.
         :param node: the node that subscribes, and whose executor calls the callbacks.
         :param tolerance: a Duration, or an int (ns). If it is not 0, a message also needs its
             transforms at its stamp plus the tolerance.
         :param buffer_timeout: how long a message waits at most, on the wall clock: a Duration, or
-            an int (ns). None: there is no limit.
+            an int (ns). None: there is no limit. While a message waits, the thread of the listener
+            does not pause. So set a timeout if some transforms may never come.
         :raises TypeError: if an argument has a wrong type.
         :raises ValueError: if a target frame has no name, or if the queue size or the timeout is
             negative.
@@ -142,22 +152,26 @@ class MessageFilter:
         self._checked: tuple[int, Optional[_Requirement]] = -1, None
         #: The earliest time of the next log line for each reason (s, on the monotonic clock).
         self._next_logs = dict.fromkeys(FilterFailureReason, 0.0)
+        #: The earliest time of the next log line about messages that wait (s, as above).
+        self._next_wait_log = 0.0
         self._has_ended = False
-        self._guard = guard_condition(
-            node, node.default_callback_group, self._end, self._call_back)
-        self._timer = None if self._timeout is None else node.create_timer(
-            self._timeout / SECOND, self._on_timeout, node.default_callback_group,
-            Clock(clock_type=ClockType.STEADY_TIME), autostart=False)
-        self._jump_handle = create_jump_handle(node.get_clock(), self)
+        self._timer: Optional[Timer] = None
         self._subscription: Optional[Subscription] = None
         self._connection: object = None
-        buffer.add_waiter(self)
-        if input is not None:
-            try:
+        self._guard = guard_condition(
+            node, node.default_callback_group, self._end, self._call_back)
+        try:
+            if self._timeout is not None:
+                self._timer = node.create_timer(
+                    1.0, self._on_timeout, node.default_callback_group,
+                    Clock(clock_type=ClockType.STEADY_TIME), autostart=False)
+            self._jump_handle = create_jump_handle(node.get_clock(), self)
+            buffer.add_waiter(self)
+            if input is not None:
                 self.connectInput(input)
-            except BaseException:
-                self.unregister()
-                raise
+        except BaseException:
+            self.unregister()
+            raise
 
     @property
     def is_waiting(self) -> bool:
@@ -165,7 +179,12 @@ class MessageFilter:
         return bool(self._waiting)
 
     def unregister(self) -> None:
-        """Drop all messages and end the filter for good; the callbacks are not called any more."""
+        """
+        Drop all messages, and end the filter for good.
+
+        The callbacks are not called any more. Callbacks that are running at this moment in another
+        thread are not interrupted.
+        """
         self._node.destroy_guard_condition(self._guard)  # calls `_end`, but only once
 
     def _end(self) -> None:
@@ -185,12 +204,16 @@ class MessageFilter:
 
         :param input: as for the constructor, but not None.
         :raises TypeError: if the input has a wrong type, or its messages have no header.
+        :raises RuntimeError: if the filter has ended.
         """
-        self._disconnect()
+        if self._has_ended:
+            raise RuntimeError('the filter has ended, because of unregister or destroy_node')
+        # message_filters cannot unregister a callback. So each callback gets its connection, and
+        # ignores messages if the filter has another connection by then.
+        connection = object()
         if hasattr(input, 'registerCallback'):
-            # message_filters cannot unregister a callback. So the callback gets the connection,
-            # and ignores messages if the filter has another connection by then.
-            self._connection = connection = object()
+            self._disconnect()
+            self._connection = connection
             input.registerCallback(self._on_input, connection)
             return
         if not (isinstance(input, Sequence) and len(input) == 3 and isinstance(input[0], type)):
@@ -199,8 +222,10 @@ class MessageFilter:
         message_type, topic, qos = input
         if not hasattr(message_type, 'header'):
             raise TypeError(f'messages must have a header, but {message_type.__name__} has none')
-        self._subscription = self._node.create_subscription(
-            message_type, topic, self._on_message, qos)
+        subscription = self._node.create_subscription(
+            message_type, topic, partial(self._on_message, connection), qos)
+        self._disconnect()
+        self._connection, self._subscription = connection, subscription
 
     def _disconnect(self) -> None:
         self._connection = None
@@ -213,14 +238,18 @@ class MessageFilter:
         if connection is self._connection:
             self.add(message)
 
-    def _on_message(self, message: Any) -> None:
+    def _on_message(self, connection: object, message: Any) -> None:
         """Add a message of the subscription; the executor calls this, so call back at once."""
-        self._put(message)
-        self._call_back()
+        if connection is self._connection:
+            self._put(message)
+            self._call_back()
 
     def add(self, message: Any) -> None:
         """
         Add a message; any thread may call this method.
+
+        If messages are added faster than the executor can call the callbacks, they collect in
+        memory: the size of the queue limits only the messages that wait for transforms.
 
         :param message: a message with a header.
         :raises TypeError: if the message has no header.
@@ -237,10 +266,9 @@ class MessageFilter:
                             f'{type(message).__name__}')
         if self._has_ended or not self._requirement.targets:
             return
-        deadline = 0 if self._timeout is None else monotonic_ns() + self._timeout
         with self._lock:
             entry = _Entry(nanoseconds(header.stamp), next(self._numbers),
-                           header.frame_id.removeprefix('/'), message, deadline)
+                           header.frame_id.removeprefix('/'), message, monotonic_ns())
             self._waiting[entry.number] = entry
             if not entry.frame:
                 self._drop(entry, FilterFailureReason.EmptyFrameID)
@@ -248,14 +276,30 @@ class MessageFilter:
         # The message is checked after it has been added to `_waiting`. So if transforms are
         # inserted after this check, the check that follows the insertion finds the message.
         self._check_if_new([entry])
-        if entry.number in self._waiting:
-            self._start_timer()
-            if next(iter(self._waiting), None) == entry.number:
-                self._buffer.wake_sources()  # so that the thread of the listener does not pause
-            self._shorten()
+        if (oldest := self._oldest()) is None:
+            return
+        if oldest is entry:
+            self._buffer.wake_sources()  # so that the thread of the listener does not pause
+        elif entry.arrival - oldest.arrival > _LONG_WAIT and monotonic() >= self._next_wait_log:
+            self._next_wait_log = monotonic() + _WAIT_LOG_PERIOD
+            self._node.get_logger().warning(
+                f"Messages wait for their transforms. The oldest, of frame "
+                f"'{logged(oldest.frame)}' at time {display_time(oldest.stamp)}, has waited for "
+                f'{(entry.arrival - oldest.arrival) / SECOND:.1f} s.{self._why_not(oldest)}')
+        self._start_timer()
+        self._shorten()
+
+    def _oldest(self) -> Optional[_Entry]:
+        """Return the message that has waited longest; None if no message waits."""
+        with self._lock:
+            return next(iter(self._waiting.values()), None)
 
     def clear(self) -> None:
-        """Drop all messages in the filter; no callback is called for them, not even a failure."""
+        """
+        Drop all messages in the filter; no callback is called for them, not even a failure.
+
+        Callbacks that are being called at this moment for a message are called to the end.
+        """
         with self._lock:
             self._waiting.clear()
             self._due.clear()
@@ -291,7 +335,7 @@ class MessageFilter:
         :raises TypeError: as for the constructor.
         :raises ValueError: if a target frame has no name.
         """
-        self._require(_Requirement(_frame_names(target_frames), self._requirement.tolerance))
+        self._require(targets=_frame_names(target_frames))
 
     def setTolerance(self, tolerance: Union[Duration, int]) -> None:  # noqa: N802
         """
@@ -300,8 +344,7 @@ class MessageFilter:
         :param tolerance: as for the constructor.
         :raises TypeError: as for the constructor.
         """
-        self._require(_Requirement(
-            self._requirement.targets, nanoseconds_or_int(tolerance, 'tolerance')))
+        self._require(tolerance=nanoseconds_or_int(tolerance, 'tolerance'))
 
     def setQueueSize(self, queue_size: int) -> None:  # noqa: N802
         """
@@ -324,18 +367,23 @@ class MessageFilter:
         """
         return self._queue_size
 
-    def _require(self, requirement: _Requirement) -> None:
-        """Set the requirement; messages that are due, but not passed on yet, wait again."""
+    def _require(self, **changes: Any) -> None:
+        """Change the requirement; messages that are due, but not passed on yet, wait again."""
         with self._lock:
-            self._requirement = requirement
-            waiting = [*self._waiting.values(),
-                       *(entry for entry in self._due if entry.reason is None)]
-            self._waiting = {entry.number: entry for entry in sorted(
-                waiting, key=lambda entry: entry.number)}
-            self._due = [entry for entry in self._due if entry.reason is not None]
-            heapify(self._due)
+            requirement = self._requirement._replace(**changes)
+            ready = [entry for entry in self._due if entry.reason is None]
+            due = [entry for entry in self._due if entry.reason is not None]
+            heapify(due)
+            waiting = dict(sorted(
+                [*self._waiting.items(), *((entry.number, entry) for entry in ready)]))
+            # No call between these assignments, so that Ctrl-C cannot interrupt between them.
+            self._requirement, self._waiting, self._due = requirement, waiting, due
             self._checked = -1, None
-        self.check()
+        self._check_if_new()
+        self._buffer.wake_sources()
+        self._start_timer()
+        self._shorten()
+        self._trigger()
 
     # Checks
 
@@ -361,12 +409,15 @@ class MessageFilter:
 
         :param entries: the messages that are checked in any case.
         """
+        # The generation is read before the messages. So a message that another thread adds now is
+        # checked by that thread with the data of this generation, or newer data.
+        generation = self._buffer.update_for_user()
         with self._lock:
-            requirement, waiting = self._requirement, tuple(self._waiting.values())
-        with self._buffer.fetched():  # all lookups use the same data
-            state = self._buffer.update(), requirement
+            requirement = self._requirement
+            state = generation, requirement
             if state != self._checked:
-                entries = waiting
+                entries = tuple(self._waiting.values())
+        with self._buffer.fetched():  # all lookups use the same data
             ready, expired = self._ready_and_expired(entries, requirement)
         with self._lock:
             if requirement is not self._requirement:  # `_require` checks the messages again
@@ -388,6 +439,8 @@ class MessageFilter:
         """
         ready: list[_Entry] = []
         expired: list[_Entry] = []
+        if not requirement.targets:
+            return ready, expired
         frames: dict[str, list[_Entry]] = {}
         for entry in entries:
             frames.setdefault(entry.frame, []).append(entry)
@@ -401,7 +454,7 @@ class MessageFilter:
                     for i, time in enumerate(times):
                         if not available[i]:
                             is_ready[i] = False
-                            is_expired[i] |= time < earliest
+                            is_expired[i] |= time != 0 and time < earliest
             for entry, ready_now, expired_now in zip(group, is_ready, is_expired):
                 if ready_now:
                     ready.append(entry)
@@ -426,24 +479,25 @@ class MessageFilter:
     def _start_timer(self) -> None:
         """Start the timer for the oldest message, if it is not running."""
         timer = self._timer
-        if timer is None or not timer.is_canceled():
+        if timer is None or self._timeout is None:
             return
-        with self._lock:
-            deadline = next((entry.deadline for entry in self._waiting.values()), None)
-        if deadline is not None:
-            with suppress(InvalidHandle):  # if the filter is ended at this moment
-                timer.timer_period_ns = max(1, deadline - monotonic_ns())
+        with suppress(InvalidHandle):  # if the filter is ended at this moment
+            if timer.is_canceled() and (oldest := self._oldest()) is not None:
+                remaining = oldest.arrival + self._timeout - monotonic_ns()
+                timer.timer_period_ns = min(max(1, remaining), _LONGEST_PERIOD)
                 timer.reset()
 
     def _on_timeout(self) -> None:
         """Drop the messages whose timeout is over."""
-        assert self._timer is not None
-        self._timer.cancel()
+        if self._timer is None or self._timeout is None:
+            return
+        with suppress(InvalidHandle):  # if the filter is ended at this moment
+            self._timer.cancel()
         self._check_if_new()
-        now = monotonic_ns()
+        latest_arrival = monotonic_ns() - self._timeout
         with self._lock:
             for entry in tuple(self._waiting.values()):
-                if entry.deadline > now:
+                if entry.arrival > latest_arrival:
                     break
                 self._drop(entry, FilterFailureReason.NoTransformFound)
         self._start_timer()
@@ -458,7 +512,9 @@ class MessageFilter:
 
         :param callback: the function; it may be a coroutine function.
         :param args: further arguments of the function, after the message.
+        :raises TypeError: if the callback cannot be called.
         """
+        _check_callable(callback)
         self._callbacks.append((callback, args))
 
     def registerFailureCallback(  # noqa: N802
@@ -468,8 +524,11 @@ class MessageFilter:
 
         If there is no such function, dropped messages are logged.
 
-        :param callback: the function; its arguments are the message and the reason.
+        :param callback: the function; its arguments are the message and the reason. It may be a
+            coroutine function.
+        :raises TypeError: if the callback cannot be called.
         """
+        _check_callable(callback)
         self._failure_callbacks.append(callback)
 
     def _trigger(self) -> None:
@@ -479,6 +538,7 @@ class MessageFilter:
 
     def _call_back(self) -> None:
         """Call the callbacks for the messages that are due now; the executor calls this."""
+        coroutines: list[Any] = []
         try:
             for _ in range(len(self._due)):
                 with self._lock:
@@ -491,21 +551,33 @@ class MessageFilter:
                     entry = entry._replace(reason=FilterFailureReason.Unknown)
                 if entry.reason is None:
                     for callback, args in tuple(self._callbacks):
-                        self._call(callback, entry.message, *args)
+                        coroutines.append(callback(entry.message, *args))
                 else:
                     for failure_callback in tuple(self._failure_callbacks):
-                        self._call(failure_callback, entry.message, entry.reason)
+                        coroutines.append(failure_callback(entry.message, entry.reason))
                     if not self._failure_callbacks:
                         self._log(entry, entry.reason)
         finally:
+            self._start(filter(iscoroutine, coroutines))
             if self._due:
                 self._trigger()
 
-    def _call(self, callback: Callable[..., object], *args: Any) -> None:
-        """Call a function; if it is a coroutine function, make the executor run the coroutine."""
-        result = callback(*args)
-        if iscoroutine(result) and (executor := self._node.executor) is not None:
-            executor.create_task(result)
+    def _start(self, coroutines: Iterator[Any]) -> None:
+        """
+        Make the executor start coroutines in their order, and run them concurrently.
+
+        rclpy's executor runs its newest task first. So each task first creates the next one, which
+        starts when this task waits or ends.
+        """
+        executor, coroutine = self._node.executor, next(coroutines, None)
+        if coroutine is None or executor is None:
+            return
+
+        async def run() -> None:
+            self._start(coroutines)
+            await coroutine
+
+        executor.create_task(run)
 
     def _log(self, entry: _Entry, reason: FilterFailureReason) -> None:
         """Log that a message was dropped, at most once a second for each reason."""
@@ -522,15 +594,21 @@ class MessageFilter:
         """Return why a transform of a message is not available; '' if all are available now."""
         for target in self._requirement.targets:
             for shift in 0, self._requirement.tolerance:
-                is_available, why = self._buffer.can_transform_core(
-                    target, entry.frame, Time(nanoseconds=entry.stamp + shift))
-                if not is_available:
+                if why := self._buffer.why_not(target, entry.frame, entry.stamp + shift):
                     return f' {visible(why)}'
         return ''
 
 
+def _check_callable(callback: object) -> None:
+    """Raise a TypeError if a callback cannot be called."""
+    if not callable(callback):
+        raise TypeError(f'a callback must be a function, got {callback!r}')
+
+
 def _frame_names(target_frames: Union[str, Iterable[str]]) -> tuple[str, ...]:
     """Return the names of target frames, without leading slashes."""
+    if not isinstance(target_frames, Iterable):
+        raise TypeError(f'target_frames must be a name or several names, got {target_frames!r}')
     names = [target_frames] if isinstance(target_frames, str) else list(target_frames)
     for name in names:
         if not isinstance(name, str):
@@ -541,7 +619,9 @@ def _frame_names(target_frames: Union[str, Iterable[str]]) -> tuple[str, ...]:
 
 
 def _checked_size(queue_size: int) -> int:
-    """Return the size of a queue; raise a ValueError if it is negative."""
+    """Return the size of a queue; raise an error if it is not an integer, or negative."""
+    if not hasattr(queue_size, '__index__'):
+        raise TypeError(f'queue_size must be an integer, got {queue_size!r}')
     if index(queue_size) < 0:
         raise ValueError(f'queue_size must be 0 (any number of messages) or more, got '
                          f'{queue_size}')

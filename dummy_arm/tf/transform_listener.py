@@ -353,7 +353,6 @@ class TransformListener:
             subscription.destroy()
 
 
-
 class StaticTransformListener(TransformListener):
     """
     A subscriber to static transforms only, as StaticTransformListener of newer tf2_ros.

@@ -150,5 +150,5 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '                    circle)\n'
         '  roll, pitch, yaw  Euler angles for rotation:=euler (rad; default 0)\n\n'
         'example: dynamic_tf_publisher --ros-args -p rotation:=euler -p roll:=0.5')
-    add_namespace_option(parser, 'publish on')
+    add_namespace_option(parser, 'publish on', 'tf')
     return run(parser, command, args)

@@ -182,7 +182,7 @@ def make_parser() -> Parser:
             parser.add_argument(f'--{name}', type=number, help=what.format(axis))
     parser.add_argument('--frame-id', help='the parent frame')
     parser.add_argument('--child-frame-id', help='the child frame, whose pose is published')
-    add_namespace_option(parser, 'publish on')
+    add_namespace_option(parser, 'publish on', 'tf_static')
     parser.add_argument('old_style', nargs='*', help=argparse.SUPPRESS)
     return parser
 

@@ -358,7 +358,7 @@ class Engine:
 
     def clear(self) -> None:
         """Remove all dynamic transforms; static ones and the names of all frames stay."""
-        self._update_for_user()  # so that messages that have arrived are removed, too
+        self.update_for_user()  # so that messages that have arrived are removed, too
         with self._lock:
             try:
                 self._tree.clear()
@@ -370,20 +370,23 @@ class Engine:
     def _pull_and_call(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
         """Pull, unless this call is nested; then take the lock, and call a lookup."""
         if self._sources:
-            self._update_for_user()
+            self.update_for_user()
         with self._lock:
             return lookup(*arguments)
 
-    def _update_for_user(self) -> None:
+    def update_for_user(self) -> int:
         """
         Pull in a user's thread.
 
         If there are new data while a waiter waits, wake the sources, so that the threads of the
         listeners call `after_insertion`.
+
+        :returns: the generation, as `update` does.
         """
-        before = self._generation
-        if self.update() > before and any(waiter.is_waiting for waiter in self._waiters):
+        before, generation = self._generation, self.update()
+        if generation > before and any(waiter.is_waiting for waiter in self._waiters):
             self.wake_sources()
+        return generation
 
     def fetched(self) -> AbstractContextManager[Any]:
         """
@@ -393,7 +396,7 @@ class Engine:
 
         :returns: a context manager; use it without `as`.
         """
-        self._update_for_user()
+        self.update_for_user()
         lock: AbstractContextManager[Any] = self._lock
         return lock
 
@@ -444,7 +447,7 @@ class Engine:
                 # of the removed sources are in the buffer. The attempt uses these data, so it can
                 # be the last one.
                 flags = self._liveness()
-                self.update()
+                self.update_for_user()
                 with self._lock:
                     try:
                         return lookup(*arguments)
@@ -475,6 +478,20 @@ class Engine:
         return None
 
     # Queries
+
+    def why_not(self, target_frame: str, source_frame: str, time: int) -> str:
+        """
+        Return why there is no transform.
+
+        :param target_frame: the target frame.
+        :param source_frame: the source frame.
+        :param time: time of the transform (ns); 0: the latest time for which every edge on the
+            path has data.
+        :returns: the text of the error; '' if there is a transform.
+        :raises TypeError: if a frame is not a str.
+        """
+        return str(self._why_not(
+            0.0, self._lookups.check, target_frame, source_frame, time) or '')
 
     def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike
                           ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
@@ -515,8 +532,8 @@ class Engine:
         :param times: the times (ns); 0: the latest time for which every edge on the path has data.
         :returns: two values. The first is a list with one bool for each time: True if
             `lookup_transform` would return a transform. The second is a time (ns): a transform for
-            an earlier time that is not available now will never be available, because such a time
-            is older than the latest common time by more than the cache time.
+            an earlier time, other than 0, that is not available now will never be available. Such
+            a time is older than the latest common time by more than the cache time.
         :raises TypeError: if a frame is not a str.
         """
         available, latest = self._pull_and_call(

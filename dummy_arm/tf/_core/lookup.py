@@ -105,13 +105,7 @@ class Lookups:
             there is no pose at a time, the row of this time is NaN. The second is (n,) bool: True
             where there is a pose.
         """
-        path = self.paths.get((target, source))
-        if path is None:
-            # One lookup finds the path and, if possible, keeps it. A lookup at the latest common
-            # time is the most likely to succeed.
-            with suppress(TransformException):
-                self.pose(target, source, 0)
-            path = self.paths.get((target, source))
+        path = self._kept_path(target, source)
         if path is not None:
             poses, known = path.poses(times)
         else:
@@ -122,6 +116,20 @@ class Lookups:
                     known[i] = True
         poses[~known] = np.nan
         return poses, known
+
+    def _kept_path(self, target: str, source: str) -> Optional[Path]:
+        """
+        Return the kept path between two frames; if there is none, find it and try to keep it.
+
+        :returns: the path; None if the path is not known, or must not be kept.
+        """
+        path = self.paths.get((target, source))
+        if path is None and self.tree.may_be_connected(target, source):
+            # A lookup at the latest common time is the most likely to succeed.
+            with suppress(TransformException):
+                self.pose(target, source, 0)
+            path = self.paths.get((target, source))
+        return path
 
     def check(self, target: str, source: str, time: int) -> None:
         """
@@ -150,7 +158,7 @@ class Lookups:
             time (ns), which is 0 if there is no path or no dynamic edge.
         :raises TypeError: if a frame is not a str.
         """
-        path = self.paths.get((target, source))
+        path = self._kept_path(target, source)
         if path is not None:
             latest = path.latest_common_time()
             begin, end = path.span()
