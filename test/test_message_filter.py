@@ -776,7 +776,8 @@ class SlowFilter:
 
 
 @pytest.mark.parametrize(('targets', 'queue_size', 'tolerance'), [
-    (['map'], 0, 0), (['map', 'odom'], 20, 30 * MS), (['base', 'other'], 7, 0)])
+    pytest.param(['map'], 0, 0, marks=pytest.mark.soak),
+    (['map', 'odom'], 20, 30 * MS), (['base', 'other'], 7, 0)])
 def test_random_delays_against_a_slow_implementation(ros, targets, queue_size, tolerance):
     """
     The outcomes of thousands of messages are those of the specification, event by event.

@@ -146,7 +146,7 @@ def assert_arm_is_seen(picture):
 def test_trees_that_change(start, ros, open_page):
     """All roots are shown; frames appear, and move when they get another parent."""
     from dummy_arm.tf import TransformBroadcaster
-    broadcaster = TransformBroadcaster(ros.node)
+    broadcaster: TransformBroadcaster
 
     def send(*edges):
         for parent, child, x in edges:
@@ -160,6 +160,7 @@ def test_trees_that_change(start, ros, open_page):
     until = partial(page.until, pause=partial(ros.executor.spin_once, timeout_sec=0.05))
     until(lambda: '/robot1/tf has 1 publisher: --namespace robot1' in page.overview())
     ros.node.destroy_publisher(robot.pub_tf)
+    broadcaster = TransformBroadcaster(ros.node)
     ros.node.create_timer(0.02, lambda: send(*edges))
 
     def scene_with(*names, at=None):

@@ -389,7 +389,7 @@ class MessageFilter:
 
     def check(self) -> bool:
         """
-        Let the executor pass on the messages whose transforms are available.
+        Make the executor pass on the messages whose transforms are available.
 
         The buffer calls this method after transforms have been inserted.
 
