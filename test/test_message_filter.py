@@ -298,26 +298,42 @@ def test_limits_hold_after_a_change(ros):
 
 
 def test_a_message_that_is_added_during_a_check(ros, monkeypatch):
-    """A check of another thread, which pulls the transform, does not hide the message."""
+    """The check of another thread does not hide the message, though it is the last check."""
     setup = Setup(ros)
     setup.add(point(9 * S, 'other'))  # so that there is something to check
+    availability = setup.buffer.availability
+    thread = threading.Thread(target=setup.add, args=(point(3 * S),))
+
+    def add_meanwhile(*arguments):
+        monkeypatch.undo()
+        thread.start()
+        thread.join(0.1)  # the thread waits for the buffer, which is locked during the check
+        return availability(*arguments)
+
+    monkeypatch.setattr(setup.buffer, 'availability', add_meanwhile)
+    setup.insert(3 * S)
+    thread.join()
+    assert setup.stamps() == [3 * S]
+
+
+def test_a_message_that_pulls_transforms(ros, monkeypatch):
+    """If its check pulls the transforms of older messages, these are passed on first."""
+    setup = Setup(ros)
+    setup.insert(1 * S)
+    setup.add(point(2 * S), point(3 * S))
+    assert setup.stamps() == []
+    transforms = [message_of(Row(stamp * S, 'map', 'laser', STILL)) for stamp in (2, 5)]
+    data = serialize_message(TFMessage(transforms=transforms))
     fetched = setup.buffer.fetched
 
-    def add_meanwhile():
+    def arrive():  # at the last moment before the check
         monkeypatch.undo()
-        thread = threading.Thread(target=setup.add, args=(point(3 * S),))
-        thread.start()
-        thread.join()
-        transform = message_of(Row(3 * S, 'map', 'laser', STILL))
-        setup.buffer.add_source(ArrivedMessages(serialize_message(TFMessage(
-            transforms=[transform]))))
+        setup.buffer.add_source(ArrivedMessages(data))
         return fetched()
 
-    monkeypatch.setattr(setup.buffer, 'fetched', add_meanwhile)
-    setup.insert(2 * S, child='another')
-    assert setup.stamps() == []
-    setup.buffer.after_insertion()  # as the thread of a listener does
-    assert setup.stamps() == [3 * S]
+    monkeypatch.setattr(setup.buffer, 'fetched', arrive)
+    setup.add(point(4 * S))
+    assert setup.stamps() == [2 * S, 3 * S, 4 * S]
 
 
 def test_a_stamp_of_zero_is_never_too_old(ros):

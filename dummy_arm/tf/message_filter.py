@@ -376,8 +376,9 @@ class MessageFilter:
             heapify(due)
             waiting = dict(sorted(
                 [*self._waiting.items(), *((entry.number, entry) for entry in ready)]))
-            # No call between these assignments, so that Ctrl-C cannot interrupt between them.
-            self._requirement, self._waiting, self._due = requirement, waiting, due
+            # No call between these assignments, so that Ctrl-C cannot interrupt between them. The
+            # requirement comes last, because `_check_if_new` reads it before `_waiting`.
+            self._waiting, self._due, self._requirement = waiting, due, requirement
             self._checked = -1, None
         self._check_if_new()
         self._buffer.wake_sources()
@@ -409,15 +410,16 @@ class MessageFilter:
 
         :param entries: the messages that are checked in any case.
         """
-        # The generation is read before the messages. So a message that another thread adds now is
-        # checked by that thread with the data of this generation, or newer data.
-        generation = self._buffer.update_for_user()
-        with self._lock:
+        with self._buffer.fetched():  # so that all lookups use the same data
             requirement = self._requirement
-            state = generation, requirement
+            state = self._buffer.update(), requirement  # this nested call does not pull
             if state != self._checked:
-                entries = tuple(self._waiting.values())
-        with self._buffer.fetched():  # all lookups use the same data
+                # If another thread adds a message from now on, that thread checks the message with
+                # the data of this generation, or newer data. The messages are copied without
+                # `_lock`, because no other lock may be taken in this block.
+                entries = tuple(self._waiting.copy().values())
+            if not entries:
+                return
             ready, expired = self._ready_and_expired(entries, requirement)
         with self._lock:
             if requirement is not self._requirement:  # `_require` checks the messages again
