@@ -122,10 +122,9 @@ def _namespace_args(namespace: str) -> list[str]:
     :param namespace: the namespace, with or without slashes at its ends; '': none.
     :raises UsageError: if the namespace is invalid.
     """
-    parts = [part for part in namespace.split('/') if part]
-    if not parts:
+    path = ''.join(f'/{part}' for part in namespace.split('/') if part)
+    if not path:
         return []
-    path = '/' + '/'.join(parts)
     if '__' in path:
         raise UsageError(f"Invalid namespace: namespace must not contain '__', got {namespace!r}")
     try:
@@ -133,8 +132,8 @@ def _namespace_args(namespace: str) -> list[str]:
     except InvalidNamespaceException as error:
         reason = str(error).splitlines()[0].removesuffix(':')
         raise UsageError(f'{reason}, got {namespace!r}') from None
-    rules = f'__ns:={path}', f'/tf:={path}/tf', f'/tf_static:={path}/tf_static'
-    return ['--ros-args', *(word for rule in rules for word in ('-r', rule))]
+    return ['--ros-args', '-r', f'__ns:={path}', '-r', f'/tf:={path}/tf',
+            '-r', f'/tf_static:={path}/tf_static']
 
 
 def _spin_until_signal(node: Node) -> None:

@@ -7,7 +7,6 @@ from time import monotonic
 
 from rclpy.duration import Duration
 from rclpy.node import Node
-from rclpy.time import Time
 
 from dummy_arm.tf import Buffer, Frame
 from dummy_arm.tf.formatting import comma_list, match_candidates, quoted, suggest_names
@@ -91,8 +90,8 @@ class FrameListener:
             return ''
         remedies: dict[str, str] = {}
         for topic, types in sorted(self.node.get_topic_names_and_types()):
-            count = self.node.count_publishers(topic)
-            if _TF_MESSAGE in types and topic not in (static, dynamic) and count:
+            if (_TF_MESSAGE in types and topic not in (static, dynamic)
+                    and (count := self.node.count_publishers(topic))):
                 base = topic.removesuffix('_static')
                 namespace, _, name = base.rpartition('/')
                 option = (f'--ros-args -r /tf:={base} -r /tf_static:={base}_static'
@@ -120,8 +119,8 @@ class FrameListener:
             path has data.
         :returns: the reason; '' if there is a transform.
         """
-        is_available, why = self.buffer.can_transform_core(target, source, Time(nanoseconds=time))
-        if is_available:
+        why = self.buffer.why_not(target, source, time)
+        if not why:
             return ''
         known = self.buffer.frame_names()
         if not known:

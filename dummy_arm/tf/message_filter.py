@@ -9,7 +9,7 @@ from inspect import iscoroutine
 from itertools import count
 from operator import index
 from threading import RLock
-from time import monotonic, monotonic_ns
+from time import monotonic_ns
 from typing import Any, NamedTuple, Optional, Union
 
 from rclpy.clock import Clock, TimeJump
@@ -20,7 +20,7 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from dummy_arm.tf._core.texts import logged, visible
+from dummy_arm.tf._core.texts import logged, ThrottledLog, visible
 from dummy_arm.tf._core.times import display_time, nanoseconds, nanoseconds_or_int, SECOND
 from dummy_arm.tf._ros.rclpy_private import guard_condition, RCLError
 from dummy_arm.tf.buffer import create_jump_handle
@@ -148,12 +148,10 @@ class MessageFilter:
         #: A heap of the messages for which the callbacks are due.
         self._due: list[_Entry] = []
         self._numbers = count()
-        #: The generation of the buffer, and the requirement, at the last check of all messages.
-        self._checked: tuple[int, Optional[_Requirement]] = -1, None
-        #: The earliest time of the next log line for each reason (s, on the monotonic clock).
-        self._next_logs = dict.fromkeys(FilterFailureReason, 0.0)
-        #: The earliest time of the next log line about messages that wait (s, as above).
-        self._next_wait_log = 0.0
+        #: The generation of the buffer at the last check of all messages; -1: there was none yet.
+        self._checked = -1
+        self._log = ThrottledLog()
+        self._log.write = node.get_logger().warning
         self._has_ended = False
         self._timer: Optional[Timer] = None
         self._subscription: Optional[Subscription] = None
@@ -280,9 +278,9 @@ class MessageFilter:
             return
         if oldest is entry:
             self._buffer.wake_sources()  # so that the thread of the listener does not pause
-        elif entry.arrival - oldest.arrival > _LONG_WAIT and monotonic() >= self._next_wait_log:
-            self._next_wait_log = monotonic() + _WAIT_LOG_PERIOD
-            self._node.get_logger().warning(
+        elif (entry.arrival - oldest.arrival > _LONG_WAIT
+                and self._log.is_due('waiting', _WAIT_LOG_PERIOD)):
+            self._log.write(
                 f"Messages wait for their transforms. The oldest, of frame "
                 f"'{logged(oldest.frame)}' at time {display_time(oldest.stamp)}, has waited for "
                 f'{(entry.arrival - oldest.arrival) / SECOND:.1f} s.{self._why_not(oldest)}')
@@ -379,7 +377,7 @@ class MessageFilter:
             # No call between these assignments, so that Ctrl-C cannot interrupt between them. The
             # requirement comes last, because `_check_if_new` reads it before `_waiting`.
             self._waiting, self._due, self._requirement = waiting, due, requirement
-            self._checked = -1, None
+            self._checked = -1
         self._check_if_new()
         self._buffer.wake_sources()
         self._start_timer()
@@ -412,8 +410,8 @@ class MessageFilter:
         """
         with self._buffer.fetched():  # so that all lookups use the same data
             requirement = self._requirement
-            state = self._buffer.update(), requirement  # this nested call does not pull
-            if state != self._checked:
+            generation = self._buffer.update()  # this nested call does not pull
+            if generation != self._checked:
                 # If another thread adds a message from now on, that thread checks the message with
                 # the data of this generation, or newer data. The messages are copied without
                 # `_lock`, because no other lock may be taken in this block.
@@ -424,7 +422,7 @@ class MessageFilter:
         with self._lock:
             if requirement is not self._requirement:  # `_require` checks the messages again
                 return
-            self._checked = state
+            self._checked = generation
             for entry in ready:
                 if self._waiting.pop(entry.number, None) is not None:
                     heappush(self._due, entry)
@@ -558,7 +556,7 @@ class MessageFilter:
                     for failure_callback in tuple(self._failure_callbacks):
                         coroutines.append(failure_callback(entry.message, entry.reason))
                     if not self._failure_callbacks:
-                        self._log(entry, entry.reason)
+                        self._log_drop(entry, entry.reason)
         finally:
             self._start(filter(iscoroutine, coroutines))
             if self._due:
@@ -581,13 +579,12 @@ class MessageFilter:
 
         executor.create_task(run)
 
-    def _log(self, entry: _Entry, reason: FilterFailureReason) -> None:
+    def _log_drop(self, entry: _Entry, reason: FilterFailureReason) -> None:
         """Log that a message was dropped, at most once a second for each reason."""
-        if (now := monotonic()) < self._next_logs[reason]:
+        if not self._log.is_due(reason.name, _LOG_PERIOD):
             return
-        self._next_logs[reason] = now + _LOG_PERIOD
         why = '' if reason is FilterFailureReason.EmptyFrameID else self._why_not(entry)
-        self._node.get_logger().warning(
+        self._log.write(
             f"Message Filter dropping message: frame '{logged(entry.frame)}' at time "
             f"{display_time(entry.stamp)} for reason '{_REASON_TEXTS[reason]}'. Messages dropped "
             f'for this reason: {self.dropped[reason]}.{why}')

@@ -358,7 +358,7 @@ class Engine:
 
     def clear(self) -> None:
         """Remove all dynamic transforms; static ones and the names of all frames stay."""
-        self.update_for_user()  # so that messages that have arrived are removed, too
+        self._update_for_user()  # so that messages that have arrived are removed, too
         with self._lock:
             try:
                 self._tree.clear()
@@ -370,23 +370,20 @@ class Engine:
     def _pull_and_call(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
         """Pull, unless this call is nested; then take the lock, and call a lookup."""
         if self._sources:
-            self.update_for_user()
+            self._update_for_user()
         with self._lock:
             return lookup(*arguments)
 
-    def update_for_user(self) -> int:
+    def _update_for_user(self) -> None:
         """
         Pull in a user's thread.
 
         If there are new data while a waiter waits, wake the sources, so that the threads of the
         listeners call `after_insertion`.
-
-        :returns: the generation, as `update` does.
         """
-        before, generation = self._generation, self.update()
-        if generation > before and any(waiter.is_waiting for waiter in self._waiters):
+        before = self._generation
+        if self.update() > before and any(waiter.is_waiting for waiter in self._waiters):
             self.wake_sources()
-        return generation
 
     def fetched(self) -> AbstractContextManager[Any]:
         """
@@ -396,7 +393,7 @@ class Engine:
 
         :returns: a context manager; use it without `as`.
         """
-        self.update_for_user()
+        self._update_for_user()
         lock: AbstractContextManager[Any] = self._lock
         return lock
 
@@ -447,7 +444,7 @@ class Engine:
                 # of the removed sources are in the buffer. The attempt uses these data, so it can
                 # be the last one.
                 flags = self._liveness()
-                self.update_for_user()
+                self._update_for_user()
                 with self._lock:
                     try:
                         return lookup(*arguments)

@@ -124,7 +124,7 @@ class Lookups:
         :returns: the path; None if the path is not known, or must not be kept.
         """
         path = self.paths.get((target, source))
-        if path is None and self.tree.may_be_connected(target, source):
+        if path is None:
             # A lookup at the latest common time is the most likely to succeed.
             with suppress(TransformException):
                 self.pose(target, source, 0)
@@ -158,21 +158,22 @@ class Lookups:
             time (ns), which is 0 if there is no path or no dynamic edge.
         :raises TypeError: if a frame is not a str.
         """
+        if target == source:
+            return [True] * len(times), 0
+        available, latest = [False] * len(times), 0
+        if (target, source) not in self.paths and not self.tree.may_be_connected(target, source):
+            return available, latest
         path = self._kept_path(target, source)
         if path is not None:
             latest = path.latest_common_time()
             begin, end = path.span()
             return [begin <= (time or latest) <= end for time in times], latest
-        if target == source:
-            return [True] * len(times), 0
-        available, latest = [False] * len(times), 0
-        if self.tree.may_be_connected(target, source):
+        with suppress(TransformException):
+            latest = self.tree.latest_common_time(target, source)
+        for i, time in enumerate(times):
             with suppress(TransformException):
-                latest = self.tree.latest_common_time(target, source)
-            for i, time in enumerate(times):
-                with suppress(TransformException):
-                    self.check(target, source, time)
-                    available[i] = True
+                self.check(target, source, time)
+                available[i] = True
         return available, latest
 
     def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str

@@ -309,10 +309,22 @@ class ThrottledLog:
         self._warn(cause, problem, inf)
 
     def _warn(self, cause: str, problem: str, silence: float) -> None:
-        now = monotonic()
-        if now >= self._next_times.get(cause, now):
-            self._next_times[cause] = now + silence
+        if self.is_due(cause, silence):
             self._queue.append(problem)
+
+    def is_due(self, cause: str, silence: float) -> bool:
+        """
+        Return whether a warning of a cause may be written now, and count it as written.
+
+        :param cause: a name for the cause.
+        :param silence: the time for which no further warning of this cause is due (s).
+        :returns: True if the warning may be written.
+        """
+        now = monotonic()
+        if now < self._next_times.get(cause, now):
+            return False
+        self._next_times[cause] = now + silence
+        return True
 
     def flush(self) -> None:
         """Write the queued warnings."""
