@@ -339,13 +339,19 @@ def test_other_topics(ros, listen):
 def test_a_static_transform_listener(ros):
     """It receives what was latched before, and never subscribes to /tf."""
     StaticTransformBroadcaster(ros.node).sendTransform(stamped(0, 'robot', 'camera'))
-    buffer = Buffer()
-    listener = StaticTransformListener(buffer, ros.node, spin_thread=True, static_qos=LATCHED)
+    buffer, node = Buffer(), Node('static_only', context=ros.context)
+    listener = StaticTransformListener(buffer, node, spin_thread=True, static_qos=LATCHED)
     buffer.lookup_transform('robot', 'camera', LATEST, WAIT)
     assert listener.tf_sub is None
-    assert not ros.node.count_subscribers('/tf')
+
+    def topics():
+        return dict(ros.node.get_subscriber_names_and_types_by_node('static_only', '/'))
+
+    eventually(lambda: '/tf_static' in topics())
+    assert '/tf' not in topics()
     listener.unregister()
-    eventually(lambda: not ros.node.count_subscribers('/tf_static'))
+    eventually(lambda: '/tf_static' not in topics())
+    node.destroy_node()
 
 
 def test_a_static_transform_listener_calls_its_callback(ros):
