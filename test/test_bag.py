@@ -17,6 +17,7 @@ import termios
 
 import pytest
 
+from dummy_arm.tf import bag
 from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf.bag import BagError, read
 
@@ -43,6 +44,50 @@ def test_every_kind_gives_the_same(tmp_path, logs, kind, partial):
     assert buffer.lookup_transform('map', 'base_link', 105 * S + S // 20).translation == (
         pytest.approx((6.05, 2.0, 3.0)))
     assert not logs
+
+
+@pytest.mark.parametrize('partial', [False, True])
+@pytest.mark.parametrize('kind', KINDS)
+def test_messages_of_every_kind(tmp_path, logs, kind, partial):
+    """`messages` yields what was written: topics, times of the recording, and transforms."""
+    path = bags.make(tmp_path, kind, bags.walk())
+    publisher = '/sender' if kind.startswith('bag') else 'not recorded'
+    assert [(message.is_static, message.time, message.rows(), message.publisher)
+            for message in bag.messages(path, partial=partial)] == [
+        (topic == '/tf_static', time, rows, publisher) for topic, time, rows in bags.walk()]
+    assert not logs
+
+
+@pytest.mark.parametrize('kind', PLAIN)
+def test_messages_of_odd_bags(tmp_path, logs, kind):
+    """What `read` refuses, `messages` refuses, too; a damaged message is left to the caller."""
+    path = bags.make(tmp_path, kind, [('/robot/tf', S, [bags.row(S, 'map', 'odom')])])
+    assert len([*bag.messages(path, namespace='robot')]) == 1
+    with pytest.raises(BagError, match='in the namespace /robot'):
+        next(bag.messages(path))
+    with pytest.raises(ValueError, match='max_bytes'):
+        next(bag.messages(path, max_bytes=0))
+    with pytest.raises(FileNotFoundError):
+        next(bag.messages(tmp_path / 'missing'))
+    with pytest.raises(ZeroDivisionError):
+        next(bag.messages(path, namespace='robot', on_progress=lambda done: 1 / 0))
+    nonsense = tmp_path / 'nonsense'
+    (message,) = bag.messages(bags.make(nonsense, kind, [('/tf', S, b'nonsense')]))
+    with pytest.raises(ValueError, match='they announce|unknown encoding'):
+        message.rows()
+
+
+def test_a_time_that_is_no_number(tmp_path):
+    """A message of a database or of ROS 1 whose time is missing or a text has the time 0."""
+    path = bags.make(tmp_path, 'db3', bags.walk(1, 1))
+    (file,) = path.glob('*.db3')
+    with closing(sqlite3.connect(file)) as database:
+        database.execute("UPDATE messages SET timestamp = 'today'")
+        database.commit()
+    assert [message.time for message in bag.messages(file)] == [0, 0, 0]
+    ros1 = bags.make(tmp_path, 'bag', bags.walk(1, 1))
+    ros1.write_bytes(ros1.read_bytes().replace(b'time=', b'tame='))
+    assert [message.time for message in bag.messages(ros1)] == [0, 0, 0]
 
 
 @pytest.mark.parametrize('kind', ['db3', 'mcap', 'db3 message', 'mcap storage'])

@@ -1,4 +1,4 @@
-"""Transforms of a bag, read into a BufferCore without ROS."""
+"""The transforms of a bag, read without ROS: into a BufferCore, or message by message."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
@@ -7,14 +7,15 @@ import logging
 from operator import index
 import os
 from pathlib import Path
-from typing import Any, Optional, Union
+from typing import Any, NamedTuple, Optional, Union
 
-from dummy_arm.tf._bag.context import BagContext, BagError, kind_of, Stream
+from dummy_arm.tf._bag.context import BagContext, BagError, kind_of, Record, Stream
+from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire.cdr import MalformedMessage
 from dummy_arm.tf._wire.streams import Encoding, MessageReader
 from dummy_arm.tf.buffer_core import BufferCore
 
-__all__ = ['BagError', 'read']
+__all__ = ['BagError', 'BagMessage', 'messages', 'read']
 
 _ALL_TIME = 2**63 - 1  # ns
 #: Messages are inserted in groups. A group ends when its messages take more memory than this
@@ -25,6 +26,59 @@ _OVERHEAD = 100
 #: The transforms of a message that is longer than this (bytes) are inserted one at a time, because
 #: a list of all these transforms could fill the memory.
 _LONG = 2**22
+
+
+class BagMessage(NamedTuple):
+    """A message of a bag on the topic `/tf` or `/tf_static`."""
+
+    stream: Stream  #: private; see the properties below
+    time: int  #: the time at which the message was recorded (ns); 0 if it was not recorded
+    data: bytes  #: the bytes of the message
+
+    @property
+    def is_static(self) -> bool:
+        """True if the message is from `/tf_static`."""
+        return self.stream.is_static
+
+    @property
+    def publisher(self) -> str:
+        """The name of the node that published the message; 'not recorded' in rosbag2."""
+        return self.stream.publisher
+
+    def rows(self) -> list[Row]:
+        """
+        Return the transforms of the message, unchanged: names may have a leading slash.
+
+        :returns: for each transform, a tuple of `stamp_ns`, `frame_id`, `child_frame_id` and
+            `pose`. The pose is x, y, z (m) and the quaternion x, y, z, w, which may have any norm.
+        :raises ValueError: if the bytes are not those of a TFMessage.
+        """
+        return self.stream.encoding.unpack(self.data)
+
+
+def messages(path: Union[str, 'os.PathLike[str]'], *, namespace: str = '', partial: bool = False,
+             max_bytes: int = 2**30, on_progress: Optional[Callable[[float], object]] = None
+             ) -> Iterator[BagMessage]:
+    """
+    Yield the TF messages of a bag.
+
+    :param path: as for `read`.
+    :param namespace: as for `read`.
+    :param partial: as for `read`.
+    :param max_bytes: as for `read`.
+    :param on_progress: as for `read`.
+    :returns: an iterator over the messages. The messages of a bag of ROS 1 are in the order of the
+        file; those of each file of a bag of rosbag2 are in the order of their times.
+    :raises BagError: as `read`; but a bag whose messages have no valid transform is no error.
+    :raises ValueError: if max_bytes is out of range.
+    :raises OSError: as `read`.
+    """
+    path, context = _open(path, namespace, partial, max_bytes, on_progress)
+    count = 0
+    for record in _records(path, context):
+        count += 1
+        yield BagMessage(*record)
+    _finish(path, context, count)
 
 
 def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namespace: str = '',
@@ -57,9 +111,7 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     :raises ValueError: if max_bytes, cache_time or max_samples is out of range.
     :raises OSError: if the path does not exist, or is a file that cannot be opened.
     """
-    path = Path(path)
-    if index(max_bytes) < 1:
-        raise ValueError(f'max_bytes must be a positive number of bytes, got {max_bytes}')
+    path, context = _open(path, namespace, partial, max_bytes, on_progress)
     buffer = BufferCore(_ALL_TIME if cache_time is None else cache_time, max_samples=max_samples)
     faults: Counter[str] = Counter()
 
@@ -73,7 +125,6 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
 
     readers: dict[tuple[bool, Encoding], MessageReader] = {}
     count = 0
-    context = BagContext(path, namespace, partial, max_bytes, on_progress or (lambda done: None))
     for groups in _grouped_by_stream(_records(path, context), cache_time is not None):
         for stream, messages in groups.items():
             key = stream.is_static, stream.encoding
@@ -84,20 +135,45 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
                 else:
                     buffer.insert_batches(reader.read(group, stream.publisher, stream.is_static))
             count += len(messages)
+    for fault, times in faults.items():
+        logging.getLogger('dummy_arm.tf').warning(
+            '%s: skipped %d of %d TF messages, which cannot be decoded: %s',
+            path, times, count, fault)
+    _finish(path, context, count)
+    if not buffer.frames():
+        raise BagError(f'{path} has TF messages ({count}), but no valid transform in them')
+    return buffer
+
+
+def _open(path: Union[str, 'os.PathLike[str]'], namespace: str, partial: bool, max_bytes: int,
+          on_progress: Optional[Callable[[float], object]]) -> tuple[Path, BagContext]:
+    """
+    Return the path of a bag, and the context in which it is read.
+
+    :raises ValueError: if max_bytes is out of range.
+    """
+    if index(max_bytes) < 1:
+        raise ValueError(f'max_bytes must be a positive number of bytes, got {max_bytes}')
+    path = Path(path)
+    return path, BagContext(
+        path, namespace, partial, max_bytes, on_progress or (lambda done: None))
+
+
+def _finish(path: Path, context: BagContext, count: int) -> None:
+    """
+    Report that the whole bag has been read; log its damage.
+
+    :param count: the number of TF messages that were read.
+    :raises BagError: if there was no TF message.
+    """
     context.finish()
     if not count:
         raise BagError(
             f'no TF message can be read from {" ".join(context.damage)}' if context.damage else
             f'{path} has no TF: {context.why_no_tf()}')
-    log = logging.getLogger('dummy_arm.tf')
-    for fault, times in faults.items():
-        log.warning('%s: skipped %d of %d TF messages, which cannot be decoded: %s',
-                    path, times, count, fault)
     if context.damage:
-        log.warning('%s Read %d TF messages', ' '.join(context.damage), count)
-    if not buffer.frames():
-        raise BagError(f'{path} has TF messages ({count}), but no valid transform in them')
-    return buffer
+        logging.getLogger('dummy_arm.tf').warning(
+            '%s Read %d TF messages', ' '.join(context.damage), count)
 
 
 def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
@@ -120,9 +196,9 @@ def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
             buffer.insert(*row, stream.publisher, stream.is_static)
 
 
-def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
+def _records(path: Path, context: BagContext) -> Iterator[Record]:
     """
-    Yield the stream and the bytes of each TF message of a bag.
+    Yield the records of the TF messages of a bag.
 
     :raises BagError: if the path is not a bag, if a library that reads bags cannot be imported,
         or if the bag is damaged and `context.partial` is False.
@@ -146,7 +222,7 @@ def _records(path: Path, context: BagContext) -> Iterator[tuple[Stream, bytes]]:
         context.handle_error(path, error)
 
 
-def _grouped_by_stream(records: Iterable[tuple[Stream, bytes]], in_order: bool
+def _grouped_by_stream(records: Iterable[Record], in_order: bool
                        ) -> Iterator[dict[Stream, list[bytes]]]:
     """
     Yield groups of messages; a group is a dict that maps streams to lists of messages.
@@ -163,7 +239,7 @@ def _grouped_by_stream(records: Iterable[tuple[Stream, bytes]], in_order: bool
     messages: list[bytes] = []
     last: Optional[Stream] = None
     size = 0
-    for stream, data in records:
+    for stream, _, data in records:
         if size > _BATCH_BYTES or (last and stream is not last and (
                 in_order or last.is_static or stream.is_static)):
             yield groups

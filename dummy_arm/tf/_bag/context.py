@@ -84,6 +84,10 @@ class Stream(NamedTuple):
     encoding: Encoding
 
 
+#: A message of a bag: its stream, the time at which it was recorded (ns), and its bytes.
+Record = tuple[Stream, int, bytes]
+
+
 class BagContext:
     """The topics and the damage of a bag, and the progress of reading the bag."""
 

@@ -19,11 +19,12 @@ import re
 import struct
 from typing import BinaryIO, Optional
 
-from dummy_arm.tf._bag.context import BagContext, NOT_RECORDED, Stream
+from dummy_arm.tf._bag.context import BagContext, NOT_RECORDED, Record, Stream
 from dummy_arm.tf._bag.decompression import Buffer, decompress, Oversized, read
+from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import ros1
 
-_Records = Iterator[tuple[Stream, bytes]]
+_Records = Iterator[Record]
 _Fields = dict[bytes, bytes]
 
 _MAGIC = b'#ROSBAG V2.0\n'
@@ -31,6 +32,7 @@ _MESSAGE, _BAG, _CHUNK, _CONNECTION = b'\x02', b'\x03', b'\x05', b'\x07'
 #: Progress is reported once every `_ADVANCE` records.
 _ADVANCE = 100
 _unpack_length = struct.Struct('<I').unpack_from
+_unpack_time = struct.Struct('<II').unpack_from  # seconds and nanoseconds
 
 
 class _CutOff(EOFError):
@@ -46,7 +48,7 @@ def records(path: Path, context: BagContext) -> _Records:
 
     :param path: the path of the .bag file.
     :param context: the context of the bag; topics, progress and damage are reported to it.
-    :returns: for each message, its `Stream` (topic and publisher) and its bytes.
+    :returns: the records of the messages; a stream is a topic and a publisher.
     :raises Exception: if the file cannot be read; the exception can be of many types.
     """
     size = path.stat().st_size
@@ -116,7 +118,7 @@ class _Reader:
 
         Only chunks, connections and TF messages are read; other records are skipped.
 
-        :returns: for each TF message in the record, its `Stream` (topic and publisher) and bytes.
+        :returns: the TF messages in the record.
         :raises Exception: if the record cannot be read; the exception can be of many types. Damage
             inside a chunk is reported to the context instead.
         """
@@ -145,7 +147,7 @@ class _Reader:
         if kind == _CONNECTION:
             self._add_connection(fields, data)
         elif kind == _MESSAGE and (stream := self._streams[fields[b'conn']]):
-            yield stream, bytes(data)
+            yield stream, _time(fields), bytes(data)
 
     def _chunk(self, fields: _Fields, data: Buffer, is_complete: bool) -> _Records:
         """
@@ -175,7 +177,7 @@ class _Reader:
             kind = fields[b'op']
             if kind == _MESSAGE:
                 if stream := self._streams.get(fields[b'conn']):
-                    yield stream, bytes(data[start + 4:position])
+                    yield stream, _time(fields), bytes(data[start + 4:position])
             elif kind == _CONNECTION:
                 self._add_connection(fields, data[start + 4:position])
             elif kind == _CHUNK:
@@ -212,6 +214,14 @@ def _fields(header: Buffer) -> _Fields:
             raise ValueError('the header of a record is damaged')
         fields[name] = value
     return fields
+
+
+def _time(fields: _Fields) -> int:
+    """Return the time at which a message was recorded (ns); 0 if its header has no time."""
+    if len(value := fields.get(b'time', b'')) != 8:
+        return 0
+    seconds, nanoseconds = _unpack_time(value)
+    return int(seconds) * SECOND + int(nanoseconds)
 
 
 def _text(value: bytes) -> str:

@@ -49,6 +49,7 @@ from dummy_arm.tf._bag.context import (
     BagError,
     kind_of,
     NOT_RECORDED,
+    Record,
     refuse_special,
     Stream,
 )
@@ -68,7 +69,7 @@ from dummy_arm.tf._bag.decompression import (
 from dummy_arm.tf._core.texts import visible
 from dummy_arm.tf._wire import cdr
 
-_Records = Iterator[tuple[Stream, bytes]]
+_Records = Iterator[Record]
 
 #: Progress is reported once every `_ADVANCE` records of an mcap file or rows of a database. If an
 #: mcap file is read with its index, progress is reported at each chunk instead.
@@ -93,7 +94,7 @@ def records(path: Path, context: BagContext) -> _Records:
 
     :param path: the path of a bag's directory, or of a storage file.
     :param context: the context of the bag; topics, progress and damage are reported to it.
-    :returns: the stream and the bytes of each message.
+    :returns: the records of the messages.
     :raises BagError: if the path is not a bag, or if the bag is damaged and `context.partial` is
         False.
     :raises OSError: if the directory cannot be read.
@@ -433,30 +434,30 @@ class _McapReader:
         become wrong.
 
         :param chunks: as `index` returns them.
-        :returns: the stream and the bytes of each message.
+        :returns: the records of the messages.
         """
         waiting: list[tuple[int, int, Stream, bytes]] = []
         size = count = 0
         for number, (_, position) in enumerate(chunks):
             self._context.advance(number / len(chunks))
             following = chunks[number + 1][0] if number + 1 < len(chunks) else 2**64
-            for time, stream, data in self._chunk_at(position):
+            for stream, time, data in self._chunk_at(position):
                 if not waiting and time <= following:
-                    yield stream, data
+                    yield stream, time, data
                     continue
                 count += 1
                 size += len(data) + _OVERHEAD
                 heappush(waiting, (time, count, stream, data))
                 while size > _MAX_WAITING:
-                    _, _, stream, data = heappop(waiting)
+                    time, _, stream, data = heappop(waiting)
                     size -= len(data) + _OVERHEAD
-                    yield stream, data
+                    yield stream, time, data
             while waiting and waiting[0][0] <= following:
-                _, _, stream, data = heappop(waiting)
+                time, _, stream, data = heappop(waiting)
                 size -= len(data) + _OVERHEAD
-                yield stream, data
+                yield stream, time, data
 
-    def _chunk_at(self, position: int) -> Iterator[tuple[int, Stream, bytes]]:
+    def _chunk_at(self, position: int) -> _Records:
         self._source.seek(position)
         kind, length = _unpack_head(self._source.exactly(9))
         if kind != _CHUNK or length < _SHORTEST_RECORD[_CHUNK]:
@@ -464,7 +465,7 @@ class _McapReader:
         return self._chunk(length)
 
     def sequential(self) -> _Records:
-        """Read the file from its beginning; yield the stream and the bytes of each TF message."""
+        """Read the file from its beginning; yield its TF messages."""
         source, number = self._source, 0
         while True:
             self._context.tick()
@@ -492,15 +493,14 @@ class _McapReader:
         if length < _SHORTEST_RECORD.get(kind, 0):
             raise ValueError('a record ends too early')
         if kind == _CHUNK:
-            for _, stream, data in self._chunk(length):
-                yield stream, data
+            yield from self._chunk(length)
         elif kind == _MESSAGE:
-            channel, _, _, _ = _unpack_message(self._source.exactly(_MESSAGE_HEAD))
+            channel, _, time, _ = _unpack_message(self._source.exactly(_MESSAGE_HEAD))
             if tf_stream := self._streams.get(channel):
                 size = self._check_size('a message', length - _MESSAGE_HEAD)
                 message = self._message(self._source.exactly(size))
                 if message is not None:
-                    yield tf_stream, message
+                    yield tf_stream, time, message
         elif kind in (_SCHEMA, _CHANNEL):
             self._add_definition(kind, self._source.exactly(self._check_size('a record', length)))
 
@@ -529,11 +529,9 @@ class _McapReader:
         if not stream and channel.schema_id in self._types:
             self._channels_without_tf.add(channel.id)
 
-    def _chunk(self, length: int) -> Iterator[tuple[int, Stream, bytes]]:
+    def _chunk(self, length: int) -> _Records:
         """
-        Read a chunk; yield the log time (ns), stream and bytes of each TF message in it.
-
-        The messages are in the order of log times.
+        Read a chunk; yield its TF messages in the order of their log times.
 
         :param length: the length of the chunk's record (bytes).
         """
@@ -560,9 +558,9 @@ class _McapReader:
         if not is_complete:
             raise _CutOff
 
-    def _messages(self, data: Buffer, is_complete: bool) -> Iterator[tuple[int, Stream, bytes]]:
+    def _messages(self, data: Buffer, is_complete: bool) -> _Records:
         """
-        Yield the log time (ns), stream and bytes of each TF message, in the order of log times.
+        Yield the TF messages of a chunk in the order of their log times.
 
         :param data: the decompressed records of the chunk.
         :param is_complete: False if the file ends in the middle of the chunk.
@@ -594,7 +592,7 @@ class _McapReader:
             stream = self._streams[_unpack_message(data, start)[0]]
             message = self._message(data[start + _MESSAGE_HEAD:start + length])
             if stream and message is not None:
-                yield times[i], stream, message
+                yield stream, times[i], message
 
     def _message(self, data: Buffer) -> Optional[bytes]:
         """
@@ -653,11 +651,12 @@ def _decompressed(data: Buffer, path: Path, context: BagContext) -> Optional[byt
 # sqlite3
 
 _LARGEST_ID = 2**63 - 1
-#: A row of the query `_ROWS`: the id of a message, the id of the topic, the length of the message
-#: (bytes), and the data of the message. The data are None in three cases: they are NULL in the
-#: database, they are longer than `max_bytes`, or the topic has no TF messages.
-_Row = tuple[int, int, Optional[int], Optional[bytes]]
-_ROWS = ('SELECT id, topic_id, length(data), CASE WHEN topic_id IN ({topics}) AND '
+#: A row of the query `_ROWS`: the id of a message, the id of the topic, the time of the recording
+#: (ns), the length of the message (bytes), and the data of the message. The data are None in three
+#: cases: they are NULL in the database, they are longer than `max_bytes`, or the topic has no TF
+#: messages.
+_Row = tuple[int, int, Any, Optional[int], Optional[bytes]]
+_ROWS = ('SELECT id, topic_id, timestamp, length(data), CASE WHEN topic_id IN ({topics}) AND '
          'length(data) <= {max_bytes} THEN CAST(data AS BLOB) END FROM messages')
 _SMALLEST_LIMIT = 2**20
 
@@ -751,7 +750,7 @@ class _SqliteReader:
 
     def records(self) -> _Records:
         """
-        Yield the stream and the bytes of each TF message.
+        Yield the TF messages.
 
         :raises sqlite3.Error: if the file is damaged.
         :raises ValueError: if the database does not have the tables of rosbag2.
@@ -773,15 +772,16 @@ class _SqliteReader:
             f'{query} WHERE topic_id IN ({topics}) ORDER BY timestamp, id')
         first, count = self._ids()
         max_bytes, is_plain = self._max_bytes, not self._is_compressed
-        for number, (key, topic, length, data) in enumerate(rows):
+        for number, (key, topic, time, length, data) in enumerate(rows):
             self._context.tick()
             if number % _ADVANCE == 0:
                 self._context.advance(min(1.0, max(0, key - first) / count))
             if stream := streams.get(topic):
+                time = time if type(time) is int else 0  # SQLite does not enforce column types
                 if is_plain and data is not None and len(data) <= max_bytes:
-                    yield stream, data
+                    yield stream, time, data
                 elif (message := self._message(length, data)) is not None:
-                    yield stream, message
+                    yield stream, time, message
 
     def _must_stop(self) -> bool:
         """
