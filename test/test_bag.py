@@ -73,7 +73,7 @@ def test_messages_of_odd_bags(tmp_path, logs, kind):
         next(bag.messages(path, namespace='robot', on_progress=lambda done: 1 / 0))
     nonsense = tmp_path / 'nonsense'
     (message,) = bag.messages(bags.make(nonsense, kind, [('/tf', S, b'nonsense')]))
-    with pytest.raises(ValueError, match='they announce|unknown encoding'):
+    with pytest.raises(ValueError, match=r'they announce|unknown encoding'):
         message.rows()
 
 

@@ -1,7 +1,12 @@
-"""The lab of the course, step by step, with its own commands over DDS."""
+"""The lab of the course, step by step, with its own commands over DDS; and the model answers."""
 
+from difflib import unified_diff
 from itertools import pairwise
 from math import cos, pi, sin
+import os
+from pathlib import Path
+import re
+import shutil
 import signal
 
 from conftest import ARM, tool
@@ -12,6 +17,7 @@ from rclpy.qos import DurabilityPolicy
 from dummy_arm.arm import Arm
 from dummy_arm.tf import TFMessage
 from dummy_arm.tf._ros.qos import profile
+from dummy_arm.tools.check_arm import main as check_arm
 
 LATCHED = profile(None, 10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -121,3 +127,121 @@ def test_steps_5_and_6_the_frames_of_the_arm(start, tmp_path):
     for parent, child in pairwise(frames):
         assert f'"{parent}" -> "{child}" [' in dot
     assert dot.count('->') == 5
+    for name in 'frames.pdf', 'frames.gv':
+        assert check_arm(['--frames', str(tmp_path / name)]) == 0
+
+
+# The model answers
+
+LAB = Path(__file__).parent.parent / 'lab'
+ANSWERS = ('dynamic_tf_publisher', 'dynamic_tf_publisher_quaternion',
+           'dynamic_tf_publisher_euler', 'dummy_arm')
+
+
+def test_the_model_answers_are_short_and_import_only_what_a_student_has():
+    """They have at most 80 lines, and import rclpy, geometry_msgs, tf2_ros and math."""
+    assert {path.name for path in LAB.iterdir() if path.suffix} == {
+        f'{name}.py' for name in ANSWERS}
+    for name in ANSWERS:
+        code = (LAB / f'{name}.py').read_text()
+        assert code.count('\n') <= 80
+        modules = {module.split('.')[0] for module in re.findall(
+            r'^\s*(?:import|from) (\S+)', code, re.M)}
+        assert modules <= {'rclpy', 'geometry_msgs', 'tf2_ros', 'tf_transformations', 'math'}
+
+
+@pytest.mark.parametrize(('task', 'next_task', 'changed'), [
+    (ANSWERS[0], ANSWERS[1], r'rotation\.[zw] = '),
+    (ANSWERS[1], ANSWERS[2],
+     r'import quaternion_from_euler|rotation\.[xyzw] = |roll, pitch, yaw')])
+def test_consecutive_tasks_differ_only_in_what_the_lab_changes(task, next_task, changed):
+    """Only the rotation changes, and the first line, which says which task it is."""
+    old, new = ((LAB / f'{name}.py').read_text().splitlines() for name in (task, next_task))
+    differences = [line for line in unified_diff(old, new, n=0)
+        if line[0] in '+-' and line[:3] not in ('+++', '---') and '"""Task' not in line]
+    assert differences
+    assert [line for line in differences if not re.search(changed, line)] == []
+
+
+@pytest.mark.parametrize('answer', ANSWERS)
+def test_a_model_answer_in_a_package(start, tmp_path, ros, answer):
+    """In a package as `ros2 pkg create` writes it, the answer is built by colcon and runs."""
+    if 'euler' in answer:
+        pytest.importorskip('tf_transformations')
+    name = 'dummy_arm' if answer == 'dummy_arm' else 'dynamic_tf_publisher'
+    package = tmp_path / 'src' / name
+    for path, text in package_files(name).items():
+        (package / path).parent.mkdir(parents=True, exist_ok=True)
+        (package / path).write_text(text)
+    shutil.copyfile(LAB / f'{answer}.py', package / name / f'{name}.py')
+    build = start('-m', 'colcon', 'build', cwd=tmp_path)
+    assert build.exit_code(120.0) == 0, build.output
+    assert '1 package finished' in build.output
+    prefix = tmp_path / 'install' / name
+    (libraries,) = prefix.glob('lib/python*/site-packages')
+    process = start(str(prefix / 'lib' / name / name), environment={
+        'PYTHONPATH': os.pathsep.join(filter(None, (
+            str(libraries), os.environ.get('PYTHONPATH'))))})
+    process.line_with('publishing the arm' if name == 'dummy_arm' else 'map -> moving_frame')
+    if name == 'dummy_arm':
+        messages: list[TFMessage] = []
+        ros.node.create_subscription(TFMessage, '/tf', messages.append, 100)
+        ros.until(lambda: messages)
+        assert [transform.child_frame_id for transform in messages[0].transforms] == [
+            'joint_1', 'joint_2', 'joint_3', 'end_effector']
+    else:
+        _, points, rotations = receive(ros, 5)
+        for (x, y, _), rotation in zip(points, rotations):
+            half = 0.0 if answer == ANSWERS[0] else np.arctan2(y, x) / 2
+            assert abs(rotation @ [0.0, 0.0, sin(half), cos(half)]) == pytest.approx(1.0)
+    process.press_ctrl_c()
+    assert process.exit_code() == 0
+    assert 'Traceback' not in process.output
+
+
+def package_files(name):
+    """Return the files of `ros2 pkg create --build-type ament_python --node-name name name`."""
+    return {
+        'package.xml': f"""<?xml version="1.0"?>
+<package format="3">
+  <name>{name}</name>
+  <version>0.0.0</version>
+  <description>TODO: Package description</description>
+  <maintainer email="student@todo.todo">student</maintainer>
+  <license>TODO: License declaration</license>
+  <test_depend>ament_copyright</test_depend>
+  <test_depend>python3-pytest</test_depend>
+  <export>
+    <build_type>ament_python</build_type>
+  </export>
+</package>
+""",
+        'setup.py': f"""from setuptools import find_packages, setup
+
+package_name = '{name}'
+
+setup(
+    name=package_name,
+    version='0.0.0',
+    packages=find_packages(exclude=['test']),
+    data_files=[
+        ('share/ament_index/resource_index/packages',
+            ['resource/' + package_name]),
+        ('share/' + package_name, ['package.xml']),
+    ],
+    install_requires=['setuptools'],
+    zip_safe=True,
+    maintainer='student',
+    maintainer_email='student@todo.todo',
+    description='TODO: Package description',
+    license='TODO: License declaration',
+    entry_points={{
+        'console_scripts': [
+            '{name} = {name}.{name}:main'
+        ],
+    }},
+)
+""",
+        'setup.cfg': f'[develop]\nscript_dir=$base/lib/{name}\n'
+                     f'[install]\ninstall_scripts=$base/lib/{name}\n',
+        f'resource/{name}': '', f'{name}/__init__.py': ''}

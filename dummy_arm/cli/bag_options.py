@@ -1,6 +1,8 @@
 """The command-line options for reading transforms from a bag."""
 
 from argparse import ArgumentParser
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Optional
 
@@ -43,6 +45,21 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
         if partial:
             raise UsageError('--partial needs --bag')
         return None
+    with bag_progress(bag) as on_progress:
+        return read(bag, namespace=namespace, partial=partial, on_progress=on_progress)
+
+
+@contextmanager
+def bag_progress(bag: str) -> Iterator[Callable[[float], object]]:
+    """
+    Read a bag in the `with` block; if stderr is a terminal, show a progress bar.
+
+    :param bag: path of the bag.
+    :returns: a context manager. The target of `as` is the argument `on_progress` for
+        `dummy_arm.tf.bag`; it raises KeyboardInterrupt if Ctrl-C or SIGTERM was received.
+    :raises UsageError: if the path is empty.
+    :raises CommandError: if the block raises a BagError or an OSError.
+    """
     if not bag:
         raise UsageError('--bag needs the path of a bag, got an empty one')
 
@@ -59,7 +76,7 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
     try:
         with progress(1.0, desc=f'reading {Path(bag).name}',
                       bar_format='{desc} {bar} {percentage:.0f} %') as show_progress:
-            return read(bag, namespace=namespace, partial=partial, on_progress=on_progress)
+            yield on_progress
     except BagError as error:
         raise CommandError(str(error)) from None
     except OSError as error:

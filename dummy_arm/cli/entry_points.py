@@ -13,6 +13,11 @@ from dummy_arm.cli.signals import ignore_signals, record_signals, signal_receive
 _ROS = 'rclpy', 'builtin_interfaces', 'geometry_msgs', 'rcl_interfaces', 'std_msgs'
 
 
+def check_arm() -> int:
+    """Run `dummy_arm.tools.check_arm` and return its exit code."""
+    return _run('dummy_arm.tools.check_arm')
+
+
 def dummy_arm() -> int:
     """Run `dummy_arm.dummy_arm` and return its exit code."""
     return _run('dummy_arm.dummy_arm')
@@ -68,8 +73,8 @@ def _run(module: str) -> int:
             raise
         print(f'{module.rpartition(".")[2]}: this command needs ROS, but {error.name} cannot be '
               "imported: pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces, or "
-              'source the setup file of a ROS installation. view_frames, tf2_echo and web_view '
-              'can read a bag without ROS: --bag FILE', file=sys.stderr)
+              'source the setup file of a ROS installation. check_arm, view_frames, tf2_echo '
+              'and web_view can read a bag without ROS: --bag FILE', file=sys.stderr)
         return 1
     finally:
         ignore_signals()

@@ -45,14 +45,18 @@ def height() -> Optional[int]:
     return shutil.get_terminal_size().lines if sys.stdout.isatty() else None
 
 
-def wrapped(text: str) -> list[str]:
+def wrapped(text: str, indent: str = '') -> list[str]:
     """
     Wrap a long line at the width of the terminal.
 
     :param text: the line.
-    :returns: the lines; the unchanged line if stdout is not a terminal.
+    :param indent: the text that each returned line begins with.
+    :returns: the lines; a single line if stdout is not a terminal.
     """
-    return wrap(text, shutil.get_terminal_size().columns) if sys.stdout.isatty() else [text]
+    if not sys.stdout.isatty():
+        return [indent + text]
+    columns = shutil.get_terminal_size().columns
+    return wrap(text, columns, initial_indent=indent, subsequent_indent=indent)
 
 
 def width(text: str) -> int:

@@ -1,0 +1,755 @@
+"""
+The requirements of the lab's final task, and the check whether the transforms of an arm meet them.
+
+The check needs no ROS: its input is a list of received or recorded messages.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from difflib import get_close_matches
+from itertools import groupby
+from math import asin, degrees, hypot, isfinite, log, pi, radians
+from operator import itemgetter
+from typing import Any, NamedTuple, Optional
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from dummy_arm.tf.formatting import (
+    comma_list,
+    in_seconds,
+    match_candidates,
+    SECOND,
+    shortened,
+)
+
+#: The states of a line of the table.
+OK, NOT_OK, NOT_JUDGED, ADVICE = 'ok', 'not ok', 'not judged', 'advice'
+
+#: How far a position may be from the required position (m), and how far a frame may be rotated
+#: about an axis about which it must not rotate (rad).
+_POSITION_TOLERANCE, _ROTATION_TOLERANCE = 1e-3, radians(0.1)
+#: How far an angle may exceed its limit (rad): the rounding of a program's own constants.
+_LIMIT_TOLERANCE = radians(0.05)
+#: A joint that turns by less than this angle (rad) does not move.
+_SMALLEST_MOTION = radians(3.0)
+#: The largest root mean square of the residuals of a sine, in relation to its amplitude. For the
+#: best fit to a triangle wave, this ratio is 0.08.
+_LARGEST_RESIDUAL = 0.02
+#: The part of a period that must be observed to judge a wave.
+_SHORTEST_WAVE = 0.95
+#: A joint of which less than this part of a period is observed is much too slow.
+_SLOW = 0.3
+#: The largest angular frequency that is looked for (rad/s), and the largest number of samples that
+#: are used to find it.
+_FASTEST, _MOST_SAMPLES = 20.0, 1000
+#: Two speeds are different if their ratio is at least this number.
+_DIFFERENT = 1.05
+#: A stamp of now differs from the time of arrival by less than this time (ns).
+_LARGEST_DELAY = SECOND // 2
+#: tf2's limit for |norm² - 1| of a quaternion.
+_NORM_TOLERANCE = 10e-3
+#: Good practice: the lowest rate (Hz), the part of a limit that is used, the part of the ticks in
+#: which all frames have the same stamp, and the largest factor between a speed and that of the
+#: sheet.
+_LOWEST_RATE, _USED, _SAME_STAMP, _SPEED_FACTOR = 9.5, 0.5, 0.9, 1.5
+#: The largest number of frames that a cause lists.
+_SHOWN = 5
+
+#: What can be wrong with a frame, so that other requirements cannot be judged: its transforms, its
+#: stamps, its axis, or its motion.
+_TRANSFORMS, _STAMPS, _AXIS, _MOTION, _TURNS = 'transforms', 'stamps', 'axis', 'motion', 'turns'
+_LATE = 'base_link reaches a late listener'
+
+_Vector = tuple[float, float, float]
+_Floats = NDArray[np.float64]
+
+
+class Joint(NamedTuple):
+    """The requirements for a frame that the final task of the lab states."""
+
+    name: str
+    parent: str
+    position: _Vector  #: the origin of the frame in its parent (m)
+    limit: float = 0.0  #: the largest angle about z, in both directions (rad); 0: does not rotate
+    speed: float = 0.0  #: rad/s; see `Sine.speed` and `Sine.fastest`
+
+    @property
+    def place(self) -> str:
+        """The position in words, such as '0.3 m along z'."""
+        length, axis = max(zip(self.position, 'xyz'))
+        return f'{length:g} m along {axis}'
+
+
+BASE = Joint('base_link', 'map', (0.0, 0.0, 0.0))
+JOINTS = (Joint('joint_1', 'base_link', (0.0, 0.0, 0.3), radians(45), 0.3),
+          Joint('joint_2', 'joint_1', (0.4, 0.0, 0.0), radians(30), 0.5),
+          Joint('joint_3', 'joint_2', (0.3, 0.0, 0.0), radians(60), 0.7))
+HAND = Joint('end_effector', 'joint_3', (0.2, 0.0, 0.0))
+EDGES = (BASE, *JOINTS, HAND)
+#: The names of all frames, from the root to the hand.
+FRAMES = (BASE.parent, *(edge.name for edge in EDGES))
+
+
+class Message(NamedTuple):
+    """A message that was received or recorded."""
+
+    time: int  #: the time of arrival or of the recording (ns); 0: not known
+    is_static: bool  #: True if the message is from /tf_static
+    publisher: str  #: an identifier of the publisher
+    #: The transforms: `stamp_ns`, `frame_id`, `child_frame_id`, and `pose` (x, y, z in m, then the
+    #: quaternion x, y, z, w).
+    rows: Sequence[Any]
+
+
+class Line(NamedTuple):
+    """A line of the table: a requirement, and what was measured."""
+
+    requirement: str
+    measured: str
+    verdict: str  #: OK, NOT_OK or NOT_JUDGED; ADVICE for good practice that is not followed
+    #: A sentence: the likely cause if the verdict is NOT_OK, the reason if it is NOT_JUDGED, and
+    #: what to do if it is ADVICE.
+    text: str = ''
+
+
+class Report(NamedTuple):
+    """The result of a check."""
+
+    lines: list[Line]  #: the requirements
+    advice: list[Line]  #: good practice, which has no influence on `passed`
+    passed: bool  #: True if every requirement that can be judged from this source is met
+
+    @property
+    def first_failure(self) -> Optional[Line]:
+        """The first line with the verdict NOT_OK; if there is none, the first with NOT_JUDGED."""
+        if self.passed:
+            return None
+        return next((line for verdict in (NOT_OK, NOT_JUDGED) for line in self.lines
+                     if line.verdict == verdict), None)
+
+
+class Sine(NamedTuple):
+    """A sine with a constant term, fitted to the angles of a joint."""
+
+    amplitude: float  #: rad
+    speed: float  #: the angular frequency: the speed of the phase (rad/s)
+    phase: float  #: the phase at the first time (rad)
+    residual: float  #: the root mean square of the residuals, divided by the amplitude
+    periods: float  #: the number of periods between the first and the last time
+
+    @property
+    def fastest(self) -> float:
+        """The largest speed of the joint (rad/s)."""
+        return self.amplitude * self.speed
+
+
+def fit_sine(times: _Floats, angles: _Floats) -> Sine:
+    """
+    Fit c + a sin(speed t) + b cos(speed t) to angles by least squares.
+
+    The speed is searched on a grid and then improved by Gauss-Newton steps, as in the
+    four-parameter sine fit of IEEE Std 1057.
+
+    :param times: (n,) times (s), n > 4; the first is the smallest, the last is the largest.
+    :param angles: (n,) angles (rad), which are not all equal.
+    :returns: the sine.
+    """
+    step = -(-len(times) // _MOST_SAMPLES)
+    t, y = times[::step] - times[0], angles[::step]
+    span = times[-1] - times[0]
+    fastest = min(_FASTEST, 0.9 * pi * (len(t) - 1) / span)
+    grid = np.arange(pi / (4 * span), fastest, pi / (4 * span))
+    speed = float(grid[np.argmin([_linear_fit(t, y, each)[1] for each in grid])])
+    for _ in range(10):
+        (_, a, b), _ = _linear_fit(t, y, speed)
+        sine, cosine = np.sin(speed * t), np.cos(speed * t)
+        columns = np.column_stack([np.ones_like(t), sine, cosine, t * (a * cosine - b * sine)])
+        change = float(np.linalg.lstsq(columns, y, rcond=None)[0][3])
+        speed = min(max(speed + np.clip(change, -grid[0], grid[0]), grid[0] / 2), fastest)
+    t = times - times[0]
+    (_, a, b), residual = _linear_fit(t, angles, speed)
+    amplitude = max(hypot(a, b), 1e-12)
+    return Sine(amplitude, speed, float(np.arctan2(b, a)), residual / amplitude,
+                speed * span / (2 * pi))
+
+
+def _linear_fit(t: _Floats, y: _Floats, speed: float) -> tuple[_Floats, float]:
+    """Return c, a, b of the best sine of this speed, and the root mean square of its residuals."""
+    columns = np.column_stack([np.ones_like(t), np.sin(speed * t), np.cos(speed * t)])
+    found = np.linalg.lstsq(columns, y, rcond=None)[0]
+    return found, float(np.sqrt(np.mean((columns @ found - y) ** 2)))
+
+
+class _Samples:
+    """The transforms of one frame, in the order of their arrival."""
+
+    def __init__(self, rows: list[tuple[Message, Any]]) -> None:
+        """
+        Collect the transforms.
+
+        :param rows: the transforms, each with its message.
+        """
+        self.parents = {_name(row.frame_id): None for _, row in rows}  # in order of appearance
+        self.times = np.array([message.time for message, _ in rows], np.int64)
+        self.stamps = np.array([row.stamp_ns for _, row in rows], np.int64)
+        self.is_static = np.array([message.is_static for message, _ in rows])
+        self.poses = np.array([row.pose for _, row in rows], float)
+        self.publishers = [message.publisher for message, _ in rows]
+
+    @property
+    def positions(self) -> _Floats:
+        """(n, 3): the positions (m)."""
+        return self.poses[:, :3]
+
+    @property
+    def rotations(self) -> _Floats:
+        """(n, 4): the unit quaternions x, y, z, w."""
+        quaternions = self.poses[:, 3:]
+        return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1)[:, None])
+
+    def is_published_twice(self) -> bool:
+        """Return whether two publishers send the frame at the same time."""
+        return len([*groupby(self.publishers)]) > len(set(self.publishers))
+
+
+def _name(name: str) -> str:
+    return name.removeprefix('/')
+
+
+class _Check:
+    """The check of one arm."""
+
+    def __init__(self, messages: Iterable[Message], reaches_late_joiners: Optional[bool]) -> None:
+        """
+        Sort the transforms by frames.
+
+        :param messages: as for `check`.
+        :param reaches_late_joiners: as for `check`.
+        """
+        self._reaches_late_joiners = reaches_late_joiners
+        rows: defaultdict[str, list[tuple[Message, Any]]] = defaultdict(list)
+        for message in messages:
+            for row in message.rows:
+                rows[_name(row.child_frame_id)].append((message, row))
+        self._samples = {name: _Samples(found) for name, found in rows.items()}
+        #: By frame and by what is wrong with it: a sentence.
+        self._faults: dict[tuple[str, str], str] = {}
+        self._sines: dict[str, Sine] = {}
+
+    def report(self) -> Report:
+        """Judge all requirements."""
+        lines = [*self._lines()]
+        is_late_known = self._reaches_late_joiners is not None
+        passed = all(line.verdict == OK for line in lines
+                     if is_late_known or line.requirement != _LATE)
+        return Report(lines, [*self._advice()] if self._samples else [], passed)
+
+    def _blocked(self, requirement: str, name: str, *kinds: str) -> Optional[Line]:
+        """
+        Return a line if a requirement cannot be judged, else None.
+
+        :param name: the frame.
+        :param kinds: what must be right to judge the requirement.
+        """
+        if not self._samples:
+            return Line(requirement, '', NOT_JUDGED, 'There are no transforms.')
+        for kind in kinds:
+            if reason := self._faults.get((name, kind)):
+                return Line(requirement, '', NOT_JUDGED, reason)
+        return None
+
+    def _lines(self) -> Iterator[Line]:
+        yield self._validity()
+        yield self._tree()
+        yield self._stamps()
+        yield self._base_on_tf_static()
+        yield self._base_at_origin()
+        yield self._late_joiner()
+        yield from map(self._position, (*JOINTS, HAND))
+        for method in self._axis, self._motion, self._limit, self._sine:
+            yield from map(method, JOINTS)
+        yield self._speeds()
+        yield self._hand()
+
+    # Transforms and tree
+
+    def _validity(self) -> Line:
+        """Judge the numbers: tf2 ignores transforms with NaN, and with a quaternion of norm 0."""
+        requirement = 'all transforms are valid'
+        if not self._samples:
+            return Line(requirement, 'no transform', NOT_OK, 'Nothing was received on /tf and '
+                        '/tf_static.')
+        first: Optional[Line] = None
+        for name in sorted(self._samples, key=lambda name: (name not in FRAMES, name)):
+            poses = self._samples[name].poses
+            norms = np.linalg.norm(poses[:, 3:], axis=1)
+            if not np.isfinite(poses).all():
+                measured = 'nan or inf'
+                cause = (f'{shortened(name)} has a number that is not finite; tf2 ignores such a '
+                         'transform.')
+            elif abs(norms ** 2 - 1).max() >= _NORM_TOLERANCE:
+                norm = norms[abs(norms - 1).argmax()]
+                measured = f'norm {norm:.2f}'
+                cause = (f'The quaternion of {shortened(name)} does not have the norm 1: ' + (
+                    'without a rotation, w is 1.' if norm < 0.01 else
+                    'z and w are the sine and the cosine of the same angle, half of the joint '
+                    'angle.'))
+            else:
+                continue
+            self._faults[name, _TRANSFORMS] = f'The transforms of {name} are not valid.'
+            first = first or Line(requirement, measured, NOT_OK, cause)
+        if first:
+            return first
+        count = sum(len(samples.times) for samples in self._samples.values())
+        return Line(requirement, f'{count} transforms', OK)
+
+    def _tree(self) -> Line:
+        """Judge the names of the frames and of their parents."""
+        requirement = 'the tree'
+        if not self._samples:
+            return Line(requirement, '', NOT_JUDGED, 'There are no transforms.')
+        faults = [(edge, *fault) for edge in EDGES if (fault := self._fault_of_edge(edge))]
+        for edge, _, reason, _ in faults:
+            self._faults.setdefault((edge.name, _TRANSFORMS), reason)
+        if not faults:
+            return Line(requirement, f'{len(FRAMES)} frames in a chain', OK)
+        edge, measured, _, cause = faults[0]
+        star = [edge.name for edge in EDGES[2:] if edge.name in self._samples
+                and [*self._samples[edge.name].parents] in (['base_link'], ['map'])]
+        if len(star) > 1:
+            cause = (f'The tree is a star: {", ".join(star)} have the same parent. In a chain, '
+                     'the parent of a frame is the frame before it.')
+        return Line(requirement, measured, NOT_OK, cause)
+
+    def _fault_of_edge(self, edge: Joint) -> Optional[tuple[str, str, str]]:
+        """Return what is wrong with an edge: measured, why it cannot be judged, and the cause."""
+        name = edge.name
+        reverse = self._samples.get(edge.parent)
+        if reverse and [*reverse.parents] == [name]:
+            return (f'{name} → {edge.parent}', f'The parent of {edge.parent} is {name}.',
+                    f'Parent and child are exchanged: {edge.parent} is the frame_id, and {name} '
+                    'is the child_frame_id.')
+        if name not in self._samples:
+            missing = f'There is no {name}.'
+            if near := _nearest(name, [other for other in self._samples if other not in FRAMES]):
+                return (f'{shortened(near)!r}', missing,
+                        f'{shortened(near)!r} is misspelt: the name is {name}.')
+            if all(samples.is_static.all() for samples in self._samples.values()):
+                return (f'no {name}', missing, f'No transform of {name} was received: nothing '
+                        'arrives on /tf.')
+            if edge is BASE:
+                return (f'no {name}', missing, f'No transform of {name} was received. If it is '
+                        'sent, the publisher or its node may have been deleted, or is not latched '
+                        '(StaticTransformBroadcaster keeps the transform for later listeners).')
+            return f'no {name}', missing, f'No transform of {name} was received.'
+        samples = self._samples[name]
+        if samples.is_published_twice():
+            return (f'{name} from {len(set(samples.publishers))} publishers',
+                    f'{name} has several publishers.',
+                    f'Two programs publish {name} at the same time: end one of them.')
+        if [*samples.parents] == [edge.parent]:
+            return None
+        parents = comma_list([shortened(parent) for parent in samples.parents], _SHOWN)
+        measured = f'{parents} → {name}'
+        reason = f'The parent of {name} is not {edge.parent}.'
+        if len(samples.parents) > 1:
+            return measured, reason, f'{name} has several parents; only {edge.parent} is right.'
+        if parents not in FRAMES and _nearest(edge.parent, [*samples.parents]):
+            return measured, reason, f'{parents!r} is misspelt: the name is {edge.parent}.'
+        return measured, reason, f'The parent of {name} must be {edge.parent}, not {parents}.'
+
+    def _stamps(self) -> Line:
+        """Judge the stamps of all transforms on /tf."""
+        requirement = 'the stamps are the current time'
+        moving = {name: self._samples[name] for name in FRAMES
+                  if name in self._samples and not self._samples[name].is_static.all()}
+        known = {name: samples for name, samples in moving.items() if samples.times.all()}
+        if not known:
+            return Line(requirement, '', NOT_JUDGED, 'The bag has no times.' if moving else
+                        'No transform of the arm is on /tf.')
+        worst: Optional[Line] = None
+        largest = 0
+        for name, samples in known.items():
+            is_moving = ~samples.is_static
+            stamps, times = samples.stamps[is_moving], samples.times[is_moving]
+            delay = int(np.median(times - stamps))
+            largest = max(largest, delay, key=abs)
+            if abs(delay) < _LARGEST_DELAY:
+                continue
+            self._faults[name, _STAMPS] = f'The stamps of {name} are wrong.'
+            if worst:
+                continue
+            now = 'self.get_clock().now().to_msg()'
+            if not stamps.any():
+                worst = Line(requirement, f'{name}: 0', NOT_OK,
+                             f'The stamp of {name} is not set: header.stamp = {now}.')
+            elif len(stamps) > 1 and (stamps == stamps[0]).all():
+                worst = Line(requirement, f'{name}: always the same', NOT_OK,
+                             f'The stamp of {name} is set only once: set header.stamp = {now} '
+                             'before each sendTransform.')
+            else:
+                age = 'old' if delay > 0 else 'in the future'
+                worst = Line(requirement, f'{name}: {abs(in_seconds(delay)):.3g} s {age}', NOT_OK,
+                             f'The stamp of {name} is not the current time: header.stamp = {now}.')
+        return worst or Line(requirement, f'{in_seconds(largest) * 1e3:.1f} ms old', OK)
+
+    # base_link
+
+    def _base_on_tf_static(self) -> Line:
+        requirement = 'base_link is on /tf_static'
+        if line := self._blocked(requirement, BASE.name, _TRANSFORMS):
+            return line
+        is_static = self._samples[BASE.name].is_static
+        if is_static.all():
+            return Line(requirement, '/tf_static', OK)
+        return Line(requirement, 'on both' if is_static.any() else '/tf', NOT_OK,
+                    'map → base_link is sent on /tf: use StaticTransformBroadcaster, which sends '
+                    'on /tf_static.')
+
+    def _base_at_origin(self) -> Line:
+        requirement = 'base_link is fixed at the origin of map'
+        if line := self._blocked(requirement, BASE.name, _TRANSFORMS):
+            return line
+        samples = self._samples[BASE.name]
+        position = _farthest(samples.positions, BASE.position)
+        angle = 2 * asin(min(1.0, float(np.linalg.norm(samples.rotations[:, :3], axis=1).max())))
+        measured = _metres(position)
+        if angle > _ROTATION_TOLERANCE:
+            return Line(requirement, f'{measured}, rotated by {_degrees(angle)}', NOT_OK,
+                        'base_link must not be rotated in map: the quaternion is (0, 0, 0, 1).')
+        if np.linalg.norm(position) > _POSITION_TOLERANCE:
+            return Line(requirement, measured, NOT_OK, 'The translation of base_link in map must '
+                        'be (0, 0, 0).')
+        return Line(requirement, measured, OK)
+
+    def _late_joiner(self) -> Line:
+        requirement = _LATE
+        if line := self._blocked(requirement, BASE.name, _TRANSFORMS):
+            return line
+        if self._reaches_late_joiners is None:
+            return Line(requirement, '', NOT_JUDGED, 'A bag does not show this.')
+        if not self._samples[BASE.name].is_static.any():
+            return Line(requirement, '', NOT_JUDGED, 'base_link is not on /tf_static.')
+        if self._reaches_late_joiners:
+            return Line(requirement, 'received', OK)
+        return Line(requirement, 'not received', NOT_OK,
+                    'A listener that starts now does not receive base_link: keep the node and its '
+                    'StaticTransformBroadcaster as long as the program runs.')
+
+    # Positions and axes
+
+    def _position(self, edge: Joint) -> Line:
+        requirement = f'{edge.name} is {edge.place} from {edge.parent}'
+        if line := self._blocked(requirement, edge.name, _TRANSFORMS):
+            return line
+        positions = self._samples[edge.name].positions
+        position = _farthest(positions, edge.position)
+        error = float(np.linalg.norm(np.subtract(position, edge.position)))
+        if error <= _POSITION_TOLERANCE:
+            return Line(requirement, _metres(position), OK)
+        if np.ptp(positions, axis=0).max() > _POSITION_TOLERANCE:
+            cause = (f'The position of {edge.name} changes. Only its rotation may change: the '
+                     f'rotation of {edge.parent} already moves {edge.name}.')
+        else:
+            cause = _cause_of_position(edge, position)
+        return Line(requirement, _metres(position), NOT_OK, cause)
+
+    def _axis(self, joint: Joint) -> Line:
+        requirement = f'{joint.name} turns about z only'
+        if line := self._blocked(requirement, joint.name, _TRANSFORMS):
+            return line
+        rotations = self._samples[joint.name].rotations
+        x, y, z = abs(rotations[:, :3]).max(axis=0)
+        tilt = 2 * asin(min(1.0, float(np.hypot(rotations[:, 0], rotations[:, 1]).max())))
+        if tilt <= _ROTATION_TOLERANCE:
+            return Line(requirement, 'about z' if z > 1e-6 else 'no rotation', OK)
+        self._faults[joint.name, _AXIS] = f'{joint.name} does not turn about z only.'
+        axes = ' and '.join(axis for axis, part in zip('xyz', (x, y, z)) if part > 1e-3)
+        if abs(rotations[:, 0]).mean() > 0.8:
+            cause = ('w is in the place of x: the functions of transforms3d return w, x, y, z, '
+                     'those of tf_transformations x, y, z, w.')
+        elif len(axes) == 1:
+            cause = (f'{joint.name} turns about {axes}: in (x, y, z, w), z is sin(angle / 2), and '
+                     'in quaternion_from_euler(roll, pitch, yaw), yaw is the angle about z.')
+        else:
+            cause = f'{joint.name} must turn about z only: x and y of its quaternion are 0.'
+        return Line(requirement, f'about {axes}', NOT_OK, cause)
+
+    # Motion
+
+    def _angles(self, joint: Joint) -> _Floats:
+        """Return the angles about z (rad), from -pi to pi."""
+        rotations = self._samples[joint.name].rotations
+        angles = 2 * np.arctan2(rotations[:, 2], rotations[:, 3])
+        return np.asarray((angles + pi) % (2 * pi) - pi)
+
+    def _motion(self, joint: Joint) -> Line:
+        requirement = f'{joint.name} moves'
+        if line := self._blocked(requirement, joint.name, _TRANSFORMS, _AXIS):
+            return line
+        samples = self._samples[joint.name]
+        if samples.is_static.all():
+            self._faults[joint.name, _MOTION] = f'{joint.name} does not move.'
+            return Line(requirement, 'on /tf_static', NOT_OK,
+                        f'{joint.name} is sent as a static transform, which does not move: send '
+                        'it with TransformBroadcaster in a timer.')
+        span = float(np.ptp(self._angles(joint)))
+        measured = f'by {_degrees(span)}'
+        if span >= _SMALLEST_MOTION:
+            return Line(requirement, measured, OK)
+        self._faults[joint.name, _MOTION] = f'{joint.name} does not move.'
+        if len(samples.times) == 1:
+            cause = f'{joint.name} was sent only once: send it in a timer.'
+        elif span > 0.0:
+            cause = (f'{joint.name} hardly moves. Is a limit or a speed converted from degrees to '
+                     'radians twice?')
+        else:
+            cause = (f'The angle of {joint.name} does not change: compute it in the callback of '
+                     'the timer, from the current time.')
+        return Line(requirement, measured, NOT_OK, cause)
+
+    def _limit(self, joint: Joint) -> Line:
+        requirement = f'{joint.name} stays within ±{degrees(joint.limit):.0f}°'
+        if line := self._blocked(requirement, joint.name, _TRANSFORMS, _AXIS, _MOTION):
+            return line
+        angles = self._angles(joint)
+        largest = float(abs(angles).max())
+        measured = f'{_degrees(float(angles.min()))} to {_degrees(float(angles.max()))}'
+        if largest <= joint.limit + _LIMIT_TOLERANCE:
+            return Line(requirement, measured, OK)
+        excess = f'The limit is exceeded by {_degrees(largest - joint.limit)}'
+        unwrapped = np.unwrap(angles)
+        if largest > radians(170) or np.ptp(unwrapped) > 2 * pi:
+            self._faults[joint.name, _TURNS] = f'{joint.name} turns all the way round.'
+            cause = ('The joint turns all the way round: the angle is in degrees where radians '
+                     'are needed, or it has no sine. Write radians(limit) * sin(speed * t).')
+        elif abs(largest / joint.limit - 2) < 0.04:
+            cause = (f'{excess}: the angle is twice as large as it should be. In the quaternion, '
+                     'use the half angle: z = sin(angle / 2), w = cos(angle / 2).')
+        elif others := [other.name for other in JOINTS
+                        if abs(largest - other.limit) < radians(0.5)]:
+            cause = f'{excess}: this is the limit of {others[0]}.'
+        else:
+            cause = (f'{excess}. The largest angle of limit * sin(speed * t) + offset is limit + '
+                     'offset.')
+        return Line(requirement, measured, NOT_OK, cause)
+
+    def _sine(self, joint: Joint) -> Line:
+        requirement = f'{joint.name} moves as a sine'
+        if line := self._blocked(requirement, joint.name, _TRANSFORMS, _AXIS, _MOTION, _TURNS,
+                                 _STAMPS):
+            return line
+        samples = self._samples[joint.name]
+        moving = ~samples.is_static
+        times = (samples.stamps[moving] - samples.stamps[moving][0]) / SECOND
+        order = np.argsort(times, kind='stable')
+        times, angles = times[order], np.unwrap(self._angles(joint)[moving])[order]
+        if len(times) < 20 or times[-1] - times[0] < 1.0:
+            return Line(requirement, f'{len(times)} transforms', NOT_JUDGED,
+                        'There are too few transforms to see a wave.')
+        sine = fit_sine(times, angles)
+        if sine.periods < _SLOW:
+            self._sines[joint.name] = sine
+        if sine.periods < _SHORTEST_WAVE:
+            span = times[-1] - times[0]
+            return Line(requirement, f'{sine.periods:.2f} periods', NOT_JUDGED,
+                        f'{span:.1f} s are less than a period: observe the arm longer (--time).')
+        self._sines[joint.name] = sine
+        measured = f'differs by {100 * sine.residual:.1f} % of the amplitude'
+        if sine.residual < _LARGEST_RESIDUAL:
+            return Line(requirement, measured, OK)
+        return Line(requirement, measured, NOT_OK, _cause_of_wave(joint, times, angles, sine))
+
+    def _speeds(self) -> Line:
+        requirement = 'the joints have three different speeds'
+        for joint in JOINTS:
+            if joint.name not in self._sines:
+                return Line(requirement, '', NOT_JUDGED,
+                            f'The speed of {joint.name} cannot be measured.')
+        names = [joint.name for joint in JOINTS]
+        sines = [self._sines[name] for name in names]
+        for joint, sine in zip(JOINTS, sines):
+            if sine.periods < _SLOW:
+                return Line(requirement, f'{joint.name}: less than {sine.speed:.2g} rad/s', NOT_OK,
+                            f'{joint.name} is much too slow. The speed of about {joint.speed} '
+                            'rad/s is in radians already: do not convert it.')
+        speeds, reading = _reading(sines)
+        measured = f'{", ".join(f"{speed:.2f}" for speed in speeds)} rad/s ({reading})'
+        pairs = [(i, k) for i in range(3) for k in range(i + 1, 3)]
+        for i, k in pairs:
+            if max(speeds[i], speeds[k]) < _DIFFERENT * min(speeds[i], speeds[k]):
+                return Line(requirement, measured, NOT_OK,
+                            f'{names[i]} and {names[k]} have the same speed.')
+        if speeds != sorted(speeds):
+            return Line(requirement, measured, NOT_OK, 'The order of the speeds is wrong: joint_1 '
+                        'is the slowest, joint_3 is the fastest.')
+        return Line(requirement, measured, OK)
+
+    def _hand(self) -> Line:
+        requirement = 'end_effector does not move in joint_3'
+        if line := self._blocked(requirement, HAND.name, _TRANSFORMS):
+            return line
+        rotations = self._samples[HAND.name].rotations
+        # The angle between two rotations is 2 acos(|q1 · q2|); the absolute value, because q and
+        # -q are the same rotation.
+        cosine = float(abs(rotations @ rotations[0]).min())
+        angle = 2 * float(np.arccos(min(1.0, cosine)))
+        if angle < _ROTATION_TOLERANCE:
+            return Line(requirement, 'fixed', OK)
+        return Line(requirement, f'turns by {_degrees(angle)}', NOT_OK,
+                    'end_effector has no joint: its quaternion is (0, 0, 0, 1) all the time.')
+
+    # Good practice
+
+    def _advice(self) -> Iterator[Line]:
+        moving = [(name, self._samples[name]) for name in FRAMES
+                  if name in self._samples and not self._samples[name].is_static.all()]
+        rates = {name: rate for name, samples in moving
+                 if (rate := _rate(samples.times[~samples.is_static])) is not None}
+        if rates:
+            name, rate = min(rates.items(), key=itemgetter(1))
+            yield _advised('at least 10 messages per second', f'{rate:.1f} Hz',
+                           rate >= _LOWEST_RATE, f'{name} is sent {rate:.1f} times a second; its '
+                           'motion does not look smooth.')
+        if len(moving) > 1:
+            stamps = [set(samples.stamps[~samples.is_static].tolist()) for _, samples in moving]
+            same = len(set.intersection(*stamps)) / max(1, max(map(len, stamps)))
+            yield _advised('all frames have the same stamp', f'{100 * same:.0f} % of the ticks',
+                           same >= _SAME_STAMP, 'Call get_clock().now() once in each tick, and '
+                           'use it for all frames.')
+        used = {joint.name: float(abs(self._angles(joint)).max()) / joint.limit for joint in JOINTS
+                if not self._blocked('', joint.name, _TRANSFORMS, _AXIS, _MOTION, _TURNS)}
+        if used:
+            name, part = min(used.items(), key=itemgetter(1))
+            yield _advised('the joints use at least half of their limits',
+                           ', '.join(f'{100 * each:.0f} %' for each in used.values()),
+                           part >= _USED, f'{name} uses only {100 * part:.0f} % of its limit.')
+        others = [shortened(name) for name in self._samples if name not in FRAMES]
+        yield _advised('no other frames on /tf and /tf_static', f'{len(others)} other frames',
+                       not others, f'Other frames: {comma_list(others, _SHOWN)}.')
+        if len(self._sines) == len(JOINTS):
+            speeds, _ = _reading([self._sines[joint.name] for joint in JOINTS])
+            factors = [max(speed / joint.speed, joint.speed / speed)
+                       for joint, speed in zip(JOINTS, speeds)]
+            yield _advised('speeds of about 0.3, 0.5 and 0.7 rad/s',
+                           ', '.join(f'{speed:.2f}' for speed in speeds),
+                           max(factors) <= _SPEED_FACTOR, 'Compute the phase from the time in '
+                           'seconds: speed * t.')
+
+
+def _reading(sines: Sequence[Sine]) -> tuple[list[float], str]:
+    """
+    Return the speeds of the joints in the reading of "rad/s" that fits better, and its name.
+
+    The sheet can be read in two ways: the speed is that of the phase, or it is the largest speed
+    of the joint. The better reading is the one with the smaller deviation from the sheet.
+    """
+    phase, largest = [sine.speed for sine in sines], [sine.fastest for sine in sines]
+    if _deviation(phase) <= _deviation(largest):
+        return phase, 'phase'
+    return largest, 'largest speed'
+
+
+def _deviation(speeds: list[float]) -> float:
+    """
+    Return how far the speeds of the joints are from those of the sheet, on a logarithmic scale.
+
+    :returns: the common deviation, which is the median, plus the sum of the deviations from it.
+    """
+    logarithms = [log(speed / joint.speed) for speed, joint in zip(speeds, JOINTS)]
+    common = sorted(logarithms)[1]
+    return abs(common) + sum(abs(each - common) for each in logarithms)
+
+
+def _nearest(name: str, others: Sequence[str]) -> str:
+    """Return the name that is probably a misspelling of a frame's name; '' if there is none."""
+    # The names of the joints differ in one digit only, so a similar name must have the same digit.
+    digits = [character for character in name if character.isdigit()]
+    candidates = {_folded(other): other for other in match_candidates(others)
+                  if [character for character in other if character.isdigit()] == digits}
+    near = get_close_matches(_folded(name), candidates, 1, 0.75)
+    return candidates[near[0]] if near else ''
+
+
+def _folded(name: str) -> str:
+    return ''.join(character for character in name.lower() if character.isalnum())
+
+
+def _farthest(positions: _Floats, expected: _Vector) -> _Vector:
+    """Return the position that is the farthest from the expected one."""
+    x, y, z = positions[np.linalg.norm(positions - expected, axis=1).argmax()].tolist()
+    return x, y, z
+
+
+def _metres(position: _Vector) -> str:
+    return f'({", ".join(f"{value + 0.0:.3f}" for value in position)}) m'
+
+
+def _degrees(angle: float) -> str:
+    return f'{degrees(angle):.1f}°'
+
+
+def _rate(times: NDArray[np.int64]) -> Optional[float]:
+    """Return the average rate of messages (Hz), from their times (ns); None if it is not known."""
+    span = in_seconds(int(times[-1] - times[0])) if len(times) > 1 else 0.0
+    return (len(times) - 1) / span if span > 0.0 and isfinite(span) else None
+
+
+def _advised(practice: str, measured: str, is_followed: bool, text: str) -> Line:
+    return Line(practice, measured, OK) if is_followed else Line(practice, measured, ADVICE, text)
+
+
+def _cause_of_position(edge: Joint, position: _Vector) -> str:
+    """Return the likely cause of a wrong position that does not change."""
+    length = max(edge.position)
+    if abs(float(np.linalg.norm(position)) - length) <= _POSITION_TOLERANCE:
+        return f'The distance is right, but not the direction: {edge.name} is {edge.place}.'
+    for other in (*JOINTS, HAND):
+        if _is_near(position, other.position):
+            return f'This is the position of {other.name}: the positions are at the wrong frames.'
+    from_base = np.cumsum([joint.position for joint in (*JOINTS, HAND)], axis=0)
+    if _is_near(position, from_base[(*JOINTS, HAND).index(edge)]):
+        return (f'This is the position in base_link. A transform has the position in the parent, '
+                f'which is {edge.parent}.')
+    for factor, unit in (1000.0, 'millimetres'), (100.0, 'centimetres'):
+        if _is_near(position, np.multiply(factor, edge.position)):
+            return f'The position is in {unit}; TF uses metres.'
+    if not any(position):
+        return f'The position of {edge.name} is not set.'
+    return f'The translation of {edge.name} must be {_metres(edge.position)}.'
+
+
+def _is_near(position: _Vector, expected: ArrayLike) -> bool:
+    return bool(np.linalg.norm(np.subtract(position, expected)) <= _POSITION_TOLERANCE)
+
+
+def _cause_of_wave(joint: Joint, times: _Floats, angles: _Floats, sine: Sine) -> str:
+    """Return the likely cause if the motion of a joint is not a sine."""
+    low, high = float(angles.min()), float(angles.max())
+    at_ends = np.mean((angles > high - 0.01 * (high - low)) | (angles < low + 0.01 * (high - low)))
+    if at_ends > 0.2:  # for a sine, it is 0.13
+        return (f'{joint.name} rests at {_degrees(high)} or {_degrees(low)}: the wave is clipped. '
+                'Do not cut the angle off; the amplitude of the sine is the limit.')
+    phase = sine.speed * (times - times[0]) + sine.phase
+    triangle = np.column_stack([np.ones_like(times), np.arcsin(np.sin(phase))])
+    found = np.linalg.lstsq(triangle, angles, rcond=None)[0]
+    error = float(np.sqrt(np.mean((triangle @ found - angles) ** 2))) / sine.amplitude
+    if error < sine.residual / 2:
+        return (f'{joint.name} moves at a constant speed to and fro, which is a triangle wave: '
+                'the angle is limit * sin(speed * t).')
+    if abs(np.diff(angles)).max() > 0.3 * (high - low):
+        return f'The angle of {joint.name} jumps: it must change smoothly.'
+    return f'The angle of {joint.name} is not a sine of the time: it is limit * sin(speed * t).'
+
+
+def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = None) -> Report:
+    """
+    Check whether the transforms of an arm meet the requirements.
+
+    :param messages: the messages of /tf and /tf_static, in the order of their times.
+    :param reaches_late_joiners: whether a listener that started later than the arm has received
+        base_link; None: not known, which does not count as a failure.
+    :returns: the report.
+    """
+    return _Check(messages, reaches_late_joiners).report()

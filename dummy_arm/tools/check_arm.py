@@ -1,0 +1,663 @@
+"""The command `check_arm`: judge the arm of the lab's final task, and its drawing frames.pdf."""
+
+import ast
+from collections import defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager, ExitStack, suppress
+import csv
+from itertools import pairwise
+import logging
+import os
+from pathlib import Path
+import random
+import re
+import signal
+import socket
+import subprocess
+import sys
+from tempfile import TemporaryDirectory
+from threading import Thread
+import time
+from typing import Any, NamedTuple, Optional, TYPE_CHECKING
+from unicodedata import normalize
+import warnings
+
+from dummy_arm.cli.bag_options import add_bag_options, bag_progress
+from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
+from dummy_arm.cli.progress import progress, wait
+from dummy_arm.cli.signals import begin_cleanup, sleep
+from dummy_arm.inspection.arm_check import (
+    check,
+    FRAMES,
+    Message,
+    NOT_JUDGED,
+    NOT_OK,
+    OK,
+    Report,
+)
+from dummy_arm.inspection.terminal import padded, wrapped
+from dummy_arm.tf.bag import messages
+from dummy_arm.tf.formatting import abbreviated, comma_list, quoted, visible
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+#: The default and the largest time to observe an arm (s). The default is more than a period of the
+#: slowest joint: 20.9 s if 0.3 rad/s is the speed of the phase, 16.4 s if it is that of the joint.
+DEFAULT_TIME, _LONGEST = 25.0, 3600.0
+#: How long to wait for the first transform on /tf (s).
+_START = 20.0
+#: How long a late listener waits for base_link (s).
+_LATE = 10.0
+#: How long to wait until a program has ended after SIGINT (s).
+_GRACE = 3.0
+#: The largest number of transforms that are judged.
+_MOST = 1_000_000
+#: The largest output of a program (bytes).
+_LONGEST_OUTPUT = 1_000_000
+#: ROS domains whose ports are outside the range from which Linux takes ports for clients.
+_DOMAINS = range(215, 232)
+#: The ports of a domain begin at `_FIRST_PORT + _PORTS * domain` (RTPS specification, 9.6.2).
+_FIRST_PORT, _PORTS = 7400, 250
+_STEP = 0.05  # s
+_TRACEBACK = 'Traceback (most recent call last):'
+#: The lines of frames.pdf that are not the name of a frame, as this package and tf2 write them.
+_LABEL = re.compile(r'Broadcaster: |Average rate: |Buffer length: |Most recent transform: |'
+                    r'Oldest transform: |Recorded at time: |view_frames Result$|static$')
+#: An edge in the DOT language, as this package and tf2 write it.
+_EDGE = re.compile(r'"((?:[^"\\]|\\.)*)" *-> *"((?:[^"\\]|\\.)*)"')
+#: The largest number of names that a text lists.
+_SHOWN = 6
+
+
+class Observer:
+    """A listener that collects the messages of an arm."""
+
+    def __init__(self, node: 'Node') -> None:
+        """
+        Subscribe to /tf and /tf_static.
+
+        :param node: the node that subscribes.
+        """
+        from dummy_arm.inspection.frame_listener import FrameListener
+        self._node = node
+        self._listener = FrameListener(node)
+        self.messages: list[Message] = []
+        #: True if a message of /tf has been received.
+        self.has_started = False
+        self._count = 0
+
+    def poll(self) -> bool:
+        """
+        Collect the messages that have arrived since the last call.
+
+        :returns: True if a message of /tf has been received.
+        :raises CommandError: if there are too many messages.
+        """
+        received, dropped = self._listener.publisher_listener.received()
+        for message in received:
+            with suppress(ValueError):  # the listener logs this error
+                rows = message.rows()
+                self._count += len(rows)
+                self.messages.append(Message(
+                    message.reception_time, message.is_static, message.gid, rows))
+                self.has_started |= not message.is_static
+        if dropped or self._count > _MOST:
+            raise CommandError('more transforms arrive than can be judged')
+        return self.has_started
+
+    def reaches_late_joiners(self) -> bool:
+        """Return whether a listener that starts now receives base_link."""
+        from dummy_arm.tf import BufferCore, StaticTransformListener
+        buffer = BufferCore()
+        listener = StaticTransformListener(buffer, self._node)
+        try:
+            return _wait_until(_LATE, lambda: any(
+                frame.name == 'base_link' for frame in buffer.frames()))
+        finally:
+            listener.unregister()
+
+    def report(self) -> Report:
+        """Judge the messages; before that, start a late listener."""
+        is_late = self.reaches_late_joiners()
+        self.poll()
+        return check(self.messages, is_late)
+
+    def why_no_frames(self) -> str:
+        """Return the possible reasons why no transform has been received."""
+        return self._listener.why_no_frames()
+
+
+def _wait_until(seconds: float, holds: Callable[[], object]) -> bool:
+    """
+    Wait until a condition holds or the time is over; return whether the condition holds.
+
+    :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received.
+    """
+    end = time.monotonic() + seconds
+    while not (result := bool(holds())) and time.monotonic() < end:
+        sleep(_STEP)
+    return result
+
+
+# Programs
+
+
+class Program:
+    """A student's program in a process group of its own; its output is limited."""
+
+    def __init__(self, path: Path, arguments: Sequence[str], domain: int, directory: str) -> None:
+        """
+        Start the program.
+
+        :param path: the file of the program.
+        :param arguments: the arguments of Python; see `_arguments`.
+        :param domain: the ROS domain of the program.
+        :param directory: the working directory of the program.
+        """
+        environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': directory,
+                       'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'PYTHONUNBUFFERED': '1',
+                       'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONIOENCODING': 'utf-8'}
+        self._process = subprocess.Popen(
+            [sys.executable, *arguments], cwd=directory, env=environment, stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True)
+        self._path, self._start = path, time.monotonic()
+        self._output = bytearray()
+        self._reader = Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        descriptor = self._process.stdout.fileno()
+        with suppress(OSError):
+            while len(self._output) <= _LONGEST_OUTPUT and (data := os.read(descriptor, 2**16)):
+                self._output += data
+
+    def fault(self) -> str:
+        """
+        Return why the program has failed.
+
+        :returns: a sentence; '' if the program is running and has printed no traceback.
+        """
+        code = self._process.poll()
+        if code is not None:
+            self._reader.join(_GRACE)
+        text = self._output.decode(errors='replace')
+        if len(self._output) > _LONGEST_OUTPUT:
+            return f'It prints more than {_LONGEST_OUTPUT // 10**6} MB.'
+        if _TRACEBACK in text:
+            return f'It fails: {_error_of(text, self._path.name)}'
+        if code is None:
+            return ''
+        how = f'by signal {-code}' if code < 0 else f'with exit code {code}'
+        last = text.strip().splitlines()[-1:]
+        return (f'It ended by itself after {time.monotonic() - self._start:.1f} s, {how}' + (
+            f'; its last line: {abbreviated(visible(last[0]))}' if last else '.'))
+
+    def end(self) -> None:
+        """End the program and all processes that it has started in its group."""
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGINT)
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(_GRACE)
+        with suppress(ProcessLookupError):
+            os.killpg(self._process.pid, signal.SIGKILL)
+        self._process.wait()
+        self._reader.join(_GRACE)
+        if not self._reader.is_alive() and self._process.stdout:
+            self._process.stdout.close()
+
+
+def _arguments(path: Path) -> list[str]:
+    """
+    Return the arguments with which Python runs a program.
+
+    A program that defines main(), but does not call it, is meant for `ros2 run`, which calls it.
+
+    :raises CommandError: if the file cannot be read or does not compile.
+    """
+    try:
+        tree = ast.parse(path.read_bytes(), str(path))
+        compile(tree, str(path), 'exec')
+    except OSError as error:
+        raise CommandError(f'It cannot be read: {error.strerror}.') from None
+    except SyntaxError as error:
+        line = f'line {error.lineno}: ' if error.lineno else ''
+        raise CommandError(f'It does not compile: {line}{error.msg}.') from None
+    except (ValueError, RecursionError, MemoryError) as error:
+        raise CommandError(f'It does not compile: {error}.') from None
+    has_main = any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree.body)
+    calls = [node for node in tree.body if isinstance(node, ast.If) or (
+        isinstance(node, ast.Expr) and isinstance(node.value, ast.Call))]
+    path = path.absolute()
+    if calls or not has_main:
+        return [str(path)]
+    return ['-c', f'import runpy, sys; sys.argv = [{str(path)!r}]; sys.path[0] = '
+                  f'{str(path.parent)!r}; runpy.run_path(sys.argv[0])["main"]()']
+
+
+def _error_of(output: str, name: str) -> str:
+    """
+    Return the error of the first traceback in an output, and the line where it was raised.
+
+    :param name: the name of the program's file, in which the line is looked for.
+    """
+    _, _, traceback = output.partition(f'{_TRACEBACK}\n')
+    error = next((line for line in traceback.splitlines() if line and line[0] != ' '), '')
+    places, _, _ = traceback.partition(f'\n{error}')
+    lines = re.findall(rf'/{re.escape(name)}", line (\d+)', places)
+    where = f' (line {lines[-1]})' if lines else ''
+    return f'{abbreviated(visible(error), 300)}{where}'
+
+
+class Grade(NamedTuple):
+    """The result of a program."""
+
+    file: str
+    report: Optional[Report]  #: None if the program could not be judged
+    reason: str  #: why the program did not pass; '' if it passed
+
+    @property
+    def line(self) -> str:
+        """The line that is printed."""
+        verdict = f'{NOT_OK}: {self.reason}' if self.reason else OK
+        return f'{visible(self.file)}: {verdict}'
+
+
+def grade(file: str, seconds: float, ros_args: Sequence[str] = ()) -> Grade:
+    """
+    Run a program in a ROS domain of its own, and judge the arm that it publishes.
+
+    :param file: the path of the program.
+    :param seconds: how long to observe the arm (s).
+    :param ros_args: the ROS arguments of the node that listens.
+    :returns: the grade.
+    :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received.
+    """
+    try:
+        with ExitStack() as stack:
+            arguments = _arguments(Path(file))
+            domain = stack.enter_context(_free_domain())
+            directory = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
+            observer = Observer(stack.enter_context(_node_in(domain, ros_args)))
+            program = Program(Path(file), arguments, domain, directory)
+            stack.callback(program.end)
+            if not _wait_until(_START, lambda: observer.poll() or program.fault()):
+                static = 'on /tf' if observer.messages else 'on /tf and /tf_static'
+                report = check(observer.messages)
+                return Grade(file, report if observer.messages else None,
+                             f'It publishes nothing {static} within {_START:.0f} s.')
+            fault = program.fault()
+            if not fault:
+                _wait_until(seconds, lambda: observer.poll() and program.fault())
+                fault = program.fault()
+            report = check(observer.messages) if fault else observer.report()
+            return Grade(file, report, fault or program.fault() or _reason(report))
+    except CommandError as error:
+        return Grade(file, None, str(error))
+
+
+def _reason(report: Report) -> str:
+    """Return the first failure of a report, and the number of the others; '' if it passed."""
+    line = report.first_failure
+    if line is None:
+        return ''
+    others = sum(other.verdict == NOT_OK for other in report.lines) - (line.verdict == NOT_OK)
+    more = f' ({others} more)' if others else ''
+    measured = f' ({line.measured})' if line.measured else ''
+    verdict = f'{NOT_JUDGED}: ' if line.verdict == NOT_JUDGED else ''
+    return f'{verdict}{line.requirement}{measured}. {line.text}{more}'
+
+
+@contextmanager
+def _node_in(domain: int, ros_args: Sequence[str]) -> Iterator['Node']:
+    """Create a node in a domain, and destroy it at the end of the `with` block."""
+    from rclpy.context import Context
+    from rclpy.node import Node
+
+    from dummy_arm.cli.fast_dds import destroy
+    context = Context()
+    context.init(args=[*ros_args], domain_id=domain)
+    try:
+        node = Node('check_arm', context=context, enable_rosout=False,
+                    start_parameter_services=False)
+        try:
+            yield node
+        finally:
+            destroy(node)
+    finally:
+        context.try_shutdown()
+
+
+@contextmanager
+def _free_domain() -> Iterator[int]:
+    """
+    Reserve a ROS domain that no other program on this machine uses.
+
+    The reservation is a socket, which other processes that run this function respect. A domain is
+    free if no UDP port of it is in use.
+
+    :raises CommandError: if there is no such domain.
+    """
+    for domain in random.sample(_DOMAINS, len(_DOMAINS)):
+        first = _FIRST_PORT + _PORTS * domain
+        with socket.socket(socket.AF_UNIX) as reservation:
+            try:
+                reservation.bind(f'\0dummy_arm.check_arm.{domain}')
+            except OSError:
+                continue
+            if not any(first <= port < first + _PORTS for port in _used_ports()):
+                yield domain
+                return
+    raise CommandError(f'The ROS domains {_DOMAINS[0]} to {_DOMAINS[-1]} are all in use.')
+
+
+def _used_ports() -> Iterator[int]:
+    """Yield the UDP ports that are in use on this machine."""
+    for path in '/proc/net/udp', '/proc/net/udp6':
+        with suppress(OSError):
+            for line in Path(path).read_text().splitlines()[1:]:
+                yield int(line.split()[1].rpartition(':')[2], 16)
+
+
+def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[str],
+               ros_args: Sequence[str]) -> int:
+    """
+    Grade programs, several at the same time; print a line for each, in the order of `files`.
+
+    :param table: the path of the CSV file; None: write none.
+    :returns: the exit code.
+    :raises CommandError: if the table cannot be written, or if Ctrl-C or SIGTERM was received.
+    """
+    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
+    os.environ.pop('ROS_STATIC_PEERS', None)
+    is_passed = True
+    with ExitStack() as stack:
+        stack.enter_context(warnings.catch_warnings())
+        warnings.simplefilter('ignore')  # what the compiler thinks of the programs
+        writer: Any = None
+        if table is not None:
+            try:
+                file = open(table, 'w', newline='', encoding='utf-8', buffering=1)  # noqa: SIM115
+            except OSError as error:
+                raise CommandError(f'cannot write {table}: {error.strerror}') from None
+            writer = csv.writer(stack.enter_context(file))
+            writer.writerow(['file', 'verdict', 'reason',
+                             *(line.requirement for line in check([]).lines)])
+        pool = ThreadPoolExecutor(jobs)
+        stack.callback(pool.shutdown, cancel_futures=True)
+        show = stack.enter_context(progress(
+            len(files), desc='grading', bar_format='{desc} {bar} {n_fmt} of {total_fmt} files'))
+        futures: list[Future[Grade]] = [pool.submit(grade, file, seconds, ros_args)
+                                        for file in files]
+        try:
+            for done, future in enumerate(futures, 1):
+                _wait_until(float('inf'), future.done)
+                result = future.result()
+                print(result.line)
+                if writer is not None:
+                    lines = result.report.lines if result.report else []
+                    writer.writerow([result.file, NOT_OK if result.reason else OK, result.reason,
+                                     *(line.verdict for line in lines)])
+                is_passed &= not result.reason
+                show(done)
+        except KeyboardInterrupt:
+            raise CommandError('interrupted: the files without a line were not judged') from None
+        finally:
+            begin_cleanup()
+    return 0 if is_passed else 1
+
+
+# The arm that is running, and a bag
+
+
+def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> Report:
+    """
+    Observe the arm that is running.
+
+    :raises CommandError: if nothing is received, or if Ctrl-C or SIGTERM was received.
+    """
+    from dummy_arm.cli.node import spinning_node
+    with spinning_node('check_arm', ros_args, namespace) as node:
+        observer = Observer(node)
+        try:
+            if wait(_START, 'waiting for an arm', observer.poll):
+                wait(seconds, 'observing the arm', lambda: observer.poll() and False)
+            elif not observer.messages:
+                raise CommandError(f'no transform was received within {_START:g} s. '
+                                   f'{observer.why_no_frames()}')
+            return observer.report()
+        except KeyboardInterrupt:
+            raise CommandError('interrupted: nothing was judged') from None
+
+
+def _check_bag(bag: str, namespace: str, partial: bool) -> Report:
+    """
+    Judge the arm in a bag.
+
+    :raises UsageError: if the path is empty.
+    :raises CommandError: if the bag cannot be read, or if Ctrl-C or SIGTERM was received.
+    """
+    found: list[Message] = []
+    count = 0
+    try:
+        with bag_progress(bag) as on_progress:
+            for message in messages(bag, namespace=namespace, partial=partial,
+                                    on_progress=on_progress):
+                with suppress(ValueError):
+                    rows = message.rows()
+                    found.append(Message(message.time, message.is_static, message.publisher, rows))
+                    count += len(rows)
+                if count > _MOST:
+                    raise CommandError(f'{bag} has more than {_MOST} transforms: record an arm '
+                                       'for a minute only')
+    except KeyboardInterrupt:
+        raise CommandError('interrupted: nothing was judged') from None
+    # The file of a ROS 1 bag may be in another order.
+    return check(sorted(found, key=lambda message: message.time))
+
+
+def format_report(report: Report) -> list[str]:
+    """
+    Return the table of a report.
+
+    :param report: the report.
+    :returns: the lines, with the verdict first.
+    """
+    rows = [*report.lines, *report.advice]
+    widths = [max(len(row[i]) for row in rows) for i in (2, 0)]
+    lines: list[str] = []
+    for i, row in enumerate(rows):
+        if i == len(report.lines):
+            lines += ['', 'good practice (it does not change the result):']
+        lines.append(f'{padded(row.verdict, widths[0])}  {padded(row.requirement, widths[1])}  '
+                     f'{row.measured}'.rstrip())
+        if row.text:
+            lines += wrapped(row.text, '    ')
+    counts = {verdict: sum(row.verdict == verdict for row in report.lines)
+              for verdict in (OK, NOT_OK, NOT_JUDGED)}
+    counted = ', '.join(f'{count} {verdict}' for verdict, count in counts.items() if count)
+    return [*lines, '', f'{"passed" if report.passed else "not passed"}: {counted}']
+
+
+# frames.pdf
+
+
+def fault_of_drawing(path: Path) -> str:
+    """
+    Compare a drawing of view_frames with the tree of the arm.
+
+    :param path: the path of a `.pdf` or `.gv` file.
+    :returns: what is wrong; '' if the drawing shows the tree of the arm.
+    :raises UsageError: if the file has another ending.
+    :raises CommandError: if the file cannot be read, or a library is missing.
+    """
+    if path.suffix.lower() == '.pdf':
+        return _fault_of_names(_names_in_pdf(path))
+    if path.suffix.lower() == '.gv':
+        return _fault_of_edges(_edges_in_dot(path))
+    raise UsageError(f'{str(path)!r} must end in .pdf or .gv')
+
+
+def _names_in_pdf(path: Path) -> dict[str, float]:
+    """
+    Return the texts of a drawing that are names of frames, from top to bottom.
+
+    :returns: a dict from each text to its distance from the top of the first page (points).
+    :raises CommandError: if the file cannot be read, or the library pypdf is missing.
+    """
+    try:
+        from pypdf import PdfReader
+    except ImportError:
+        raise CommandError('pypdf is needed to read a PDF: pip install pypdf, or apt install '
+                           'python3-pypdf; or check the .gv file') from None
+    top = 0.0
+    #: By the place on the paper. A text is in several parts if it has a ligature, such as "ff".
+    texts: defaultdict[tuple[float, float], str] = defaultdict(str)
+
+    def add(text: str, outer: list[float], inner: list[float], *_: object) -> None:
+        """
+        Append a part of a text.
+
+        :param text: the part.
+        :param outer: the matrix a, b, c, d, e, f, which maps (x, y) to (a x + c y + e,
+            b x + d y + f).
+        :param inner: the matrix that is applied before `outer`.
+        """
+        a, b, c, d, e, f = outer
+        x, y = inner[4:]
+        texts[top - (b * x + d * y + f), a * x + c * y + e] += normalize('NFKC', text)
+
+    logging.getLogger('pypdf').setLevel(logging.CRITICAL)  # its warnings about damaged files
+    try:
+        for page in PdfReader(path).pages:
+            top += float(page.mediabox.top)
+            page.extract_text(visitor_text=add)
+    except OSError as error:
+        raise CommandError(f'cannot read {path}: {error.strerror}') from None
+    except Exception as error:  # a damaged file causes errors of many types
+        raise CommandError(f'{path} is not a PDF that can be read: {error}') from None
+    return {text.strip(): depth for (depth, _), text in sorted(texts.items())
+            if text.strip() and not _LABEL.match(text.strip())}
+
+
+def _fault_of_names(names: dict[str, float]) -> str:
+    if not names:
+        return 'The drawing has no text.'
+    missing = [name for name in FRAMES if name not in names]
+    others = [name for name in names if name not in FRAMES]
+    if missing or others:
+        return ' '.join(f'{what}: {comma_list(found, _SHOWN, quoted)}.' for what, found in (
+            ('Missing', missing), ('Other frames', others)) if found)
+    for upper, lower in pairwise(FRAMES):
+        if names[lower] < names[upper] + 1.0:
+            return f'{lower} is not below {upper}: the tree is not a chain in the right order.'
+    return ''
+
+
+def _edges_in_dot(path: Path) -> set[tuple[str, str]]:
+    """
+    Return the edges of a graph that view_frames has written, as parent and child.
+
+    :raises CommandError: if the file cannot be read.
+    """
+    try:
+        text = path.read_text(errors='replace')
+    except OSError as error:
+        raise CommandError(f'cannot read {path}: {error.strerror}') from None
+    return {(parent.removeprefix('/'), child.removeprefix('/'))
+            for parent, child in _EDGE.findall(text)}
+
+
+def _fault_of_edges(edges: set[tuple[str, str]]) -> str:
+    if not edges:
+        return 'The file has no edges.'
+    expected = {*pairwise(FRAMES)}
+    parts = [f'{what}: {comma_list(sorted(f"{a} -> {b}" for a, b in found), _SHOWN)}.'
+             for what, found in (('Missing', expected - edges), ('Other edges', edges - expected))
+             if found]
+    return ' '.join(parts)
+
+
+def command(files: Sequence[str] = (), seconds: Optional[float] = None, bag: Optional[str] = None,
+            namespace: str = '', partial: bool = False, frames: Optional[str] = None,
+            table: Optional[str] = None, jobs: Optional[int] = None, *,
+            ros_args: Sequence[str] = ()) -> int:
+    """
+    Judge the arm that is running, an arm in a bag, programs, or a drawing.
+
+    :param files: programs to run and to judge; none: see the other arguments.
+    :param seconds: how long to observe each arm (s); None: 25 s.
+    :param bag: path of a bag; None: no bag.
+    :param namespace: namespace of the topics `tf` and `tf_static`; '': none.
+    :param partial: with a bag: read as much as possible of a damaged bag.
+    :param frames: path of a drawing (.pdf) or graph (.gv) of view_frames; None: no drawing.
+    :param table: path of a table in CSV with a row for each program; None: no table.
+    :param jobs: the number of programs that run at the same time; None: the number of cores.
+    :param ros_args: the command line, with the name of the command; ROS reads what follows
+        `--ros-args`.
+    :returns: the exit code: 0 if everything is as required, otherwise 1.
+    :raises UsageError: if an argument is out of range, or arguments do not go together.
+    :raises CommandError: if nothing can be judged, if a file cannot be read or written, or if
+        Ctrl-C or SIGTERM was received.
+    """
+    if sum((bool(files), bag is not None, frames is not None)) > 1:
+        raise UsageError('give files of programs, or --bag, or --frames, or none of them to check '
+                         'the arm that is running')
+    if seconds is not None and (bag is not None or frames is not None):
+        raise UsageError('--time is for an arm that is running: leave it out with --bag and '
+                         '--frames')
+    if namespace and (files or frames is not None):
+        raise UsageError('--namespace is for --bag and for the arm that is running')
+    if partial and bag is None:
+        raise UsageError('--partial needs --bag')
+    if (table is not None or jobs is not None) and not files:
+        raise UsageError('--csv and --jobs need the files of programs')
+    if jobs is not None and not 1 <= jobs <= len(_DOMAINS):
+        raise UsageError(f'--jobs must be at least 1, and at most {len(_DOMAINS)}, got {jobs}')
+    seconds = DEFAULT_TIME if seconds is None else seconds
+    if not 1.0 <= seconds <= _LONGEST:
+        raise UsageError(f'--time must be at least 1 s, and at most {_LONGEST:g} s, got '
+                         f'{seconds:g}')
+    if frames is not None:
+        fault = fault_of_drawing(Path(frames))
+        print(Grade(frames, None, fault).line)
+        return 1 if fault else 0
+    if files:
+        default = min(os.cpu_count() or 1, len(_DOMAINS))
+        return _grade_all(files, seconds, jobs or default, table, ros_args)
+    report = (_check_running(seconds, namespace, ros_args) if bag is None
+              else _check_bag(bag, namespace, partial))
+    print('\n'.join(format_report(report)))
+    return 0 if report.passed else 1
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """
+    Run the command; see `--help`.
+
+    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
+    :returns: the exit code.
+    """
+    parser = Parser(
+        'check_arm', 'Check whether an arm meets the requirements of the final task of the lab. '
+        'Without arguments, the arm that is running is observed. With files, each file is run as '
+        'a program, with your own rights: run only programs that you trust, or use a container.',
+        'exit code: 0: all requirements are met; 1: not all; 2: wrong arguments\n'
+        'examples: check_arm\n          check_arm dummy_arm.py\n'
+        '          check_arm --csv grades.csv handed_in/*/dummy_arm.py\n'
+        '          check_arm --bag arm_bag\n          check_arm --frames frames.pdf')
+    parser.add_argument('files', nargs='*', metavar='FILE', help='a program to run and to check')
+    parser.add_argument('--time', type=number, dest='seconds', metavar='SECONDS',
+                        help='how long to observe each arm (s; default: '
+                             f'{DEFAULT_TIME:g}, more than a period of the slowest joint)')
+    parser.add_argument('--frames', metavar='FILE',
+                        help='check a drawing of view_frames, .pdf or .gv')
+    parser.add_argument('--csv', dest='table', metavar='OUT',
+                        help='write a table with a row for each program')
+    parser.add_argument('--jobs', type=int, metavar='N',
+                        help='how many programs run at the same time (default: the number of '
+                             'cores)')
+    add_bag_options(parser)
+    return run(parser, command, args)

@@ -1,0 +1,463 @@
+"""check_arm: right and wrong arms, from messages, from bags, live and as programs; drawings."""
+
+import csv
+from itertools import pairwise
+import os
+from pathlib import Path
+import re
+import signal
+import time
+
+from arms import Arm, changed, RIGHT, WRONG
+from conftest import code_without, tool, tool_without_ros
+import numpy as np
+import pytest
+
+from dummy_arm import arm as own_arm
+from dummy_arm.inspection.arm_check import (
+    ADVICE,
+    check,
+    EDGES,
+    fit_sine,
+    FRAMES,
+    JOINTS,
+    Line,
+    Message,
+    NOT_JUDGED,
+    NOT_OK,
+    OK,
+)
+from dummy_arm.tools.check_arm import main
+
+MODEL = Path(__file__).parent.parent / 'lab' / 'dummy_arm.py'
+
+
+def received(arm, seconds=25.0):
+    """Return the messages of an arm as they are received, in the time of the arm."""
+    return [Message(time, topic == '/tf_static', 'one', rows)
+            for topic, time, rows in arm.messages(seconds)]
+
+
+def failures(report):
+    """Return the lines that are not ok."""
+    return [line for line in report.lines if line.verdict == NOT_OK]
+
+
+def line_of(report, beginning):
+    """Return the only line of a report whose requirement begins with a text."""
+    (line,) = (line for line in [*report.lines, *report.advice]
+               if line.requirement.startswith(beginning))
+    return line
+
+
+@pytest.mark.parametrize('name', RIGHT)
+def test_a_right_arm_passes(name):
+    """Nothing is wrong, and only a late listener cannot be judged."""
+    report = check(received(RIGHT[name]))
+    assert [line for line in report.lines if line.verdict != OK] == [
+        Line('base_link reaches a late listener', '', NOT_JUDGED, 'A bag does not show this.')]
+    assert report.passed
+    assert report.first_failure is None
+
+
+@pytest.mark.parametrize('name', WRONG)
+def test_a_wrong_arm_fails_where_it_is_wrong(name):
+    """The first failure is the broken requirement; what cannot be judged has a reason."""
+    arm, requirement, cause = WRONG[name]
+    report = check(received(arm))
+    assert not report.passed
+    first = failures(report)[0]
+    assert first == report.first_failure
+    assert first.requirement.startswith(requirement)
+    assert cause in first.text
+    for line in report.lines:
+        assert line.verdict in (OK, NOT_OK, NOT_JUDGED)
+        assert bool(line.text) == (line.verdict != OK)
+        assert re.fullmatch(r'|[^\n]+[.?)]', line.text)
+    # What is broken once does not fail again elsewhere, unless it is wrong at several joints.
+    kinds = {re.sub(r'joint_\d|[\d.]+', '', line.requirement) for line in failures(report)}
+    assert len(kinds) == 1 or name == 'sawtooth'
+
+
+def test_what_cannot_be_judged_says_why():
+    """After a misspelt frame, the lines of this frame and of its child are not judged."""
+    report = check(received(WRONG['misspelt'][0]))
+    not_judged = {line.requirement: line.text for line in report.lines
+                  if line.verdict == NOT_JUDGED}
+    assert not_judged.pop('base_link reaches a late listener')
+    assert not_judged.pop('the joints have three different speeds') == (
+        'The speed of joint_1 cannot be measured.')
+    assert {text for requirement, text in not_judged.items() if 'joint_1' in requirement.split()[0]
+            } == {'There is no joint_1.'}
+    assert {text for requirement, text in not_judged.items() if 'joint_2' in requirement.split()[0]
+            } == {'The parent of joint_2 is not joint_1.'}
+    assert line_of(report, 'joint_3 moves as a sine').verdict == OK
+
+
+def test_the_requirements_are_those_of_the_arm():
+    """The sheet in arm_check and the arm of this package, which is written apart, agree."""
+    arm = own_arm.Arm()
+    assert ('map', *arm.frames) == FRAMES
+    assert [joint.speed for joint in JOINTS] == [joint.speed for joint in arm.joints]
+    assert [joint.limit for joint in JOINTS] == [joint.limit for joint in arm.joints]
+    assert [edge.position for edge in EDGES[1:]] == [
+        tuple(pose[:3]) for pose in arm.poses([0.0, 0.0, 0.0]).tolist()]
+
+
+def test_the_sine_is_found():
+    """Amplitude, speed and phase are found, also with noise, uneven times and few periods."""
+    random = np.random.default_rng(7)
+    for speed in (0.05, 0.3, 0.7, 3.0, 15.0):
+        for periods in (1.0, 1.2, 7.7):
+            times = np.sort(random.uniform(0.0, periods * 2 * np.pi / speed, 400))
+            angles = 0.1 + 0.5 * np.sin(speed * (times - times[0]) + 2.0)
+            sine = fit_sine(times, angles)
+            assert (sine.speed, sine.amplitude, sine.phase) == pytest.approx((speed, 0.5, 2.0))
+            assert sine.residual < 1e-6
+            noisy = fit_sine(times, angles + random.normal(0.0, 0.005, 400))
+            assert noisy.speed == pytest.approx(speed, rel=0.02)
+            assert noisy.residual == pytest.approx(0.01, rel=0.2)
+
+
+@pytest.mark.parametrize(('residual', 'verdict'), [(0.019, OK), (0.021, NOT_OK)])
+def test_the_limit_of_the_residual(residual, verdict):
+    """A second harmonic of 2 % of the amplitude (as root mean square) is the limit."""
+    share = residual * 2 ** 0.5
+    arm = changed(angle=lambda self, joint, t: 0.4 * (
+        np.sin(self.speeds[joint - 1] * t) + share * np.sin(2 * self.speeds[joint - 1] * t)))
+    # Seven periods of joint_1 are not whole periods of the others, so only joint_1 is judged.
+    report = check(received(arm, 7 * 2 * np.pi / 0.3))
+    assert line_of(report, 'joint_1 moves as a sine').verdict == verdict
+
+
+def test_too_short_an_observation_does_not_pass():
+    """If less than a period is seen, the sine is not judged, and the arm does not pass."""
+    report = check(received(Arm(), 15.0), True)
+    assert not report.passed
+    assert not failures(report)
+    assert report.first_failure == line_of(report, 'joint_1 moves as a sine')
+    assert 'longer (--time)' in line_of(report, 'joint_1 moves as a sine').text
+    assert line_of(report, 'joint_2 moves as a sine').verdict == OK
+
+
+def test_a_late_listener():
+    """It is a requirement where it can be judged."""
+    assert check(received(Arm()), True).passed
+    report = check(received(Arm()), False)
+    assert not report.passed
+    assert [line.requirement for line in failures(report)] == ['base_link reaches a late listener']
+
+
+def test_two_publishers_of_one_frame():
+    """Frames that two programs publish at once fail; a program that was restarted does not."""
+    messages = received(Arm())
+    both = [message._replace(publisher=publisher) for message in messages
+            for publisher in ('one', 'two')]
+    (failure,) = failures(check(both))
+    assert failure.requirement == 'the tree'
+    assert 'Two programs publish joint_1' in failure.text
+    half = len(messages) // 2
+    assert check([*messages[:half], *(
+        message._replace(publisher='two') for message in [messages[0], *messages[half:]])]).passed
+
+
+@pytest.mark.parametrize(('arm', 'practice', 'text'), [
+    (changed(hertz=8), 'at least 10', 'joint_1 is sent 8.0 times'),
+    (RIGHT['a message for each frame'], 'all frames have the same stamp', 'once in each tick'),
+    (changed(limits=(45.0, 14.0, 60.0)), 'the joints use', 'joint_2 uses only 47 %'),
+    (RIGHT['another node'], 'no other frames', 'Other frames: other.'),
+    (changed(speeds=(1.5, 2.5, 3.5)), 'speeds of about', 'time in seconds')])
+def test_good_practice(arm, practice, text):
+    """It is advised, and has no influence on the result; a good arm follows it."""
+    report = check(received(arm))
+    assert report.passed
+    assert [line.requirement for line in report.advice if line.verdict == ADVICE] == [
+        line_of(report, practice).requirement]
+    assert text in line_of(report, practice).text
+    assert line_of(check(received(Arm())), practice).verdict == OK
+
+
+def test_names_of_others_cannot_harm_the_terminal():
+    """Escape sequences in the names of frames are escaped."""
+    arm = changed(names=(*Arm.names[:5], 'end_effector\x1b[2J'))
+    report = check(received(arm))
+    texts = [text for line in [*report.lines, *report.advice] for text in line]
+    assert all(text.isprintable() for text in texts)
+    assert 'end_effector\\x1b[2J' in ' '.join(texts)
+
+
+# Bags
+
+@pytest.mark.parametrize('kind', ['mcap', 'db3', 'bag'])
+def test_a_bag(tmp_path, capsys, kind):
+    """A recording of the arm is judged without ROS; the table has a line for each requirement."""
+    bags = pytest.importorskip('bags')
+    path = bags.make(tmp_path, kind, Arm().messages())
+    assert main(['--bag', str(path)]) == 0
+    output, error = capsys.readouterr()
+    lines = output.splitlines()
+    assert lines[0] == (
+        'ok          all transforms are valid                      2005 transforms')
+    assert 'ok          joint_1 is 0.3 m along z from base_link       (0.000, 0.000, 0.300) m' in (
+        lines)
+    assert 'not judged  base_link reaches a late listener' in lines
+    assert ('ok          the joints have three different speeds        0.30, 0.50, 0.70 rad/s '
+            '(phase)') in lines
+    assert lines[-1] == 'passed: 23 ok, 1 not judged'
+    assert not error
+
+
+def test_a_bag_of_a_wrong_arm(tmp_path, capsys, start):
+    """The cause stands below its line, the exit code is 1; no ROS is needed."""
+    bags = pytest.importorskip('bags')
+    path = bags.make(tmp_path, 'mcap', (
+        ('/robot' + topic, time, rows)
+        for topic, time, rows in WRONG['a little too far'][0].messages()))
+    process = start(*tool_without_ros('check_arm', '--bag', str(path), '--namespace', 'robot'))
+    assert process.exit_code() == 1
+    assert re.search(
+        r'not ok +joint_2 stays within ±30° +-33\.0° to 33\.0°\n'
+        r'    The limit is exceeded by 3\.0°\. .*\n', process.output)
+    assert process.output.endswith('not passed: 22 ok, 1 not ok, 1 not judged\n')
+    assert main(['--bag', str(path)]) == 1
+    assert capsys.readouterr().err.startswith('check_arm: ')
+
+
+def test_a_bag_without_times_or_with_damage(tmp_path, capsys):
+    """Stamps are not judged without times; a message that cannot be decoded is left out."""
+    bags = pytest.importorskip('bags')
+    messages = [(topic, 0, rows) for topic, _, rows in Arm().messages()]
+    path = bags.make(tmp_path, 'mcap', [*messages, ('/tf', 0, b'nonsense')])
+    assert main(['--bag', str(path)]) == 1
+    output = capsys.readouterr().out
+    assert 'The bag has no times.' in output
+    assert output.endswith('not passed: 22 ok, 2 not judged\n')
+
+
+# Wrong use
+
+@pytest.mark.parametrize(('arguments', 'text'), [
+    (['a.py', '--bag', 'b'], 'give files of programs, or --bag, or --frames'),
+    (['--frames', 'f.pdf', '--bag', 'b'], 'give files of programs, or --bag, or --frames'),
+    (['--bag', 'b', '--time', '9'], '--time is for an arm that is running'),
+    (['--time', '0.5'], '--time must be at least 1 s, and at most 3600 s, got 0.5'),
+    (['--time', 'nan'], "'nan' is not finite"),
+    (['a.py', '--jobs', '0'], '--jobs must be at least 1, and at most 17, got 0'),
+    (['--jobs', '2'], '--csv and --jobs need the files'),
+    (['--csv', 'out.csv'], '--csv and --jobs need the files'),
+    (['a.py', '--namespace', 'robot'], '--namespace is for --bag'),
+    (['--partial'], '--partial needs --bag'),
+    (['--bag', ''], '--bag needs the path of a bag'),
+    (['--frames', 'frames.txt'], "'frames.txt' must end in .pdf or .gv")])
+def test_wrong_use(failed, arguments, text):
+    """Wrong arguments end with exit code 2, and one line."""
+    code, error = failed(main, *arguments)
+    assert code == 2
+    assert text in error
+    assert error.count('\n') == 1
+
+
+def test_files_that_cannot_be_read_or_written(failed, tmp_path):
+    """They end with exit code 1, and one line that names the file."""
+    damaged = tmp_path / 'damaged.pdf'
+    damaged.write_text('no PDF')
+    for arguments, text in ((['--frames', 'missing.pdf'], 'missing.pdf: No such file'),
+                            (['--frames', 'missing.gv'], 'missing.gv: No such file'),
+                            (['--frames', str(damaged)], 'damaged.pdf is not a PDF'),
+                            (['--bag', 'missing'], 'missing'),
+                            (['a.py', '--csv', str(tmp_path)], 'Is a directory')):
+        code, error = failed(main, *arguments)
+        assert code == 1
+        assert text in error
+        assert error.count('\n') == 1
+
+
+# Drawings
+
+EDGE = ('"{}" -> "{}"[label=" Broadcaster: default_authority\\nAverage rate: 50.2\\nBuffer '
+        'length: 4.9\\nMost recent transform: 1.1\\nOldest transform: 0.1\\n"];')
+CHAIN = [*pairwise(FRAMES)]
+
+
+def as_tf2_writes_it(edges):
+    """Return a graph as the view_frames of tf2 writes it."""
+    return '\n'.join([
+        'digraph G {', *(EDGE.format(*edge) for edge in edges), 'edge [style=invis];',
+        ' subgraph cluster_legend { style=bold; color=black; label ="view_frames Result";',
+        '"Recorded at time: 1718889.2"[ shape=plaintext ] ;', f'}}->"{FRAMES[0]}";', '}'])
+
+
+@pytest.mark.parametrize(('edges', 'in_pdf', 'in_gv'), [
+    (CHAIN, 'ok', 'ok'),
+    (CHAIN[::-1], 'ok', 'ok'),
+    (CHAIN[:4], "Missing: 'end_effector'.", 'Missing: joint_3 -> end_effector.'),
+    ([*CHAIN, ('map', 'moving_frame')], "Other frames: 'moving_frame'.",
+     'Other edges: map -> moving_frame.'),
+    ([(FRAMES[min(i, 1)], child) for i, (_, child) in enumerate(CHAIN)],
+     'joint_2 is not below joint_1', 'Missing: joint_1 -> joint_2, joint_2 -> joint_3'),
+    ([(child, parent) for parent, child in CHAIN], 'base_link is not below map',
+     'Missing: base_link -> joint_1')])
+def test_a_drawing_of_tf2(tmp_path, capsys, edges, in_pdf, in_gv):
+    """A PDF shows the six names from top to bottom and no other; a graph has the five edges."""
+    pytest.importorskip('pypdf')
+    pygraphviz = pytest.importorskip('pygraphviz')
+    graph = tmp_path / 'frames.gv'
+    graph.write_text(as_tf2_writes_it(edges))
+    pygraphviz.AGraph(string=graph.read_text()).draw(str(tmp_path / 'frames.pdf'), prog='dot')
+    for name, expected in (('frames.pdf', in_pdf), ('frames.gv', in_gv)):
+        code = main(['--frames', str(tmp_path / name)])
+        output = capsys.readouterr().out
+        assert code == (0 if expected == 'ok' else 1)
+        assert output.startswith(f'{tmp_path / name}: {"" if code == 0 else "not ok: "}{expected}')
+
+
+def test_without_pypdf(start, tmp_path):
+    """The remedy is named."""
+    code = code_without(['pypdf']) + tool('check_arm')[1]
+    process = start('-c', code, '--frames', 'frames.pdf')
+    assert process.exit_code() == 1
+    assert process.output.startswith('check_arm: pypdf is needed to read a PDF: pip install pypdf')
+
+
+# Live
+
+FAST = [argument for number, speed in enumerate((3.0, 5.0, 7.0), 1)
+        for argument in ('-p', f'joint_{number}.speed:={speed}')]
+
+
+def test_the_arm_that_is_running(start):
+    """Our arm passes, ten times as fast so that the test is short; in a namespace, too."""
+    arm = start(*tool('dummy_arm', '--namespace', 'robot', '--ros-args', *FAST))
+    arm.line_with('t = 0')
+    checks = [start(*tool('check_arm', '--time', '4', '--namespace', 'robot')) for _ in range(2)]
+    for process in checks:
+        assert process.exit_code(60.0) == 0, process.output
+        assert 'base_link reaches a late listener             received\n' in process.output
+        assert process.output.endswith('passed: 24 ok\n')
+
+
+def test_no_arm(start):
+    """If nothing is received, the reasons are named; Ctrl-C ends the command with exit code 1."""
+    process = start(*tool('check_arm'))
+    interrupted = start(*tool('check_arm', '--time', '1000'))
+    arm = start(*tool('dummy_arm', '--namespace', 'robot'))
+    arm.line_with('t = 0')
+    assert process.exit_code(60.0) == 1
+    assert 'check_arm: no transform was received within 20 s. ' in process.output
+    assert '--namespace robot' in process.output
+    interrupted.press_ctrl_c()
+    assert interrupted.exit_code() == 1
+    assert 'Traceback' not in interrupted.output
+
+
+# Programs
+
+
+def program(*changes):
+    """Return the model answer with small changes."""
+    code = MODEL.read_text()
+    for old, new in changes:
+        assert code.count(old) == 1, old
+        code = code.replace(old, new)
+    return code
+
+
+FASTER = [("'joint_1', (0.0, 0.0, 0.3), 0.3,", "'joint_1', (0.0, 0.0, 0.3), 3.0,"),
+          ("'joint_2', (0.4, 0.0, 0.0), 0.5,", "'joint_2', (0.4, 0.0, 0.0), 5.0,"),
+          ("'joint_3', (0.3, 0.0, 0.0), 0.7,", "'joint_3', (0.3, 0.0, 0.0), 7.0,")]
+#: By file: the program, and the line that is printed.
+PROGRAMS = {
+    'model.py': (program(), 'ok'),
+    'only_main.py': (program(("\n\nif __name__ == '__main__':\n    main()\n", '\n')), 'ok'),
+    'full_angle.py': (program(('sin(angle / 2)', 'sin(angle)'), ('cos(angle / 2)', 'cos(angle)')),
+                      'not ok: joint_1 stays within ±45° (-90.0° to 90.0°). The limit is exceeded '
+                      'by 45.0°: the angle is twice as large as it should be. In the quaternion, '
+                      'use the half angle: z = sin(angle / 2), w = cos(angle / 2). (2 more)'),
+    'base_on_tf.py': (program(('self.static_broadcaster.sendTransform(self.transform(',
+                               'self.create_timer(0.1, lambda: self.broadcaster.sendTransform('
+                               'self.transform('),
+                              ("'base_link', (0.0, 0.0, 0.0), 0.0))",
+                               "'base_link', (0.0, 0.0, 0.0), 0.0)))")),
+                      'not ok: base_link is on /tf_static (/tf). map → base_link is sent on /tf: '
+                      'use StaticTransformBroadcaster, which sends on /tf_static.'),
+    'dropped.py': (program(('        self.start = ', '        self.later = self.create_timer(\n'
+                            '            15.0, lambda: self.destroy_publisher(\n'
+                            '                self.static_broadcaster.pub_tf))\n'
+                            '        self.start = ')),
+                   'not ok: base_link reaches a late listener (not received). A listener that '),
+    'stamp_once.py': (program(('self.transform(now, parent', 'self.transform(self.start, parent')),
+                      'not ok: the stamps are the current time (joint_1: always the same). '),
+    'star.py': (program(("('joint_1', 'joint_2'", "('base_link', 'joint_2'"),
+                        ("('joint_2', 'joint_3'", "('base_link', 'joint_3'")),
+                'not ok: the tree (base_link → joint_2). The tree is a star: joint_2, joint_3 '
+                'have the same parent.'),
+    'syntax.py': ('import rclpy\nprint("no end)\n',
+                  'not ok: It does not compile: line 2: unterminated string literal'),
+    'crash.py': ('import rclpy\nrclpy.init()\nnode = rclpy.create_node("a")\n\n\ndef f():\n'
+                 '    node.no_method()\n\n\nf()\n',
+                 "not ok: It fails: AttributeError: 'Node' object has no attribute 'no_method' "
+                 '(line 7)'),
+    'fails_often.py': (program(('        now = self', '        import traceback\n        try:\n'
+                              '            1 / 0\n        except ZeroDivisionError:\n'
+                              '            traceback.print_exc()\n        now = self')),
+                     'not ok: It fails: ZeroDivisionError: division by zero (line '),
+    'ends.py': ('print("done")\n', 'not ok: It ended by itself after '),
+    'loud.py': ('while True:\n    print("x" * 10_000)\n', 'not ok: It prints more than 1 MB.'),
+    'silent.py': ('import signal, subprocess, sys, time\nsignal.signal(2, signal.SIG_IGN)\n'
+                  'subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"])\n'
+                  'time.sleep(1000)\n',
+                  'not ok: It publishes nothing on /tf and /tf_static within 20 s.'),
+    'missing.py': (None, 'not ok: It cannot be read: No such file or directory.'),
+    'binary.py': ('\0', 'not ok: It does not compile: '),
+}
+
+
+def test_programs(start, tmp_path):
+    """Each program gets its line, in the order of the arguments, and a row of the table."""
+    for name, (code, _) in PROGRAMS.items():
+        if code is not None:
+            (tmp_path / name).write_text(code)
+    process = start(*tool('check_arm', *PROGRAMS, '--csv', 'grades.csv', '--jobs', '8'),
+                    cwd=tmp_path)
+    assert process.exit_code(240.0) == 1
+    lines = process.output.splitlines()
+    assert len(lines) == len(PROGRAMS), process.output
+    for line, (name, (_, expected)) in zip(lines, PROGRAMS.items()):
+        assert line.startswith(f'{name}: {expected}'), line
+    assert not process.has_left_processes()
+    with (tmp_path / 'grades.csv').open(newline='') as file:
+        rows = list(csv.DictReader(file))
+    assert [row['file'] for row in rows] == [*PROGRAMS]
+    assert [row['verdict'] == 'ok' for row in rows] == [
+        expected == 'ok' for _, expected in PROGRAMS.values()]
+    assert {*rows[0].values()} == {'model.py', 'ok', ''}
+    full_angle = rows[2]
+    assert full_angle['joint_1 stays within ±45°'] == 'not ok'
+    assert full_angle['joint_1 moves as a sine'] == 'ok'
+    assert full_angle['reason'] in lines[2]
+    assert {path.name for path in tmp_path.iterdir()} == {
+        'grades.csv', *(name for name, (code, _) in PROGRAMS.items() if code is not None)}
+
+
+def test_ctrl_c_ends_the_programs(start, tmp_path):
+    """What was judged is in the table, and no program is left."""
+    (tmp_path / 'fast.py').write_text('')
+    (tmp_path / 'endless.py').write_text(
+        'from pathlib import Path\nimport os, signal, time\nsignal.signal(2, signal.SIG_IGN)\n'
+        f'Path({str(tmp_path / "pid")!r}).write_text(str(os.getpid()))\ntime.sleep(1000)\n')
+    process = start(*tool('check_arm', 'fast.py', 'endless.py', '--csv', 'grades.csv', '--jobs',
+                          '1'), cwd=tmp_path)
+    process.line_with('fast.py: not ok: It ended by itself')
+    deadline = time.monotonic() + 20.0
+    while not (tmp_path / 'pid').exists() or not (tmp_path / 'pid').read_text():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    pid = int((tmp_path / 'pid').read_text())
+    process.end(signal.SIGINT)
+    assert process.exit_code() == 1
+    assert process.output.splitlines()[1:] == [
+        'check_arm: interrupted: the files without a line were not judged']
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
+    with (tmp_path / 'grades.csv').open(newline='') as file:
+        assert [row['file'] for row in csv.DictReader(file)] == ['fast.py']
