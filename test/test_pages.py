@@ -26,19 +26,22 @@ from dummy_arm.tf import rotations
 ROOT = Path(__file__).parent.parent
 PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').glob('*.md'))]
 #: The number of blocks that are not run, by page and mark.
-NOT_RUN = {('desktop.md', 'desktop'): 5, ('desktop.md', 'docker'): 5}
+NOT_RUN = {('desktop.md', 'desktop'): 5, ('desktop.md', 'docker'): 5, ('lab.md', 'docker'): 3}
 #: The commands that run until Ctrl-C, and a text that each prints when it works.
 ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in {
     'dummy_arm': 't = 0', 'dynamic_tf_publisher': 'publishing map -> moving_frame',
-    'python docs/examples/record.py': 'recording', 'static_transform_publisher': 'translation: ',
+    'python docs/examples/record.py': 'recording', 'python lab/': 'publishing',
+    'static_transform_publisher': 'translation: ',
     'tf2_echo (?!.*--(once|bag))': 'At time', 'tf2_monitor': 'RESULTS',
     'view_frames .*--watch': ' Hz ', 'web_view': 'look at http://'}.items()}
 #: The sections whose commands need the arm, which the text says.
-WITH_ARM = {('commands.md', 'param'), ('commands.md', 'tf2_echo'), ('commands.md', 'tf2_monitor'),
-            ('commands.md', 'view_frames'), ('bags.md', 'Record a bag')}
+WITH_ARM = {('bags.md', 'Record a bag'), ('commands.md', 'check_arm'), ('commands.md', 'param'),
+            ('commands.md', 'tf2_echo'), ('commands.md', 'tf2_monitor'),
+            ('commands.md', 'view_frames')}
 #: The sections that take long: they install packages, or listen again and again.
-LONG = {('README.md', 'A first program'), ('bags.md', 'Install'),
-        ('commands.md', 'Several robots'), ('commands.md', 'view_frames')}
+LONG = {('README.md', 'A first program'), ('bags.md', 'Install'), ('commands.md', 'check_arm'),
+        ('commands.md', 'Several robots'), ('commands.md', 'view_frames'),
+        ('lab.md', 'Step 6: the arm'), ('lab.md', 'For teachers')}
 
 
 class Block(NamedTuple):
