@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
 from itertools import groupby
-from math import asin, degrees, hypot, isfinite, log, pi, radians
+from math import asin, degrees, hypot, log, pi, radians
 from operator import itemgetter
 from typing import Any, NamedTuple, Optional
 
@@ -17,7 +17,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from dummy_arm.tf.formatting import (
     comma_list,
-    in_seconds,
     match_candidates,
     SECOND,
     shortened,
@@ -45,8 +44,9 @@ _SLOW = 0.3
 _FASTEST, _MOST_SAMPLES = 20.0, 1000
 #: Two speeds are different if their ratio is at least this number.
 _DIFFERENT = 1.05
-#: A stamp of now differs from the time of arrival by less than this time (ns).
-_LARGEST_DELAY = SECOND // 2
+#: A stamp of now differs from the time of arrival by less than this time (s). This part of the
+#: stamps may differ by more, because the machine is busy or the program starts.
+_LARGEST_DELAY, _DELAYED = 0.5, 0.05
 #: tf2's limit for |norm² - 1| of a quaternion.
 _NORM_TOLERANCE = 10e-3
 #: Good practice: the lowest rate (Hz), the part of a limit that is used, the part of the ticks in
@@ -191,7 +191,7 @@ class _Samples:
         :param rows: the transforms, each with its message.
         """
         self.parents = {_name(row.frame_id): None for _, row in rows}  # in order of appearance
-        self.times = np.array([message.time for message, _ in rows], np.int64)
+        self.times = np.array([message.time / SECOND for message, _ in rows])  # s; 0: not known
         self.stamps = np.array([row.stamp_ns for _, row in rows], np.int64)
         self.is_static = np.array([message.is_static for message, _ in rows])
         self.poses = np.array([row.pose for _, row in rows], float)
@@ -207,6 +207,11 @@ class _Samples:
         """(n, 4): the unit quaternions x, y, z, w."""
         quaternions = self.poses[:, 3:]
         return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1)[:, None])
+
+    @property
+    def delays(self) -> _Floats:
+        """(n,): the times from the stamps to the arrivals (s)."""
+        return np.asarray(self.times - self.stamps / SECOND)
 
     def is_published_twice(self) -> bool:
         """Return whether two publishers send the frame at the same time."""
@@ -362,37 +367,37 @@ class _Check:
     def _stamps(self) -> Line:
         """Judge the stamps of all transforms on /tf."""
         requirement = 'the stamps are the current time'
-        moving = {name: self._samples[name] for name in FRAMES
-                  if name in self._samples and not self._samples[name].is_static.all()}
-        known = {name: samples for name, samples in moving.items() if samples.times.all()}
+        moving = [name for name in FRAMES
+                  if name in self._samples and not self._samples[name].is_static.all()]
+        known = [name for name in moving if self._samples[name].times.all()]
         if not known:
             return Line(requirement, '', NOT_JUDGED, 'The bag has no times.' if moving else
                         'No transform of the arm is on /tf.')
-        worst: Optional[Line] = None
-        largest = 0
-        for name, samples in known.items():
-            is_moving = ~samples.is_static
-            stamps, times = samples.stamps[is_moving], samples.times[is_moving]
-            delay = int(np.median(times - stamps))
-            largest = max(largest, delay, key=abs)
-            if abs(delay) < _LARGEST_DELAY:
-                continue
-            self._faults[name, _STAMPS] = f'The stamps of {name} are wrong.'
-            if worst:
-                continue
-            now = 'self.get_clock().now().to_msg()'
-            if not stamps.any():
-                worst = Line(requirement, f'{name}: 0', NOT_OK,
-                             f'The stamp of {name} is not set: header.stamp = {now}.')
-            elif len(stamps) > 1 and (stamps == stamps[0]).all():
-                worst = Line(requirement, f'{name}: always the same', NOT_OK,
-                             f'The stamp of {name} is set only once: set header.stamp = {now} '
-                             'before each sendTransform.')
-            else:
-                age = 'old' if delay > 0 else 'in the future'
-                worst = Line(requirement, f'{name}: {abs(in_seconds(delay)):.3g} s {age}', NOT_OK,
-                             f'The stamp of {name} is not the current time: header.stamp = {now}.')
-        return worst or Line(requirement, f'{in_seconds(largest) * 1e3:.1f} ms old', OK)
+        faults = [fault for name in known if (fault := self._fault_of_stamps(name))]
+        if faults:
+            return Line(requirement, faults[0][0], NOT_OK, faults[0][1])
+        delays = [float(np.median(self._samples[name].delays)) for name in known]
+        return Line(requirement, f'{max(delays, key=abs) * 1e3:.1f} ms old', OK)
+
+    def _fault_of_stamps(self, name: str) -> Optional[tuple[str, str]]:
+        """Return what is wrong with the stamps of a frame: measured, and the cause."""
+        samples = self._samples[name]
+        stamps = samples.stamps[~samples.is_static]
+        delays = samples.delays[~samples.is_static]
+        is_wrong = abs(delays) >= _LARGEST_DELAY
+        if is_wrong.mean() <= _DELAYED:
+            return None
+        self._faults[name, _STAMPS] = f'The stamps of {name} are wrong.'
+        now = 'header.stamp = self.get_clock().now().to_msg()'
+        if not stamps.any():
+            return f'{name}: 0', f'The stamp of {name} is not set: {now}.'
+        if len(stamps) > 1 and (stamps == stamps[0]).all():
+            return (f'{name}: always the same', f'The stamp of {name} is set only once: set {now} '
+                    'before each sendTransform.')
+        delay = float(np.median(delays[is_wrong]))
+        age = 'old' if delay > 0 else 'in the future'
+        return (f'{name}: {abs(delay):.3g} s {age}',
+                f'The stamp of {name} is not the current time: {now}.')
 
     # base_link
 
@@ -541,10 +546,12 @@ class _Check:
                                  _STAMPS):
             return line
         samples = self._samples[joint.name]
-        moving = ~samples.is_static
-        times = (samples.stamps[moving] - samples.stamps[moving][0]) / SECOND
-        order = np.argsort(times, kind='stable')
-        times, angles = times[order], np.unwrap(self._angles(joint)[moving])[order]
+        usable = ~samples.is_static & (
+            (samples.times == 0) | (abs(samples.delays) < _LARGEST_DELAY))
+        stamps = samples.stamps[usable]
+        order = np.argsort(stamps, kind='stable')
+        times = (stamps[order] - stamps[order[0]]) / SECOND
+        angles = np.unwrap(self._angles(joint)[usable][order])
         if len(times) < 20 or times[-1] - times[0] < 1.0:
             return Line(requirement, f'{len(times)} transforms', NOT_JUDGED,
                         'There are too few transforms to see a wave.')
@@ -690,10 +697,10 @@ def _degrees(angle: float) -> str:
     return f'{degrees(angle):.1f}°'
 
 
-def _rate(times: NDArray[np.int64]) -> Optional[float]:
-    """Return the average rate of messages (Hz), from their times (ns); None if it is not known."""
-    span = in_seconds(int(times[-1] - times[0])) if len(times) > 1 else 0.0
-    return (len(times) - 1) / span if span > 0.0 and isfinite(span) else None
+def _rate(times: _Floats) -> Optional[float]:
+    """Return the average rate of messages (Hz), from their times (s); None if it is not known."""
+    span = times[-1] - times[0]
+    return (len(times) - 1) / span if span > 0.0 else None
 
 
 def _advised(practice: str, measured: str, is_followed: bool, text: str) -> Line:
