@@ -97,6 +97,16 @@ class EachInItsMessage(Arm):
                 yield topic, time + i * 1000, [row._replace(stamp_ns=row.stamp_ns + i * 1000)]
 
 
+class OnBothTopics(Arm):
+    """All joints are also sent as static transforms."""
+
+    def messages(self, seconds=25.0):
+        """Yield the messages, and one more."""
+        messages = [*super().messages(seconds)]
+        _, time, rows = messages[1]
+        yield from [messages[0], ('/tf_static', time, rows), *messages[1:]]
+
+
 def _triangle(self, joint, t):
     return radians(self.limits[joint - 1]) * 2 / pi * asin(sin(self.speeds[joint - 1] * t))
 
@@ -146,6 +156,8 @@ WRONG = {
     'other root': (changed(names=_named(0, 'world')), 'the tree', 'must be map, not world'),
     'no base_link': (changed(topics=('', '/tf', '/tf', '/tf', '/tf')), 'the tree',
                      'StaticTransformBroadcaster'),
+    'other names': (changed(names=('map', 'base', *Arm.names[2:])), 'the tree',
+                    'were received: base.'),
     'no end_effector': (changed(topics=(*Arm.topics[:4], '')), 'the tree',
                         'No transform of end_effector'),
     'star': (changed(parent=lambda self, edge: self.names[min(edge, 1)]), 'the tree', 'is a star'),
@@ -158,6 +170,8 @@ WRONG = {
     'one stamp': (changed(stamp=lambda self, edge, now: BEGIN), 'the stamps', 'only once'),
     'old stamp': (changed(stamp=lambda self, edge, now: now - 2 * S), 'the stamps',
                   'not the current'),
+    'whole seconds': (changed(stamp=lambda self, edge, now: round(now, -9)), 'the stamps',
+                      'has no nanoseconds'),
     'stamps of another clock': (changed(stamp=lambda self, edge, now: now - BEGIN), 'the stamps',
                                 'not the current'),
     'base on /tf': (changed(topics=('/tf',) * 5), 'base_link is on /tf_static',
@@ -184,6 +198,9 @@ WRONG = {
         'joint_2 is 0.4 m', 'changes'),
     'about x': (changed(rotation=_edge(1, lambda a: (sin(a / 2), 0.0, 0.0, cos(a / 2)))),
                 'joint_1 turns about z', 'turns about x'),
+    'slightly tilted': (changed(rotation=_edge(3, lambda a: (
+        0.00095, 0.0, sin(a / 2), (1 - 0.00095 ** 2 - sin(a / 2) ** 2) ** 0.5))),
+        'joint_3 turns about z', 'x and y of its quaternion are 0'),
     'w first': (changed(rotation=_edge(2, lambda a: (cos(a / 2), 0.0, 0.0, sin(a / 2)))),
                 'joint_2 turns about z', 'w is in the place of x'),
     'static joint': (changed(topics=('/tf_static', '/tf', '/tf_static', '/tf', '/tf')),
@@ -196,6 +213,7 @@ WRONG = {
     'full angle': (changed(rotation=lambda self, edge, angle: (0.0, 0.0, sin(angle), cos(angle))),
                    'joint_1 stays', 'half angle'),
     'a little too far': (changed(limits=(45.0, 33.0, 60.0)), 'joint_2 stays', 'exceeded by 3.0°'),
+    'rounded limit': (changed(limits=(45.3, 30.0, 60.0)), 'joint_1 stays', 'rounded'),
     'limits exchanged': (changed(limits=(30.0, 45.0, 60.0)), 'joint_2 stays', 'limit of joint_1'),
     'no sine': (changed(angle=lambda self, joint, t: self.speeds[joint - 1] * t), 'joint_1 stays',
                 'all the way round'),
@@ -206,11 +224,16 @@ WRONG = {
         1, lambda self, joint, t: 0.5 * sin(0.3 * t) + 0.2 * sin(t))), 'joint_1 moves as a sine',
         'not a sine'),
     'equal speeds': (changed(speeds=(0.5, 0.5, 0.5)), 'the joints have', 'the same speed'),
+    'no speeds': (changed(speeds=(1.0, 1.0, 1.0)), 'the joints have', 'the same speed'),
+    'equal fast speeds': (changed(speeds=(0.7, 0.7, 0.7)), 'the joints have', 'the same speed'),
     'two equal speeds': (changed(speeds=(0.3, 0.7, 0.7)), 'the joints have',
                          'joint_2 and joint_3 have the same'),
     'order of speeds': (changed(speeds=(0.7, 0.5, 0.3)), 'the joints have', 'The order'),
     'speeds in degrees': (changed(speeds=(radians(0.3), radians(0.5), radians(0.7))),
                           'the joints have', 'do not convert'),
+    'too fast': (changed(speeds=(25.0, 30.0, 35.0), hertz=50), 'joint_1 moves as a sine',
+                 'faster than a sine of 20 rad/s'),
+    'on both topics': (OnBothTopics(), 'the tree', 'on /tf and on /tf_static'),
     'hand turns': (changed(rotation=lambda self, edge, angle: (
         Arm.rotation(self, edge, angle)), row=lambda self, edge, now: Arm.row(self, edge, now)
         if edge < 4 else Arm.row(self, edge, now)._replace(pose=(
@@ -233,6 +256,7 @@ RIGHT = {
             (-1) ** (now // S) * part for part in Arm.row(self, edge, now).pose[3:])))),
     'second reading of the speeds': changed(speeds=tuple(
         speed / radians(limit) for speed, limit in zip(Arm.speeds, Arm.limits))),
+    'small amplitudes': changed(limits=(22.0, 10.0, 25.0), speeds=(0.9, 1.5, 2.1)),
     'slashes': changed(names=('/map', '/base_link', *Arm.names[2:])),
     'other direction': changed(speeds=(-0.3, -0.5, -0.7)),
     'static hand': changed(topics=(*Arm.topics[:4], '/tf_static')),

@@ -15,7 +15,7 @@ _ROS = 'rclpy', 'builtin_interfaces', 'geometry_msgs', 'rcl_interfaces', 'std_ms
 
 def check_arm() -> int:
     """Run `dummy_arm.tools.check_arm` and return its exit code."""
-    return _run('dummy_arm.tools.check_arm')
+    return _run('dummy_arm.tools.check_arm', interrupted=1)
 
 
 def dummy_arm() -> int:
@@ -58,16 +58,20 @@ def web_view() -> int:
     return _run('dummy_arm.tools.web_view')
 
 
-def _run(module: str) -> int:
-    """Import a module, run its `main`, and return the exit code."""
+def _run(module: str, interrupted: int = 0) -> int:
+    """
+    Import a module, run its `main`, and return the exit code.
+
+    :param interrupted: the exit code if a signal ends the import.
+    """
     # Without this call, Ctrl-C would raise KeyboardInterrupt in the middle of an import, and the
     # import might turn it into another exception.
     record_signals()
     try:
         main = import_module(module).main
-        return 0 if signal_received() else int(main())
+        return interrupted if signal_received() else int(main())
     except KeyboardInterrupt:
-        return 0
+        return interrupted
     except ModuleNotFoundError as error:
         if error.name not in _ROS:
             raise

@@ -91,7 +91,7 @@ def number(text: str) -> float:
 
 
 def run(parser: argparse.ArgumentParser, command: Callable[..., int],
-        args: Optional[Sequence[str]] = None) -> int:
+        args: Optional[Sequence[str]] = None, interrupted: int = 0) -> int:
     """
     Parse the arguments and run a command; Ctrl-C and SIGTERM end the command normally.
 
@@ -100,9 +100,10 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         parsed arguments, and `ros_args`, which is the command line with the name of the command.
         The function returns the exit code, and may raise a UsageError or a CommandError.
     :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code that `command` returns, or one of these. 0: a signal ended the command,
-        or the program that reads the output of the command has ended. 1: a CommandError or an
-        OSError. 2: a UsageError. The errors are printed on stderr in one line.
+    :param interrupted: the exit code if a signal ends the command, or if the program that reads
+        the output of the command has ended.
+    :returns: `interrupted`, the exit code that `command` returns, or one of these. 1: a
+        CommandError or an OSError. 2: a UsageError. The errors are printed on stderr in one line.
     :raises SystemExit: if the arguments cannot be parsed (code 2), or after `--help` (code 0).
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
@@ -112,10 +113,10 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         _make_writable()
         return command(ros_args=arguments, **vars(options))
     except KeyboardInterrupt:
-        return 0
+        return interrupted
     except BrokenPipeError:  # for example, the output is piped to `head`, which has ended
         _close_stdout()
-        return 0
+        return interrupted
     except (UsageError, CommandError) as error:
         print(f'{parser.prog}: {visible(str(error))}', file=sys.stderr)
         return 2 if isinstance(error, UsageError) else 1

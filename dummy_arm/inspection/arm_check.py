@@ -7,7 +7,7 @@ The check needs no ROS: its input is a list of received or recorded messages.
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
-from itertools import groupby
+from itertools import combinations, groupby, pairwise
 from math import asin, degrees, hypot, log, pi, radians
 from operator import itemgetter
 from typing import Any, NamedTuple, Optional
@@ -37,11 +37,14 @@ _SMALLEST_MOTION = radians(3.0)
 _LARGEST_RESIDUAL = 0.02
 #: The part of a period that must be observed to judge a wave.
 _SHORTEST_WAVE = 0.95
-#: A joint of which less than this part of a period is observed is much too slow.
-_SLOW = 0.3
-#: The largest angular frequency that is looked for (rad/s), and the largest number of samples that
-#: are used to find it.
-_FASTEST, _MOST_SAMPLES = 20.0, 1000
+#: A joint of which less than this part of a period is observed in this time (s) is too slow.
+_SLOW, _LONG_ENOUGH = 0.3, 15.0
+#: If nothing was received for this time (s) at the end of an observation, a frame is not sent any
+#: more.
+_SILENCE = 3.0
+#: The largest angular frequency that is looked for (rad/s); the time at the beginning of an
+#: observation in which it is looked for (s), and the largest number of samples that are used.
+_FASTEST, _FIRST_WINDOW, _MOST_SAMPLES = 20.0, 60.0, 1000
 #: Two speeds are different if their ratio is at least this number.
 _DIFFERENT = 1.05
 #: A stamp of now differs from the time of arrival by less than this time (s). This part of the
@@ -139,6 +142,11 @@ class Sine(NamedTuple):
     periods: float  #: the number of periods between the first and the last time
 
     @property
+    def span(self) -> float:
+        """The time from the first to the last angle (s)."""
+        return self.periods * 2 * pi / self.speed
+
+    @property
     def fastest(self) -> float:
         """The largest speed of the joint (rad/s)."""
         return self.amplitude * self.speed
@@ -148,30 +156,44 @@ def fit_sine(times: _Floats, angles: _Floats) -> Sine:
     """
     Fit c + a sin(speed t) + b cos(speed t) to angles by least squares.
 
-    The speed is searched on a grid and then improved by Gauss-Newton steps, as in the
-    four-parameter sine fit of IEEE Std 1057.
+    The speed is searched on a grid, in a window at the beginning. Then it is improved by
+    Gauss-Newton steps, as in the four-parameter sine fit of IEEE Std 1057, in windows that grow to
+    the whole observation.
 
-    :param times: (n,) times (s), n > 4; the first is the smallest, the last is the largest.
+    :param times: (n,) times (s), n > 4, in ascending order.
     :param angles: (n,) angles (rad), which are not all equal.
     :returns: the sine.
     """
-    step = -(-len(times) // _MOST_SAMPLES)
-    t, y = times[::step] - times[0], angles[::step]
-    span = times[-1] - times[0]
-    fastest = min(_FASTEST, 0.9 * pi * (len(t) - 1) / span)
-    grid = np.arange(pi / (4 * span), fastest, pi / (4 * span))
-    speed = float(grid[np.argmin([_linear_fit(t, y, each)[1] for each in grid])])
+    t = times - times[0]
+    span, window = t[-1], min(t[-1], _FIRST_WINDOW)
+    count = int(np.searchsorted(t, window, 'right'))
+    fastest = min(_FASTEST, 0.9 * pi * (count - 1) / window)
+    grid = np.arange(pi / (4 * window), fastest, pi / (4 * window))
+    step = -(-count // _MOST_SAMPLES)
+    first, y = t[:count:step], angles[:count:step]
+    speed = float(grid[np.argmin([_linear_fit(first, y, each)[1] for each in grid])])
+    while True:
+        speed = _improved(t[:count:step], angles[:count:step], speed, pi / (4 * window), fastest)
+        if window == span:
+            break
+        window = min(4 * window, span)
+        count = int(np.searchsorted(t, window, 'right'))
+        step = -(-count // _MOST_SAMPLES)
+    (_, a, b), residual = _linear_fit(t, angles, speed)
+    amplitude = max(hypot(a, b), 1e-12)
+    return Sine(amplitude, speed, float(np.arctan2(b, a)), residual / amplitude,
+                speed * span / (2 * pi))
+
+
+def _improved(t: _Floats, y: _Floats, speed: float, step: float, fastest: float) -> float:
+    """Return the speed after Gauss-Newton steps, each of which is at most `step` (rad/s)."""
     for _ in range(10):
         (_, a, b), _ = _linear_fit(t, y, speed)
         sine, cosine = np.sin(speed * t), np.cos(speed * t)
         columns = np.column_stack([np.ones_like(t), sine, cosine, t * (a * cosine - b * sine)])
         change = float(np.linalg.lstsq(columns, y, rcond=None)[0][3])
-        speed = min(max(speed + np.clip(change, -grid[0], grid[0]), grid[0] / 2), fastest)
-    t = times - times[0]
-    (_, a, b), residual = _linear_fit(t, angles, speed)
-    amplitude = max(hypot(a, b), 1e-12)
-    return Sine(amplitude, speed, float(np.arctan2(b, a)), residual / amplitude,
-                speed * span / (2 * pi))
+        speed = min(max(speed + min(max(change, -step), step), step / 2), fastest)
+    return speed
 
 
 def _linear_fit(t: _Floats, y: _Floats, speed: float) -> tuple[_Floats, float]:
@@ -214,8 +236,17 @@ class _Samples:
         return np.asarray(self.times - self.stamps / SECOND)
 
     def is_published_twice(self) -> bool:
-        """Return whether two publishers send the frame at the same time."""
-        return len([*groupby(self.publishers)]) > len(set(self.publishers))
+        """
+        Return whether two publishers send the frame on one topic at the same time.
+
+        If each publisher begins after the one before it has ended, as when a program is started
+        again, the messages of each publisher are one group. If they send at the same time, there
+        are more groups than publishers.
+        """
+        return any(
+            len([*groupby(names)]) > len(set(names)) for names in (
+                [name for name, is_static in zip(self.publishers, self.is_static)
+                 if is_static == topic] for topic in (False, True)))
 
 
 def _name(name: str) -> str:
@@ -225,12 +256,14 @@ def _name(name: str) -> str:
 class _Check:
     """The check of one arm."""
 
-    def __init__(self, messages: Iterable[Message], reaches_late_joiners: Optional[bool]) -> None:
+    def __init__(self, messages: Iterable[Message], reaches_late_joiners: Optional[bool],
+                 end: Optional[int]) -> None:
         """
         Sort the transforms by frames.
 
         :param messages: as for `check`.
         :param reaches_late_joiners: as for `check`.
+        :param end: as for `check`.
         """
         self._reaches_late_joiners = reaches_late_joiners
         rows: defaultdict[str, list[tuple[Message, Any]]] = defaultdict(list)
@@ -238,9 +271,18 @@ class _Check:
             for row in message.rows:
                 rows[_name(row.child_frame_id)].append((message, row))
         self._samples = {name: _Samples(found) for name, found in rows.items()}
-        #: By frame and by what is wrong with it: a sentence.
+        #: The end of the observation (s).
+        self._end = max((samples.times[-1] for samples in self._samples.values()), default=0.0)
+        if end is not None:
+            self._end = end / SECOND
+        #: By frame and by what is wrong with it: a sentence. A method that judges a requirement
+        #: adds what it finds; the methods after it in `_lines` then do not judge what depends on
+        #: it.
         self._faults: dict[tuple[str, str], str] = {}
+        #: The sines that fit the angles, by joint; also those that are too short to be judged.
         self._sines: dict[str, Sine] = {}
+        #: True if the speeds are as required.
+        self._has_speeds = False
 
     def report(self) -> Report:
         """Judge all requirements."""
@@ -248,7 +290,7 @@ class _Check:
         is_late_known = self._reaches_late_joiners is not None
         passed = all(line.verdict == OK for line in lines
                      if is_late_known or line.requirement != _LATE)
-        return Report(lines, [*self._advice()] if self._samples else [], passed)
+        return Report(lines, [*self._advice()], passed)
 
     def _blocked(self, requirement: str, name: str, *kinds: str) -> Optional[Line]:
         """
@@ -343,16 +385,22 @@ class _Check:
             if all(samples.is_static.all() for samples in self._samples.values()):
                 return (f'no {name}', missing, f'No transform of {name} was received: nothing '
                         'arrives on /tf.')
+            hint = ''
             if edge is BASE:
-                return (f'no {name}', missing, f'No transform of {name} was received. If it is '
-                        'sent, the publisher or its node may have been deleted, or is not latched '
-                        '(StaticTransformBroadcaster keeps the transform for later listeners).')
-            return f'no {name}', missing, f'No transform of {name} was received.'
+                hint = (' Send it with StaticTransformBroadcaster: what TransformBroadcaster '
+                        'sends once does not reach later listeners. The node must still run.')
+            if others := [shortened(other) for other in self._samples if other not in FRAMES]:
+                hint += f' Other frames were received: {comma_list(others, _SHOWN)}.'
+            return f'no {name}', missing, f'No transform of {name} was received.{hint}'
         samples = self._samples[name]
         if samples.is_published_twice():
             return (f'{name} from {len(set(samples.publishers))} publishers',
                     f'{name} has several publishers.',
-                    f'Two programs publish {name} at the same time: end one of them.')
+                    f'Two publishers send {name} at the same time: two programs, nodes or '
+                    'broadcasters. Only one may send it.')
+        if edge is not BASE and samples.is_static.any() and not samples.is_static.all():
+            return (f'{name} on /tf and /tf_static', f'{name} is on both topics.',
+                    f'{name} is sent on /tf and on /tf_static; only one of them is right.')
         if [*samples.parents] == [edge.parent]:
             return None
         parents = comma_list([shortened(parent) for parent in samples.parents], _SHOWN)
@@ -369,7 +417,8 @@ class _Check:
         requirement = 'the stamps are the current time'
         moving = [name for name in FRAMES
                   if name in self._samples and not self._samples[name].is_static.all()]
-        known = [name for name in moving if self._samples[name].times.all()]
+        known = [name for name in moving
+                 if self._samples[name].times[~self._samples[name].is_static].all()]
         if not known:
             return Line(requirement, '', NOT_JUDGED, 'The bag has no times.' if moving else
                         'No transform of the arm is on /tf.')
@@ -385,7 +434,8 @@ class _Check:
         stamps = samples.stamps[~samples.is_static]
         delays = samples.delays[~samples.is_static]
         is_wrong = abs(delays) >= _LARGEST_DELAY
-        if is_wrong.mean() <= _DELAYED:
+        has_whole_seconds = len(stamps) > 1 and not (stamps % SECOND).any()
+        if is_wrong.mean() <= _DELAYED and not has_whole_seconds:
             return None
         self._faults[name, _STAMPS] = f'The stamps of {name} are wrong.'
         now = 'header.stamp = self.get_clock().now().to_msg()'
@@ -394,6 +444,8 @@ class _Check:
         if len(stamps) > 1 and (stamps == stamps[0]).all():
             return (f'{name}: always the same', f'The stamp of {name} is set only once: set {now} '
                     'before each sendTransform.')
+        if has_whole_seconds:
+            return (f'{name}: whole seconds', f'The stamp of {name} has no nanoseconds: {now}.')
         delay = float(np.median(delays[is_wrong]))
         age = 'old' if delay > 0 else 'in the future'
         return (f'{name}: {abs(delay):.3g} s {age}',
@@ -470,11 +522,13 @@ class _Check:
         if tilt <= _ROTATION_TOLERANCE:
             return Line(requirement, 'about z' if z > 1e-6 else 'no rotation', OK)
         self._faults[joint.name, _AXIS] = f'{joint.name} does not turn about z only.'
-        axes = ' and '.join(axis for axis, part in zip('xyz', (x, y, z)) if part > 1e-3)
+        # The vector part of the quaternion is sin(angle / 2) times the axis.
+        axes = ' and '.join(axis for axis, part in zip('xyz', (x, y, z))
+                            if part > _ROTATION_TOLERANCE / 4)
         if abs(rotations[:, 0]).mean() > 0.8:
             cause = ('w is in the place of x: the functions of transforms3d return w, x, y, z, '
                      'those of tf_transformations x, y, z, w.')
-        elif len(axes) == 1:
+        elif axes in ('x', 'y'):
             cause = (f'{joint.name} turns about {axes}: in (x, y, z, w), z is sin(angle / 2), and '
                      'in quaternion_from_euler(roll, pitch, yaw), yaw is the angle about z.')
         else:
@@ -499,6 +553,13 @@ class _Check:
             return Line(requirement, 'on /tf_static', NOT_OK,
                         f'{joint.name} is sent as a static transform, which does not move: send '
                         'it with TransformBroadcaster in a timer.')
+        duration = samples.times[-1] - samples.times[0]
+        if self._end > samples.times[-1] + _SILENCE:
+            self._faults[joint.name, _MOTION] = f'{joint.name} is not sent any more.'
+            return Line(requirement, f'for {duration:.1f} s', NOT_OK,
+                        f'{joint.name} is not sent any more, since '
+                        f'{self._end - samples.times[-1]:.1f} s: send it as long as the program '
+                        'runs.')
         span = float(np.ptp(self._angles(joint)))
         measured = f'by {_degrees(span)}'
         if span >= _SMALLEST_MOTION:
@@ -532,9 +593,11 @@ class _Check:
         elif abs(largest / joint.limit - 2) < 0.04:
             cause = (f'{excess}: the angle is twice as large as it should be. In the quaternion, '
                      'use the half angle: z = sin(angle / 2), w = cos(angle / 2).')
-        elif others := [other.name for other in JOINTS
-                        if abs(largest - other.limit) < radians(0.5)]:
+        elif others := [other.name for other in JOINTS if other is not joint
+                        and abs(largest - other.limit) < radians(0.5)]:
             cause = f'{excess}: this is the limit of {others[0]}.'
+        elif largest - joint.limit < radians(1.0):
+            cause = f'{excess}: is the limit rounded, or does the last step go beyond it?'
         else:
             cause = (f'{excess}. The largest angle of limit * sin(speed * t) + offset is limit + '
                      'offset.')
@@ -549,20 +612,19 @@ class _Check:
         usable = ~samples.is_static & (
             (samples.times == 0) | (abs(samples.delays) < _LARGEST_DELAY))
         stamps = samples.stamps[usable]
+        if len(stamps) < 20 or np.ptp(stamps) < SECOND:
+            return Line(requirement, '', NOT_JUDGED,
+                        f'{len(stamps)} transforms are too few to see a wave.')
         order = np.argsort(stamps, kind='stable')
-        times = (stamps[order] - stamps[order[0]]) / SECOND
+        times = (stamps[order] - stamps.min()) / SECOND
         angles = np.unwrap(self._angles(joint)[usable][order])
-        if len(times) < 20 or times[-1] - times[0] < 1.0:
-            return Line(requirement, f'{len(times)} transforms', NOT_JUDGED,
-                        'There are too few transforms to see a wave.')
         sine = fit_sine(times, angles)
-        if sine.periods < _SLOW:
+        if sine.residual < _LARGEST_RESIDUAL:
             self._sines[joint.name] = sine
         if sine.periods < _SHORTEST_WAVE:
-            span = times[-1] - times[0]
             return Line(requirement, f'{sine.periods:.2f} periods', NOT_JUDGED,
-                        f'{span:.1f} s are less than a period: observe the arm longer (--time).')
-        self._sines[joint.name] = sine
+                        f'{times[-1]:.1f} s are less than a period: observe the arm longer '
+                        '(--time).')
         measured = f'differs by {100 * sine.residual:.1f} % of the amplitude'
         if sine.residual < _LARGEST_RESIDUAL:
             return Line(requirement, measured, OK)
@@ -571,27 +633,40 @@ class _Check:
     def _speeds(self) -> Line:
         requirement = 'the joints have three different speeds'
         for joint in JOINTS:
-            if joint.name not in self._sines:
-                return Line(requirement, '', NOT_JUDGED,
-                            f'The speed of {joint.name} cannot be measured.')
-        names = [joint.name for joint in JOINTS]
-        sines = [self._sines[name] for name in names]
-        for joint, sine in zip(JOINTS, sines):
-            if sine.periods < _SLOW:
+            sine = self._sines.get(joint.name)
+            if sine and sine.periods < _SLOW and sine.span >= _LONG_ENOUGH:
                 return Line(requirement, f'{joint.name}: less than {sine.speed:.2g} rad/s', NOT_OK,
                             f'{joint.name} is much too slow. The speed of about {joint.speed} '
                             'rad/s is in radians already: do not convert it.')
-        speeds, reading = _reading(sines)
+            if not sine or sine.periods < _SHORTEST_WAVE:
+                return Line(requirement, '', NOT_JUDGED,
+                            f'The speed of {joint.name} cannot be measured.')
+        speeds, reading = self._speeds_and_reading()
         measured = f'{", ".join(f"{speed:.2f}" for speed in speeds)} rad/s ({reading})'
-        pairs = [(i, k) for i in range(3) for k in range(i + 1, 3)]
-        for i, k in pairs:
-            if max(speeds[i], speeds[k]) < _DIFFERENT * min(speeds[i], speeds[k]):
+        self._has_speeds = _are_in_order(speeds)
+        if self._has_speeds:
+            return Line(requirement, measured, OK)
+        for (first, speed), (second, other) in combinations(zip(JOINTS, speeds), 2):
+            if max(speed, other) < _DIFFERENT * min(speed, other):
                 return Line(requirement, measured, NOT_OK,
-                            f'{names[i]} and {names[k]} have the same speed.')
-        if speeds != sorted(speeds):
-            return Line(requirement, measured, NOT_OK, 'The order of the speeds is wrong: joint_1 '
-                        'is the slowest, joint_3 is the fastest.')
-        return Line(requirement, measured, OK)
+                            f'{first.name} and {second.name} have the same speed.')
+        return Line(requirement, measured, NOT_OK, 'The order of the speeds is wrong: joint_1 '
+                    'is the slowest, joint_3 is the fastest.')
+
+    def _speeds_and_reading(self) -> tuple[list[float], str]:
+        """
+        Return the speeds of the joints (rad/s), and what they are.
+
+        The sheet can be read in two ways: the speed of a joint is that of its phase, or the
+        largest speed that the joint reaches. The second reading is used if its speeds are in
+        order and nearer to those of the sheet.
+        """
+        sines = [self._sines[joint.name] for joint in JOINTS]
+        phase, largest = [sine.speed for sine in sines], [sine.fastest for sine in sines]
+        is_nearer = _deviation(largest) < _deviation(phase)
+        if is_nearer and _are_in_order(largest):
+            return largest, 'largest speed'
+        return phase, 'phase'
 
     def _hand(self) -> Line:
         requirement = 'end_effector does not move in joint_3'
@@ -614,53 +689,45 @@ class _Check:
                   if name in self._samples and not self._samples[name].is_static.all()]
         rates = {name: rate for name, samples in moving
                  if (rate := _rate(samples.times[~samples.is_static])) is not None}
-        if rates:
-            name, rate = min(rates.items(), key=itemgetter(1))
-            yield _advised('at least 10 messages per second', f'{rate:.1f} Hz',
-                           rate >= _LOWEST_RATE, f'{name} is sent {rate:.1f} times a second; its '
-                           'motion does not look smooth.')
-        if len(moving) > 1:
-            stamps = [set(samples.stamps[~samples.is_static].tolist()) for _, samples in moving]
-            same = len(set.intersection(*stamps)) / max(1, max(map(len, stamps)))
-            yield _advised('all frames have the same stamp', f'{100 * same:.0f} % of the ticks',
-                           same >= _SAME_STAMP, 'Call get_clock().now() once in each tick, and '
-                           'use it for all frames.')
+        name, rate = min(rates.items(), key=itemgetter(1), default=('', 0.0))
+        yield _advised('at least 10 messages per second', f'{rate:.1f} Hz' if rates else '',
+                       rate >= _LOWEST_RATE, f'{name} is sent {rate:.1f} times a second: its '
+                       'motion does not look smooth.')
+        stamps = [set(samples.stamps[~samples.is_static].tolist()) for _, samples in moving]
+        same = len(set.intersection(*stamps)) / max(map(len, stamps)) if len(moving) > 1 else 0.0
+        yield _advised('all frames have the same stamp',
+                       f'{100 * same:.0f} % of the ticks' if len(moving) > 1 else '',
+                       same >= _SAME_STAMP, 'Call get_clock().now() once in each tick, and use '
+                       'it for all frames.')
         used = {joint.name: float(abs(self._angles(joint)).max()) / joint.limit for joint in JOINTS
                 if not self._blocked('', joint.name, _TRANSFORMS, _AXIS, _MOTION, _TURNS)}
-        if used:
-            name, part = min(used.items(), key=itemgetter(1))
-            yield _advised('the joints use at least half of their limits',
-                           ', '.join(f'{100 * each:.0f} %' for each in used.values()),
-                           part >= _USED, f'{name} uses only {100 * part:.0f} % of its limit.')
+        name, part = min(used.items(), key=itemgetter(1), default=('', 0.0))
+        yield _advised('the joints use at least half of their limits',
+                       ', '.join(f'{100 * each:.0f} %' for each in used.values()),
+                       part >= _USED, f'{name} uses only {100 * part:.0f} % of its limit.')
         others = [shortened(name) for name in self._samples if name not in FRAMES]
-        yield _advised('no other frames on /tf and /tf_static', f'{len(others)} other frames',
-                       not others, f'Other frames: {comma_list(others, _SHOWN)}.')
-        if len(self._sines) == len(JOINTS):
-            speeds, _ = _reading([self._sines[joint.name] for joint in JOINTS])
-            factors = [max(speed / joint.speed, joint.speed / speed)
-                       for joint, speed in zip(JOINTS, speeds)]
-            yield _advised('speeds of about 0.3, 0.5 and 0.7 rad/s',
-                           ', '.join(f'{speed:.2f}' for speed in speeds),
-                           max(factors) <= _SPEED_FACTOR, 'Compute the phase from the time in '
-                           'seconds: speed * t.')
+        yield _advised('no other frames on /tf and /tf_static',
+                       f'{len(others)} other frames' if self._samples else '', not others,
+                       f'Other frames: {comma_list(others, _SHOWN)}.')
+        speeds = self._speeds_and_reading()[0] if self._has_speeds else []
+        yield _advised('speeds of about 0.3, 0.5 and 0.7 rad/s',
+                       ', '.join(f'{speed:.2f}' for speed in speeds), all(
+                           1 / _SPEED_FACTOR <= speed / joint.speed <= _SPEED_FACTOR
+                           for speed, joint in zip(speeds, JOINTS)),
+                       'Compute the phase from the time in seconds: speed * t.')
 
 
-def _reading(sines: Sequence[Sine]) -> tuple[list[float], str]:
-    """
-    Return the speeds of the joints in the reading of "rad/s" that fits better, and its name.
-
-    The sheet can be read in two ways: the speed is that of the phase, or it is the largest speed
-    of the joint. The better reading is the one with the smaller deviation from the sheet.
-    """
-    phase, largest = [sine.speed for sine in sines], [sine.fastest for sine in sines]
-    if _deviation(phase) <= _deviation(largest):
-        return phase, 'phase'
-    return largest, 'largest speed'
+def _are_in_order(speeds: list[float]) -> bool:
+    """Return whether each speed is higher than the one before, and not nearly the same."""
+    return all(speed * _DIFFERENT <= following for speed, following in pairwise(speeds))
 
 
 def _deviation(speeds: list[float]) -> float:
     """
     Return how far the speeds of the joints are from those of the sheet, on a logarithmic scale.
+
+    A common factor, as from a wrong unit of time, counts once: it does not change which reading of
+    the sheet fits.
 
     :returns: the common deviation, which is the median, plus the sum of the deviations from it.
     """
@@ -704,6 +771,9 @@ def _rate(times: _Floats) -> Optional[float]:
 
 
 def _advised(practice: str, measured: str, is_followed: bool, text: str) -> Line:
+    """Return the line of a good practice; `measured` is '' if it cannot be judged."""
+    if not measured:
+        return Line(practice, '', NOT_JUDGED, 'It cannot be measured.')
     return Line(practice, measured, OK) if is_followed else Line(practice, measured, ADVICE, text)
 
 
@@ -733,6 +803,9 @@ def _is_near(position: _Vector, expected: ArrayLike) -> bool:
 
 def _cause_of_wave(joint: Joint, times: _Floats, angles: _Floats, sine: Sine) -> str:
     """Return the likely cause if the motion of a joint is not a sine."""
+    if sine.speed > 0.9 * _FASTEST:
+        return (f'{joint.name} moves faster than a sine of {_FASTEST:.0f} rad/s, or is sent too '
+                'rarely to see its motion.')
     low, high = float(angles.min()), float(angles.max())
     at_ends = np.mean((angles > high - 0.01 * (high - low)) | (angles < low + 0.01 * (high - low)))
     if at_ends > 0.2:  # for a sine, it is 0.13
@@ -750,13 +823,15 @@ def _cause_of_wave(joint: Joint, times: _Floats, angles: _Floats, sine: Sine) ->
     return f'The angle of {joint.name} is not a sine of the time: it is limit * sin(speed * t).'
 
 
-def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = None) -> Report:
+def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = None,
+          end: Optional[int] = None) -> Report:
     """
     Check whether the transforms of an arm meet the requirements.
 
     :param messages: the messages of /tf and /tf_static, in the order of their times.
     :param reaches_late_joiners: whether a listener that started later than the arm has received
         base_link; None: not known, which does not count as a failure.
+    :param end: the end of the observation (ns); None: the time of the last message.
     :returns: the report.
     """
-    return _Check(messages, reaches_late_joiners).report()
+    return _Check(messages, reaches_late_joiners, end).report()

@@ -1,13 +1,14 @@
 """The command `check_arm`: judge the arm of the lab's final task, and its drawing frames.pdf."""
 
 import ast
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, ExitStack, suppress
 import csv
 from itertools import pairwise
 import logging
+from math import inf
 import os
 from pathlib import Path
 import random
@@ -19,7 +20,7 @@ import sys
 from tempfile import TemporaryDirectory
 from threading import Thread
 import time
-from typing import Any, NamedTuple, Optional, TYPE_CHECKING
+from typing import NamedTuple, Optional, TYPE_CHECKING
 from unicodedata import normalize
 import warnings
 
@@ -28,6 +29,7 @@ from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import progress, wait
 from dummy_arm.cli.signals import begin_cleanup, sleep
 from dummy_arm.inspection.arm_check import (
+    ADVICE,
     check,
     FRAMES,
     Message,
@@ -38,7 +40,7 @@ from dummy_arm.inspection.arm_check import (
 )
 from dummy_arm.inspection.terminal import padded, wrapped
 from dummy_arm.tf.bag import messages
-from dummy_arm.tf.formatting import abbreviated, comma_list, quoted, visible
+from dummy_arm.tf.formatting import abbreviated, comma_list, quoted, shortened, visible
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -52,6 +54,8 @@ _START = 20.0
 _LATE = 10.0
 #: How long to wait until a program has ended after SIGINT (s).
 _GRACE = 3.0
+#: How long to wait for a free ROS domain (s).
+_PATIENCE = 600.0
 #: The largest number of transforms that are judged.
 _MOST = 1_000_000
 #: The largest output of a program (bytes).
@@ -62,13 +66,34 @@ _DOMAINS = range(215, 232)
 _FIRST_PORT, _PORTS = 7400, 250
 _STEP = 0.05  # s
 _TRACEBACK = 'Traceback (most recent call last):'
+_NO_FILE = 'It is not a regular file.'
 #: The lines of frames.pdf that are not the name of a frame, as this package and tf2 write them.
 _LABEL = re.compile(r'Broadcaster: |Average rate: |Buffer length: |Most recent transform: |'
                     r'Oldest transform: |Recorded at time: |view_frames Result$|static$')
-#: An edge in the DOT language, as this package and tf2 write it.
-_EDGE = re.compile(r'"((?:[^"\\]|\\.)*)" *-> *"((?:[^"\\]|\\.)*)"')
+#: A token of the DOT language: a string, a comment, a name, an arrow, or another character.
+_TOKEN = re.compile(r"""
+    "(?: [^"\\] | \\.? )* (?: " | \Z)
+    | //.* | \#.* | /\* [\s\S]*? (?: \*/ | \Z)
+    | [\w.]+ | -> | \S
+""", re.VERBOSE)
+_LONGEST_GRAPH = 1_000_000  # characters
 #: The largest number of names that a text lists.
 _SHOWN = 6
+
+
+#: A program that starts Python with other arguments. If check_arm ends, even by SIGKILL, the
+#: kernel ends the started process, too.
+_LAUNCHER = """
+import os, sys
+if sys.platform == 'linux':
+    import ctypes
+    ctypes.CDLL(None).prctl(1, 9)  # PR_SET_PDEATHSIG: SIGKILL, when the parent has ended
+os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
+"""
+
+
+class ProgramError(CommandError):
+    """A program or its arm cannot be judged; the text says why."""
 
 
 class Observer:
@@ -92,8 +117,8 @@ class Observer:
         """
         Collect the messages that have arrived since the last call.
 
-        :returns: True if a message of /tf has been received.
-        :raises CommandError: if there are too many messages.
+        :returns: True if a message of /tf has been received, now or earlier.
+        :raises ProgramError: if there are too many messages.
         """
         received, dropped = self._listener.publisher_listener.received()
         for message in received:
@@ -104,25 +129,27 @@ class Observer:
                     message.reception_time, message.is_static, message.gid, rows))
                 self.has_started |= not message.is_static
         if dropped or self._count > _MOST:
-            raise CommandError('more transforms arrive than can be judged')
+            raise ProgramError('More transforms arrive than can be judged.')
         return self.has_started
 
     def reaches_late_joiners(self) -> bool:
-        """Return whether a listener that starts now receives base_link."""
+        """Return whether a listener that starts now receives base_link on /tf_static."""
         from dummy_arm.tf import BufferCore, StaticTransformListener
         buffer = BufferCore()
         listener = StaticTransformListener(buffer, self._node)
         try:
-            return _wait_until(_LATE, lambda: any(
+            return _wait_until(_LATE, lambda: self.poll() and any(
                 frame.name == 'base_link' for frame in buffer.frames()))
         finally:
             listener.unregister()
 
     def report(self) -> Report:
         """Judge the messages; before that, start a late listener."""
-        is_late = self.reaches_late_joiners()
         self.poll()
-        return check(self.messages, is_late)
+        observed, end = self.messages[:], time.time_ns()
+        is_sent = any(row.child_frame_id.removeprefix('/') == 'base_link' for message in observed
+                      if message.is_static for row in message.rows)
+        return check(observed, is_sent and self.reaches_late_joiners(), end)
 
     def why_no_frames(self) -> str:
         """Return the possible reasons why no transform has been received."""
@@ -154,14 +181,16 @@ class Program:
         :param path: the file of the program.
         :param arguments: the arguments of Python; see `_arguments`.
         :param domain: the ROS domain of the program.
-        :param directory: the working directory of the program.
+        :param directory: the working directory of the program, which no other process uses.
         """
+        self._mark = f'ROS_LOG_DIR={directory}'.encode()
         environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': directory,
                        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'PYTHONUNBUFFERED': '1',
                        'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONIOENCODING': 'utf-8'}
         self._process = subprocess.Popen(
-            [sys.executable, *arguments], cwd=directory, env=environment, stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True)
+            [sys.executable, '-I', '-S', '-c', _LAUNCHER, *arguments], cwd=directory,
+            env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, start_new_session=True)
         self._path, self._start = path, time.monotonic()
         self._output = bytearray()
         self._reader = Thread(target=self._read, daemon=True)
@@ -186,8 +215,8 @@ class Program:
         text = self._output.decode(errors='replace')
         if len(self._output) > _LONGEST_OUTPUT:
             return f'It prints more than {_LONGEST_OUTPUT // 10**6} MB.'
-        if _TRACEBACK in text:
-            return f'It fails: {_error_of(text, self._path.name)}'
+        if error := _error_of(text, self._path.name):
+            return f'It fails: {error}'
         if code is None:
             return ''
         how = f'by signal {-code}' if code < 0 else f'with exit code {code}'
@@ -196,7 +225,7 @@ class Program:
             f'; its last line: {abbreviated(visible(last[0]))}' if last else '.'))
 
     def end(self) -> None:
-        """End the program and all processes that it has started in its group."""
+        """End the program and all processes that it has started."""
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGINT)
         with suppress(subprocess.TimeoutExpired):
@@ -204,6 +233,10 @@ class Program:
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
+        for path in Path('/proc').glob('[0-9]*/environ'):  # processes that have left the group
+            with suppress(OSError):
+                if self._mark in path.read_bytes().split(b'\0'):
+                    os.kill(int(path.parent.name), signal.SIGKILL)
         self._reader.join(_GRACE)
         if not self._reader.is_alive() and self._process.stdout:
             self._process.stdout.close()
@@ -215,23 +248,26 @@ def _arguments(path: Path) -> list[str]:
 
     A program that defines main(), but does not call it, is meant for `ros2 run`, which calls it.
 
-    :raises CommandError: if the file cannot be read or does not compile.
+    :raises ProgramError: if the file cannot be read or does not compile.
     """
+    if path.exists() and not path.is_file():  # reading a pipe might never end
+        raise ProgramError(_NO_FILE)
     try:
         tree = ast.parse(path.read_bytes(), str(path))
         compile(tree, str(path), 'exec')
     except OSError as error:
-        raise CommandError(f'It cannot be read: {error.strerror}.') from None
+        raise ProgramError(f'It cannot be read: {error.strerror}.') from None
     except SyntaxError as error:
         line = f'line {error.lineno}: ' if error.lineno else ''
-        raise CommandError(f'It does not compile: {line}{error.msg}.') from None
+        raise ProgramError(f'It does not compile: {line}{error.msg}.') from None
     except (ValueError, RecursionError, MemoryError) as error:
-        raise CommandError(f'It does not compile: {error}.') from None
+        raise ProgramError(f'It does not compile: {error or type(error).__name__}.') from None
+    functions = ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef
     has_main = any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree.body)
-    calls = [node for node in tree.body if isinstance(node, ast.If) or (
-        isinstance(node, ast.Expr) and isinstance(node.value, ast.Call))]
+    names = {name.id for node in tree.body if not isinstance(node, functions)
+             for name in ast.walk(node) if isinstance(name, ast.Name)}
     path = path.absolute()
-    if calls or not has_main:
+    if not has_main or {'main', '__name__'} & names:
         return [str(path)]
     return ['-c', f'import runpy, sys; sys.argv = [{str(path)!r}]; sys.path[0] = '
                   f'{str(path.parent)!r}; runpy.run_path(sys.argv[0])["main"]()']
@@ -242,13 +278,17 @@ def _error_of(output: str, name: str) -> str:
     Return the error of the first traceback in an output, and the line where it was raised.
 
     :param name: the name of the program's file, in which the line is looked for.
+    :returns: the text; '' if there is no traceback, or if its last line has not been printed yet.
     """
-    _, _, traceback = output.partition(f'{_TRACEBACK}\n')
-    error = next((line for line in traceback.splitlines() if line and line[0] != ' '), '')
-    places, _, _ = traceback.partition(f'\n{error}')
-    lines = re.findall(rf'/{re.escape(name)}", line (\d+)', places)
+    # The lines of a group of exceptions begin with "  + " or "  | ".
+    printed = [re.sub(r'^ *[+|] ', '', line) for line in output.split('\n')[:-1]]
+    begin = next((i for i, line in enumerate(printed) if line.endswith(_TRACEBACK)), len(printed))
+    end = next((i for i, line in enumerate(printed) if i > begin and line[:1] not in ('', ' ')), 0)
+    if not end:
+        return ''
+    lines = re.findall(rf'/{re.escape(name)}", line (\d+)', '\n'.join(printed[begin:end]))
     where = f' (line {lines[-1]})' if lines else ''
-    return f'{abbreviated(visible(error), 300)}{where}'
+    return f'{abbreviated(visible(printed[end]), 300)}{where}'
 
 
 class Grade(NamedTuple):
@@ -261,7 +301,10 @@ class Grade(NamedTuple):
     @property
     def line(self) -> str:
         """The line that is printed."""
-        verdict = f'{NOT_OK}: {self.reason}' if self.reason else OK
+        advice = [f'{line.requirement} ({line.measured})' for line in self.report.advice
+                  if line.verdict == ADVICE] if self.report else []
+        verdict = f'{NOT_OK}: {self.reason}' if self.reason else (
+            f'{OK}; advice: {"; ".join(advice)}' if advice else OK)
         return f'{visible(self.file)}: {verdict}'
 
 
@@ -273,6 +316,7 @@ def grade(file: str, seconds: float, ros_args: Sequence[str] = ()) -> Grade:
     :param seconds: how long to observe the arm (s).
     :param ros_args: the ROS arguments of the node that listens.
     :returns: the grade.
+    :raises CommandError: if no ROS domain is free.
     :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received.
     """
     try:
@@ -283,19 +327,24 @@ def grade(file: str, seconds: float, ros_args: Sequence[str] = ()) -> Grade:
             observer = Observer(stack.enter_context(_node_in(domain, ros_args)))
             program = Program(Path(file), arguments, domain, directory)
             stack.callback(program.end)
-            if not _wait_until(_START, lambda: observer.poll() or program.fault()):
-                static = 'on /tf' if observer.messages else 'on /tf and /tf_static'
-                report = check(observer.messages)
-                return Grade(file, report if observer.messages else None,
-                             f'It publishes nothing {static} within {_START:.0f} s.')
-            fault = program.fault()
-            if not fault:
+            _wait_until(_START, lambda: observer.poll() or program.fault())
+            if observer.has_started:
                 _wait_until(seconds, lambda: observer.poll() and program.fault())
-                fault = program.fault()
-            report = check(observer.messages) if fault else observer.report()
-            return Grade(file, report, fault or program.fault() or _reason(report))
-    except CommandError as error:
+            if fault := program.fault():
+                return Grade(file, check(observer.messages), fault)
+            if not observer.has_started:
+                static = 'on /tf' if observer.messages else 'on /tf and /tf_static'
+                return Grade(file, check(observer.messages),
+                             f'It publishes nothing {static} within {_START:.0f} s: is the timer '
+                             'created, and does rclpy.spin run?')
+            report = observer.report()
+            return Grade(file, report, program.fault() or _reason(report))
+    except ProgramError as error:
         return Grade(file, None, str(error))
+    except CommandError:
+        raise
+    except Exception as error:  # the other programs are judged all the same
+        return Grade(file, None, f'check_arm failed: {type(error).__name__}: {error}')
 
 
 def _reason(report: Report) -> str:
@@ -314,11 +363,14 @@ def _reason(report: Report) -> str:
 def _node_in(domain: int, ros_args: Sequence[str]) -> Iterator['Node']:
     """Create a node in a domain, and destroy it at the end of the `with` block."""
     from rclpy.context import Context
+    from rclpy.logging import get_logging_severity_from_string, set_logger_level
     from rclpy.node import Node
 
     from dummy_arm.cli.fast_dds import destroy
     context = Context()
     context.init(args=[*ros_args], domain_id=domain)
+    # The lines of all programs would be mixed, and the report has what matters.
+    set_logger_level('tf2_buffer', get_logging_severity_from_string('FATAL'))
     try:
         node = Node('check_arm', context=context, enable_rosout=False,
                     start_parameter_services=False)
@@ -336,21 +388,24 @@ def _free_domain() -> Iterator[int]:
     Reserve a ROS domain that no other program on this machine uses.
 
     The reservation is a socket, which other processes that run this function respect. A domain is
-    free if no UDP port of it is in use.
+    free if no UDP port of it is in use. If none is free, wait.
 
-    :raises CommandError: if there is no such domain.
+    :raises CommandError: if no domain becomes free in time.
     """
-    for domain in random.sample(_DOMAINS, len(_DOMAINS)):
-        first = _FIRST_PORT + _PORTS * domain
-        with socket.socket(socket.AF_UNIX) as reservation:
-            try:
-                reservation.bind(f'\0dummy_arm.check_arm.{domain}')
-            except OSError:
-                continue
-            if not any(first <= port < first + _PORTS for port in _used_ports()):
-                yield domain
-                return
-    raise CommandError(f'The ROS domains {_DOMAINS[0]} to {_DOMAINS[-1]} are all in use.')
+    deadline = time.monotonic() + _PATIENCE
+    while time.monotonic() < deadline:
+        for domain in random.sample(_DOMAINS, len(_DOMAINS)):
+            first = _FIRST_PORT + _PORTS * domain
+            with socket.socket(socket.AF_UNIX) as reservation:
+                try:
+                    reservation.bind(f'\0dummy_arm.check_arm.{domain}')
+                except OSError:
+                    continue
+                if not any(first <= port < first + _PORTS for port in _used_ports()):
+                    yield domain
+                    return
+        sleep(1.0)
+    raise CommandError(f'the ROS domains {_DOMAINS[0]} to {_DOMAINS[-1]} are all in use')
 
 
 def _used_ports() -> Iterator[int]:
@@ -370,43 +425,78 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
     :returns: the exit code.
     :raises CommandError: if the table cannot be written, or if Ctrl-C or SIGTERM was received.
     """
+    # Imported before the threads start: several threads must not import a module at once.
+    import dummy_arm.cli.fast_dds
+    import dummy_arm.inspection.frame_listener  # noqa: F401
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ.pop('ROS_STATIC_PEERS', None)
-    is_passed = True
     with ExitStack() as stack:
         stack.enter_context(warnings.catch_warnings())
         warnings.simplefilter('ignore')  # what the compiler thinks of the programs
-        writer: Any = None
-        if table is not None:
-            try:
-                file = open(table, 'w', newline='', encoding='utf-8', buffering=1)  # noqa: SIM115
-            except OSError as error:
-                raise CommandError(f'cannot write {table}: {error.strerror}') from None
-            writer = csv.writer(stack.enter_context(file))
-            writer.writerow(['file', 'verdict', 'reason',
-                             *(line.requirement for line in check([]).lines)])
+        add_row = stack.enter_context(_csv_file(table)) if table else None
         pool = ThreadPoolExecutor(jobs)
         stack.callback(pool.shutdown, cancel_futures=True)
         show = stack.enter_context(progress(
             len(files), desc='grading', bar_format='{desc} {bar} {n_fmt} of {total_fmt} files'))
-        futures: list[Future[Grade]] = [pool.submit(grade, file, seconds, ros_args)
-                                        for file in files]
+        futures = deque(pool.submit(grade, file, seconds, ros_args) for file in files)
+        is_passed = True
+
+        def report() -> None:
+            """Report the next grade."""
+            nonlocal is_passed
+            result = futures[0].result()
+            print(result.line)
+            if add_row:
+                add_row(result)
+            is_passed &= not result.reason
+            futures.popleft()
+            show(len(files) - len(futures))
+
         try:
-            for done, future in enumerate(futures, 1):
-                _wait_until(float('inf'), future.done)
-                result = future.result()
-                print(result.line)
-                if writer is not None:
-                    lines = result.report.lines if result.report else []
-                    writer.writerow([result.file, NOT_OK if result.reason else OK, result.reason,
-                                     *(line.verdict for line in lines)])
-                is_passed &= not result.reason
-                show(done)
+            while futures:
+                _wait_until(inf, futures[0].done)
+                report()
         except KeyboardInterrupt:
+            begin_cleanup()
+            while futures:
+                if futures[0].done() and not futures[0].exception():
+                    report()
+                else:
+                    futures.popleft()
             raise CommandError('interrupted: the files without a line were not judged') from None
         finally:
             begin_cleanup()
     return 0 if is_passed else 1
+
+
+@contextmanager
+def _csv_file(path: str) -> Iterator[Callable[[Grade], object]]:
+    """
+    Write a table in CSV, with a column for each requirement and each good practice.
+
+    :returns: a context manager; the target of `as` is a function that adds the row of a grade.
+    :raises CommandError: if the file cannot be opened.
+    """
+    def verdicts(report: Report) -> list[str]:
+        """
+        Return the verdicts on the requirements, then those on good practice.
+
+        :param report: the report.
+        :returns: the verdicts, in the order of the columns.
+        """
+        return [line.verdict for line in (*report.lines, *report.advice)]
+
+    try:
+        file = open(path, 'w', newline='', encoding='utf-8', buffering=1)  # noqa: SIM115
+    except OSError as error:
+        raise CommandError(f'cannot write {path}: {error.strerror}') from None
+    with file:
+        writer, nothing = csv.writer(file), check([])
+        writer.writerow(['file', 'verdict', 'reason', *(
+            line.requirement for line in (*nothing.lines, *nothing.advice))])
+        yield lambda grade: writer.writerow([
+            grade.file, NOT_OK if grade.reason else OK, grade.reason,
+            *(verdicts(grade.report) if grade.report else ())])
 
 
 # The arm that is running, and a bag
@@ -471,9 +561,10 @@ def format_report(report: Report) -> list[str]:
     for i, row in enumerate(rows):
         if i == len(report.lines):
             lines += ['', 'good practice (it does not change the result):']
+        is_judged = row.verdict != NOT_JUDGED
         lines.append(f'{padded(row.verdict, widths[0])}  {padded(row.requirement, widths[1])}  '
-                     f'{row.measured}'.rstrip())
-        if row.text:
+                     f'{row.measured if is_judged else row.text}'.rstrip())
+        if row.text and is_judged:
             lines += wrapped(row.text, '    ')
     counts = {verdict: sum(row.verdict == verdict for row in report.lines)
               for verdict in (OK, NOT_OK, NOT_JUDGED)}
@@ -490,14 +581,16 @@ def fault_of_drawing(path: Path) -> str:
 
     :param path: the path of a `.pdf` or `.gv` file.
     :returns: what is wrong; '' if the drawing shows the tree of the arm.
-    :raises UsageError: if the file has another ending.
-    :raises CommandError: if the file cannot be read, or a library is missing.
+    :raises CommandError: if the library pypdf is missing.
     """
-    if path.suffix.lower() == '.pdf':
-        return _fault_of_names(_names_in_pdf(path))
-    if path.suffix.lower() == '.gv':
+    if path.exists() and not path.is_file():  # reading a pipe might never end
+        return _NO_FILE
+    try:
+        if path.suffix.lower() == '.pdf':
+            return _fault_of_names(_names_in_pdf(path))
         return _fault_of_edges(_edges_in_dot(path))
-    raise UsageError(f'{str(path)!r} must end in .pdf or .gv')
+    except OSError as error:
+        return f'It cannot be read: {error.strerror}.'
 
 
 def _names_in_pdf(path: Path) -> dict[str, float]:
@@ -505,7 +598,8 @@ def _names_in_pdf(path: Path) -> dict[str, float]:
     Return the texts of a drawing that are names of frames, from top to bottom.
 
     :returns: a dict from each text to its distance from the top of the first page (points).
-    :raises CommandError: if the file cannot be read, or the library pypdf is missing.
+    :raises OSError: if the file cannot be read.
+    :raises CommandError: if the library pypdf is missing.
     """
     try:
         from pypdf import PdfReader
@@ -534,17 +628,17 @@ def _names_in_pdf(path: Path) -> dict[str, float]:
         for page in PdfReader(path).pages:
             top += float(page.mediabox.top)
             page.extract_text(visitor_text=add)
-    except OSError as error:
-        raise CommandError(f'cannot read {path}: {error.strerror}') from None
-    except Exception as error:  # a damaged file causes errors of many types
-        raise CommandError(f'{path} is not a PDF that can be read: {error}') from None
+    except OSError:
+        raise
+    except Exception:  # a damaged file causes errors of many types
+        return {}
     return {text.strip(): depth for (depth, _), text in sorted(texts.items())
             if text.strip() and not _LABEL.match(text.strip())}
 
 
 def _fault_of_names(names: dict[str, float]) -> str:
     if not names:
-        return 'The drawing has no text.'
+        return 'It is not a PDF with text that can be read.'
     missing = [name for name in FRAMES if name not in names]
     others = [name for name in names if name not in FRAMES]
     if missing or others:
@@ -560,28 +654,34 @@ def _edges_in_dot(path: Path) -> set[tuple[str, str]]:
     """
     Return the edges of a graph that view_frames has written, as parent and child.
 
-    :raises CommandError: if the file cannot be read.
+    :raises OSError: if the file cannot be read.
     """
-    try:
-        text = path.read_text(errors='replace')
-    except OSError as error:
-        raise CommandError(f'cannot read {path}: {error.strerror}') from None
-    return {(parent.removeprefix('/'), child.removeprefix('/'))
-            for parent, child in _EDGE.findall(text)}
+    with path.open(errors='replace') as file:
+        tokens = [token for token in _TOKEN.findall(file.read(_LONGEST_GRAPH))
+                  if not token.startswith(('//', '/*', '#'))]
+    return {(_frame(parent), _frame(child))
+            for parent, arrow, child in zip(tokens, tokens[1:], tokens[2:])
+            if arrow == '->' and _frame(parent) and _frame(child)}
+
+
+def _frame(token: str) -> str:
+    """Return the name that a token stands for; '' if it is not a name."""
+    name = token[1:-1].replace(r'\"', '"') if token[0] == '"' else token
+    return name.removeprefix('/') if token[0] == '"' or name[0].isalnum() or name[0] == '_' else ''
 
 
 def _fault_of_edges(edges: set[tuple[str, str]]) -> str:
     if not edges:
-        return 'The file has no edges.'
+        return 'It has no edges of a tree.'
     expected = {*pairwise(FRAMES)}
-    parts = [f'{what}: {comma_list(sorted(f"{a} -> {b}" for a, b in found), _SHOWN)}.'
+    parts = [f'{what}: {comma_list(sorted(f"{a} -> {b}" for a, b in found), _SHOWN, shortened)}.'
              for what, found in (('Missing', expected - edges), ('Other edges', edges - expected))
              if found]
     return ' '.join(parts)
 
 
 def command(files: Sequence[str] = (), seconds: Optional[float] = None, bag: Optional[str] = None,
-            namespace: str = '', partial: bool = False, frames: Optional[str] = None,
+            namespace: str = '', partial: bool = False, frames: Sequence[str] = (),
             table: Optional[str] = None, jobs: Optional[int] = None, *,
             ros_args: Sequence[str] = ()) -> int:
     """
@@ -592,7 +692,7 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None, bag: Opt
     :param bag: path of a bag; None: no bag.
     :param namespace: namespace of the topics `tf` and `tf_static`; '': none.
     :param partial: with a bag: read as much as possible of a damaged bag.
-    :param frames: path of a drawing (.pdf) or graph (.gv) of view_frames; None: no drawing.
+    :param frames: paths of drawings (.pdf) or graphs (.gv) of view_frames.
     :param table: path of a table in CSV with a row for each program; None: no table.
     :param jobs: the number of programs that run at the same time; None: the number of cores.
     :param ros_args: the command line, with the name of the command; ROS reads what follows
@@ -602,13 +702,13 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None, bag: Opt
     :raises CommandError: if nothing can be judged, if a file cannot be read or written, or if
         Ctrl-C or SIGTERM was received.
     """
-    if sum((bool(files), bag is not None, frames is not None)) > 1:
+    if sum((bool(files), bag is not None, bool(frames))) > 1:
         raise UsageError('give files of programs, or --bag, or --frames, or none of them to check '
                          'the arm that is running')
-    if seconds is not None and (bag is not None or frames is not None):
+    if seconds is not None and (bag is not None or frames):
         raise UsageError('--time is for an arm that is running: leave it out with --bag and '
                          '--frames')
-    if namespace and (files or frames is not None):
+    if namespace and (files or frames):
         raise UsageError('--namespace is for --bag and for the arm that is running')
     if partial and bag is None:
         raise UsageError('--partial needs --bag')
@@ -620,10 +720,15 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None, bag: Opt
     if not 1.0 <= seconds <= _LONGEST:
         raise UsageError(f'--time must be at least 1 s, and at most {_LONGEST:g} s, got '
                          f'{seconds:g}')
-    if frames is not None:
-        fault = fault_of_drawing(Path(frames))
-        print(Grade(frames, None, fault).line)
-        return 1 if fault else 0
+    if table is not None and (table in files or not table.endswith('.csv')):
+        raise UsageError(f'--csv needs the name of a file that ends in .csv, got {table!r}')
+    if frames:
+        if others := [name for name in frames
+                      if Path(name).suffix.lower() not in ('.pdf', '.gv')]:
+            raise UsageError(f'{others[0]!r} must end in .pdf or .gv')
+        grades = [Grade(name, None, fault_of_drawing(Path(name))) for name in frames]
+        print('\n'.join(grade.line for grade in grades))
+        return 1 if any(grade.reason for grade in grades) else 0
     if files:
         default = min(os.cpu_count() or 1, len(_DOMAINS))
         return _grade_all(files, seconds, jobs or default, table, ros_args)
@@ -652,12 +757,12 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('--time', type=number, dest='seconds', metavar='SECONDS',
                         help='how long to observe each arm (s; default: '
                              f'{DEFAULT_TIME:g}, more than a period of the slowest joint)')
-    parser.add_argument('--frames', metavar='FILE',
-                        help='check a drawing of view_frames, .pdf or .gv')
+    parser.add_argument('--frames', nargs='+', default=(), metavar='FILE',
+                        help='check drawings of view_frames, .pdf or .gv')
     parser.add_argument('--csv', dest='table', metavar='OUT',
                         help='write a table with a row for each program')
     parser.add_argument('--jobs', type=int, metavar='N',
                         help='how many programs run at the same time (default: the number of '
                              'cores)')
     add_bag_options(parser)
-    return run(parser, command, args)
+    return run(parser, command, args, interrupted=1)
