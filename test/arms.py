@@ -75,6 +75,15 @@ class Exchanged(Arm):
         return row._replace(frame_id=row.child_frame_id, child_frame_id=row.frame_id)
 
 
+class SameObject(Arm):
+    """One message object is used for all frames, so all transforms are the last one."""
+
+    def messages(self, seconds=25.0):
+        """Yield messages that have the last transform four times."""
+        for topic, time, rows in super().messages(seconds):
+            yield topic, time, [rows[-1]] * len(rows)
+
+
 class TwoPublishers(Arm):
     """A second node sends another frame."""
 
@@ -163,6 +172,7 @@ WRONG = {
     'star': (changed(parent=lambda self, edge: self.names[min(edge, 1)]), 'the tree', 'is a star'),
     'wrong parent': (changed(parent=lambda self, edge: self.names[2 if edge == 3 else edge]),
                      'the tree', 'The parent of joint_3 must be joint_2, not joint_1'),
+    'same object': (SameObject(), 'the tree', 'end_effector is in one message more than once'),
     'exchanged': (Exchanged(), 'the tree', 'exchanged'),
     'stamp 0': (changed(stamp=lambda self, edge, now: 0), 'the stamps', 'is not set'),
     'one stamp 0': (changed(stamp=lambda self, edge, now: 0 if edge == 3 else now), 'the stamps',

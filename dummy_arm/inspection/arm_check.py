@@ -55,7 +55,7 @@ _NORM_TOLERANCE = 10e-3
 #: Good practice: the lowest rate (Hz), the part of a limit that is used, the part of the ticks in
 #: which all frames have the same stamp, and the largest factor between a speed and that of the
 #: sheet.
-_LOWEST_RATE, _USED, _SAME_STAMP, _SPEED_FACTOR = 9.5, 0.5, 0.9, 1.5
+_LOWEST_RATE, _USED, _SAME_STAMP, _SPEED_FACTOR = 9.5, 0.49, 0.9, 1.5
 #: The largest number of frames that a cause lists.
 _SHOWN = 5
 
@@ -267,9 +267,14 @@ class _Check:
         """
         self._reaches_late_joiners = reaches_late_joiners
         rows: defaultdict[str, list[tuple[Message, Any]]] = defaultdict(list)
+        #: A frame that is in one message more than once; '': none.
+        self._repeated = ''
         for message in messages:
             for row in message.rows:
-                rows[_name(row.child_frame_id)].append((message, row))
+                name = _name(row.child_frame_id)
+                if rows[name] and rows[name][-1][0] is message:
+                    self._repeated = name
+                rows[name].append((message, row))
         self._samples = {name: _Samples(found) for name, found in rows.items()}
         #: The end of the observation (s).
         self._end = max((samples.times[-1] for samples in self._samples.values()), default=0.0)
@@ -389,6 +394,9 @@ class _Check:
             if edge is BASE:
                 hint = (' Send it with StaticTransformBroadcaster: what TransformBroadcaster '
                         'sends once does not reach later listeners. The node must still run.')
+            if self._repeated:
+                hint += (f' {shortened(self._repeated)} is in one message more than once: create '
+                         'a new TransformStamped for each frame.')
             if others := [shortened(other) for other in self._samples if other not in FRAMES]:
                 hint += f' Other frames were received: {comma_list(others, _SHOWN)}.'
             return f'no {name}', missing, f'No transform of {name} was received.{hint}'
