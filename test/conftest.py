@@ -82,8 +82,10 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         left_out = [item for item in items if 'no_ros' not in item.keywords]
         items[:] = [item for item in items if 'no_ros' in item.keywords]
         config.hook.pytest_deselected(items=left_out)
-    # Browser tests take the longest: if they came last, one worker would run them alone.
-    items.sort(key=lambda item: 'browser' not in fixtures[item])
+    # Browser tests, and that of many programs, take the longest: if they came last, one worker
+    # would run them alone.
+    items.sort(key=lambda item: 'browser' not in fixtures[item] and (
+        not item.name.startswith('test_programs[')))
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

@@ -23,7 +23,8 @@ def test_a_bad_start_is_one_line_and_exit_code_2(start, arguments, message):
 
 
 @pytest.mark.parametrize(('name', 'value'), [
-    ('rotation', 'euler angles'), ('pitch', 'up'), ('roll', '.inf')])
+    ('rotation', 'euler angles'), pytest.param('pitch', 'up', marks=pytest.mark.soak),
+    pytest.param('roll', '.inf', marks=pytest.mark.soak)])
 def test_bad_values_are_refused_while_it_runs(start, name, value):
     """After a refusal, the parameters keep their values."""
     start(*tool(NAME, '--ros-args', '-p', 'rotation:=euler', '-p', 'roll:=1')).line_with('euler')

@@ -60,7 +60,8 @@ def test_record_reports_dropped_messages(start, tmp_path):
     assert 'Traceback' not in recorder.output
 
 
-@pytest.mark.parametrize('signal_number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('signal_number', [
+    signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.soak)])
 def test_record_writes_a_bag_of_the_arm(start, ros, tmp_path, signal_number):
     """The bag has all messages with the times of their arrival, and the QoS of both topics."""
     rosbag2 = pytest.importorskip('rosbags.rosbag2')

@@ -38,10 +38,13 @@ ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in 
 WITH_ARM = {('bags.md', 'Record a bag'), ('commands.md', 'check_arm'), ('commands.md', 'param'),
             ('commands.md', 'tf2_echo'), ('commands.md', 'tf2_monitor'),
             ('commands.md', 'view_frames')}
-#: The sections that take long: they install packages, or listen again and again.
-LONG = {('README.md', 'A first program'), ('bags.md', 'Install'), ('commands.md', 'check_arm'),
-        ('commands.md', 'Several robots'), ('commands.md', 'view_frames'),
-        ('lab.md', 'Step 6: the arm'), ('lab.md', 'For teachers')}
+#: The sections that take long: they install packages, or start many programs or long ones.
+LONG = {('README.md', 'A first program'), ('bags.md', 'Install'), *(
+    ('commands.md', name) for name in (
+        'check_arm', 'param', 'Several robots', 'tf2_echo', 'tf2_monitor', 'view_frames')), *(
+    ('lab.md', name) for name in (
+        'Step 2: a dynamic transform', 'Step 3: a quaternion', 'Gimbal lock',
+        'Step 5: the tree of frames', 'Step 6: the arm', 'For teachers'))}
 
 
 class Block(NamedTuple):

@@ -378,7 +378,7 @@ def test_sim_time_that_is_set_back(start, ros):
     def tick():
         now = Time(seconds=begin + time.monotonic() - wall)
         clock.publish(Clock(clock=now.to_msg()))
-        names, late = (['odom', 'old'], 0.3) if begin == 1000.0 else (['odom'], 0.0)
+        names, late = (['odom', 'old'], 0.8) if begin == 1000.0 else (['odom'], 0.0)
         stamp = now - Duration(seconds=late)
         broadcaster.sendTransform([
             message_of(Row(stamp.nanoseconds, 'map', name, STILL)) for name in names])
@@ -387,16 +387,16 @@ def test_sim_time_that_is_set_back(start, ros):
     process = start(*tool('tf2_monitor', '--ros-args', '-p', 'use_sim_time:=true'))
     chain = start(*tool('tf2_monitor', 'map', 'odom', '--ros-args', '-p', 'use_sim_time:=true'))
     ros.until(lambda: re.search(r'  old +\d+\.\d Hz', process.output)
-              and re.search(r'Net delay     avg = 0\.[23]', chain.output))
+              and re.search(r'Net delay     avg = (0\.[89]|1\.)', chain.output))
     begin, wall = 5.0, time.monotonic()
     before, chain_before = len(process.output), len(chain.output)
     ros.until(lambda: process.output[before:].count('RESULTS') > 3
               and chain.output[chain_before:].count('RESULTS') > 3)
     last = process.output.rpartition('RESULTS')[0].rpartition('RESULTS')[2]
-    assert re.search(r'  odom +\d+\.\d Hz +-?0\.[01]\d{5} s +-?0\.[01]\d{5} s  /test\n', last)
+    assert re.search(r'  odom +\d+\.\d Hz +-?0\.[0-4]\d{5} s +-?0\.[0-4]\d{5} s  /test\n', last)
     assert re.search(r'  old +/test\n', last)
     last = chain.output.rpartition('RESULTS')[0].rpartition('RESULTS')[2]
-    assert re.search(r'Net delay     avg = -?0\.[01]\d{5} s: max = -?0\.[01]\d{5} s\n', last)
+    assert re.search(r'Net delay     avg = -?0\.[0-4]\d{5} s: max = -?0\.[0-4]\d{5} s\n', last)
 
 
 def test_without_a_clock(start):

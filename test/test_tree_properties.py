@@ -230,7 +230,7 @@ def edges_between(target, source, parents):
     return {*up(target)} ^ {*up(source)}
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(st.lists(inserts, min_size=1, max_size=30), st.data())
 def test_the_edge_that_an_error_names_is_short_where_frames_change_their_parents(data, more):
     """The edge misses the requested time by as much as the error says, according to `frames`."""
