@@ -13,6 +13,8 @@ import time
 
 from arms import Arm, changed, RIGHT, S, WRONG
 from conftest import code_without, is_running, TIMEOUT, tool, tool_without_ros
+from hypothesis import assume, given
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 
@@ -119,6 +121,15 @@ def test_the_sine_is_found():
             noisy = fit_sine(times, angles + random.normal(0.0, 0.005, 400))
             assert noisy.speed == pytest.approx(speed, rel=0.02)
             assert noisy.residual == pytest.approx(0.01, rel=0.2)
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1e5), st.floats(-4.0, 4.0)), min_size=20))
+def test_any_angles_can_be_fitted(samples):
+    """The fit of odd motions is poor, but it is not an error."""
+    times, angles = np.array(sorted(samples)).T
+    assume(np.ptp(times) >= 1.0)
+    assume(np.ptp(angles) > 0.01)
+    assert np.isfinite(fit_sine(times, angles)).all()
 
 
 @pytest.mark.parametrize(('residual', 'verdict'), [(0.019, OK), (0.021, NOT_OK)])

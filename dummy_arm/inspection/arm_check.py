@@ -39,6 +39,8 @@ _LARGEST_RESIDUAL = 0.02
 _SHORTEST_WAVE = 0.95
 #: A joint of which less than this part of a period is observed in this time (s) is too slow.
 _SLOW, _LONG_ENOUGH = 0.3, 15.0
+#: The smallest number of samples that show a wave.
+_FEWEST = 20
 #: If nothing was received for this time (s) at the end of an observation, a frame is not sent any
 #: more.
 _SILENCE = 3.0
@@ -165,7 +167,7 @@ def fit_sine(times: _Floats, angles: _Floats) -> Sine:
     :returns: the sine.
     """
     t = times - times[0]
-    span, window = t[-1], min(t[-1], _FIRST_WINDOW)
+    span, window = t[-1], min(t[-1], max(_FIRST_WINDOW, t[min(_FEWEST, len(t)) - 1]))
     count = int(np.searchsorted(t, window, 'right'))
     fastest = min(_FASTEST, 0.9 * pi * (count - 1) / window)
     grid = np.arange(pi / (4 * window), fastest, pi / (4 * window))
@@ -620,7 +622,7 @@ class _Check:
         usable = ~samples.is_static & (
             (samples.times == 0) | (abs(samples.delays) < _LARGEST_DELAY))
         stamps = samples.stamps[usable]
-        if len(stamps) < 20 or np.ptp(stamps) < SECOND:
+        if len(stamps) < _FEWEST or np.ptp(stamps) < SECOND:
             return Line(requirement, '', NOT_JUDGED,
                         f'{len(stamps)} transforms are too few to see a wave.')
         order = np.argsort(stamps, kind='stable')
