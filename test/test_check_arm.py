@@ -411,6 +411,17 @@ def test_the_arm_that_is_running(start):
     assert process.output.endswith('passed: 24 ok\n')
 
 
+@pytest.mark.soak
+def test_an_arm_that_is_static(start):
+    """If nothing is on /tf, the frames are judged all the same, and base_link is received."""
+    start(*tool('static_transform_publisher', '--frame-id', 'map', '--child-frame-id',
+                'base_link')).line_with('translation')
+    process = start(*tool('check_arm', '--time', '1'))
+    assert process.exit_code(60.0) == 1
+    assert 'base_link reaches a late listener             received\n' in process.output
+    assert 'No transform of joint_1 was received: nothing arrives on /tf.' in process.output
+
+
 def test_no_arm(start):
     """If nothing is received, the reasons are named; Ctrl-C ends the command with exit code 1."""
     process = start(*tool('check_arm'))

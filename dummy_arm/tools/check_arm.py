@@ -136,10 +136,15 @@ class Observer:
         """Return whether a listener that starts now receives base_link on /tf_static."""
         from dummy_arm.tf import BufferCore, StaticTransformListener
         buffer = BufferCore()
+
+        def has_arrived() -> bool:
+            """Return whether base_link has arrived; collect messages, so that none is lost."""
+            self.poll()
+            return any(frame.name == 'base_link' for frame in buffer.frames())
+
         listener = StaticTransformListener(buffer, self._node)
         try:
-            return _wait_until(_LATE, lambda: self.poll() and any(
-                frame.name == 'base_link' for frame in buffer.frames()))
+            return _wait_until(_LATE, has_arrived)
         finally:
             listener.unregister()
 
