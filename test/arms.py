@@ -62,10 +62,6 @@ def changed(**attributes):
     return type('Changed', (Arm,), attributes)()
 
 
-def _swapped(self, edge):
-    return self.names[edge + 1]
-
-
 class Exchanged(Arm):
     """frame_id and child_frame_id are exchanged."""
 
@@ -82,6 +78,33 @@ class SameObject(Arm):
         """Yield messages that have the last transform four times."""
         for topic, time, rows in super().messages(seconds):
             yield topic, time, [rows[-1]] * len(rows)
+
+
+class SentOnce(Arm):
+    """end_effector is sent on /tf, but only once."""
+
+    def messages(self, seconds=25.0):
+        """Yield the first message with all frames, the others without end_effector."""
+        for i, (topic, time, rows) in enumerate(super().messages(seconds)):
+            yield topic, time, rows if i < 2 else rows[:-1]
+
+
+class MapHasAParent(Arm):
+    """Another static transform puts map into another frame."""
+
+    def messages(self, seconds=25.0):
+        """Yield the messages, and this one."""
+        yield '/tf_static', BEGIN, [Row(BEGIN, 'world', 'map', (*self.positions[0], 0, 0, 0, 1))]
+        yield from super().messages(seconds)
+
+
+class BrokenCamera(Arm):
+    """A frame that is not part of the arm has an invalid quaternion."""
+
+    def messages(self, seconds=25.0):
+        """Yield the messages, and this one."""
+        yield '/tf_static', BEGIN, [Row(BEGIN, 'map', 'camera', (0.0,) * 7)]
+        yield from super().messages(seconds)
 
 
 class TwoPublishers(Arm):
@@ -166,7 +189,7 @@ WRONG = {
     'no base_link': (changed(topics=('', '/tf', '/tf', '/tf', '/tf')), 'the tree',
                      'StaticTransformBroadcaster'),
     'other names': (changed(names=('map', 'base', *Arm.names[2:])), 'the tree',
-                    'were received: base.'),
+                    'other frames: base.'),
     'no end_effector': (changed(topics=(*Arm.topics[:4], '')), 'the tree',
                         'No transform of end_effector'),
     'star': (changed(parent=lambda self, edge: self.names[min(edge, 1)]), 'the tree', 'is a star'),
@@ -223,6 +246,8 @@ WRONG = {
     'full angle': (changed(rotation=lambda self, edge, angle: (0.0, 0.0, sin(angle), cos(angle))),
                    'joint_1 stays', 'half angle'),
     'a little too far': (changed(limits=(45.0, 33.0, 60.0)), 'joint_2 stays', 'exceeded by 3.0°'),
+    'limits of joint_2 and joint_3 exchanged': (
+        changed(limits=(45.0, 60.0, 30.0)), 'joint_2 stays', 'limit of joint_3'),
     'rounded limit': (changed(limits=(45.3, 30.0, 60.0)), 'joint_1 stays', 'rounded'),
     'limits exchanged': (changed(limits=(30.0, 45.0, 60.0)), 'joint_2 stays', 'limit of joint_1'),
     'no sine': (changed(angle=lambda self, joint, t: self.speeds[joint - 1] * t), 'joint_1 stays',
@@ -241,14 +266,18 @@ WRONG = {
     'order of speeds': (changed(speeds=(0.7, 0.5, 0.3)), 'the joints have', 'The order'),
     'speeds in degrees': (changed(speeds=(radians(0.3), radians(0.5), radians(0.7))),
                           'the joints have', 'do not convert'),
+    'hand is sent once': (SentOnce(), 'end_effector does not', 'has not been sent'),
+    'map has a parent': (MapHasAParent(), 'the tree', 'map is the root'),
+    'star of two and a misspelt joint': (
+        changed(names=_named(2, 'joint1'), parent=lambda self, edge: self.names[1 if edge in (
+            2, 3) else edge]), 'the tree', "'joint1' is misspelt"),
     'too fast': (changed(speeds=(25.0, 30.0, 35.0), hertz=50), 'joint_1 moves as a sine',
-                 'faster than a sine of 20 rad/s'),
+                 'too fast to see a wave'),
     'on both topics': (OnBothTopics(), 'the tree', 'on /tf and on /tf_static'),
-    'hand turns': (changed(rotation=lambda self, edge, angle: (
-        Arm.rotation(self, edge, angle)), row=lambda self, edge, now: Arm.row(self, edge, now)
+    'hand turns': (changed(row=lambda self, edge, now: Arm.row(self, edge, now)
         if edge < 4 else Arm.row(self, edge, now)._replace(pose=(
             0.2, 0.0, 0.0, *Arm.rotation(self, edge, sin(now / S))))), 'end_effector does not',
-        'has no joint'),
+        'must not rotate'),
 }
 
 #: By name: arms that meet all requirements.
@@ -271,5 +300,6 @@ RIGHT = {
     'other direction': changed(speeds=(-0.3, -0.5, -0.7)),
     'static hand': changed(topics=(*Arm.topics[:4], '/tf_static')),
     'another node': TwoPublishers(),
+    'a broken camera': BrokenCamera(),
     'a message for each frame': EachInItsMessage(),
 }

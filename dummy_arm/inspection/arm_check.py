@@ -49,7 +49,7 @@ _SILENCE = 3.0
 _FASTEST, _FIRST_WINDOW, _MOST_SAMPLES = 20.0, 60.0, 1000
 #: Two speeds are different if their ratio is at least this number.
 _DIFFERENT = 1.05
-#: A stamp of now differs from the time of arrival by less than this time (s). This part of the
+#: A current stamp differs from the time of arrival by less than this time (s). This part of the
 #: stamps may differ by more, because the machine is busy or the program starts.
 _LARGEST_DELAY, _DELAYED = 0.5, 0.05
 #: tf2's limit for |norm² - 1| of a quaternion.
@@ -62,16 +62,19 @@ _LOWEST_RATE, _USED, _SAME_STAMP, _SPEED_FACTOR = 9.5, 0.49, 0.9, 1.5
 _SHOWN = 5
 
 #: What can be wrong with a frame, so that other requirements cannot be judged: its transforms, its
-#: stamps, its axis, or its motion.
+#: stamps, its axis, its motion (none), or its turns (all the way round).
 _TRANSFORMS, _STAMPS, _AXIS, _MOTION, _TURNS = 'transforms', 'stamps', 'axis', 'motion', 'turns'
-_LATE = 'base_link reaches a late listener'
+_LATE_LISTENER = 'base_link reaches a late listener'
+
+#: A cause of an angle that is twice as large as it should be.
+_HALF_ANGLE = ('In the quaternion, use the half angle: z = sin(angle / 2), w = cos(angle / 2).')
 
 _Vector = tuple[float, float, float]
 _Floats = NDArray[np.float64]
 
 
-class Joint(NamedTuple):
-    """The requirements for a frame that the final task of the lab states."""
+class Edge(NamedTuple):
+    """What the sheet of the lab requires of a frame."""
 
     name: str
     parent: str
@@ -86,11 +89,11 @@ class Joint(NamedTuple):
         return f'{length:g} m along {axis}'
 
 
-BASE = Joint('base_link', 'map', (0.0, 0.0, 0.0))
-JOINTS = (Joint('joint_1', 'base_link', (0.0, 0.0, 0.3), radians(45), 0.3),
-          Joint('joint_2', 'joint_1', (0.4, 0.0, 0.0), radians(30), 0.5),
-          Joint('joint_3', 'joint_2', (0.3, 0.0, 0.0), radians(60), 0.7))
-HAND = Joint('end_effector', 'joint_3', (0.2, 0.0, 0.0))
+BASE = Edge('base_link', 'map', (0.0, 0.0, 0.0))
+JOINTS = (Edge('joint_1', 'base_link', (0.0, 0.0, 0.3), radians(45), 0.3),
+          Edge('joint_2', 'joint_1', (0.4, 0.0, 0.0), radians(30), 0.5),
+          Edge('joint_3', 'joint_2', (0.3, 0.0, 0.0), radians(60), 0.7))
+HAND = Edge('end_effector', 'joint_3', (0.2, 0.0, 0.0))
 EDGES = (BASE, *JOINTS, HAND)
 #: The names of all frames, from the root to the hand.
 FRAMES = (BASE.parent, *(edge.name for edge in EDGES))
@@ -123,7 +126,8 @@ class Report(NamedTuple):
 
     lines: list[Line]  #: the requirements
     advice: list[Line]  #: good practice, which has no influence on `passed`
-    passed: bool  #: True if every requirement that can be judged from this source is met
+    #: True if every requirement is met; that of a late listener need not be judged.
+    passed: bool
 
     @property
     def first_failure(self) -> Optional[Line]:
@@ -162,12 +166,12 @@ def fit_sine(times: _Floats, angles: _Floats) -> Sine:
     Gauss-Newton steps, as in the four-parameter sine fit of IEEE Std 1057, in windows that grow to
     the whole observation.
 
-    :param times: (n,) times (s), n > 4, in ascending order.
+    :param times: (n,) times (s), n >= 20, in ascending order.
     :param angles: (n,) angles (rad), which are not all equal.
     :returns: the sine.
     """
     t = times - times[0]
-    span, window = t[-1], min(t[-1], max(_FIRST_WINDOW, t[min(_FEWEST, len(t)) - 1]))
+    span, window = t[-1], min(t[-1], max(_FIRST_WINDOW, t[_FEWEST - 1]))
     count = int(np.searchsorted(t, window, 'right'))
     fastest = min(_FASTEST, 0.9 * pi * (count - 1) / window)
     grid = np.arange(pi / (4 * window), fastest, pi / (4 * window))
@@ -215,11 +219,18 @@ class _Samples:
         :param rows: the transforms, each with its message.
         """
         self.parents = {_name(row.frame_id): None for _, row in rows}  # in order of appearance
-        self.times = np.array([message.time / SECOND for message, _ in rows])  # s; 0: not known
-        self.stamps = np.array([row.stamp_ns for _, row in rows], np.int64)
         self.is_static = np.array([message.is_static for message, _ in rows])
         self.poses = np.array([row.pose for _, row in rows], float)
         self.publishers = [message.publisher for message, _ in rows]
+        moving = [(message, row) for message, row in rows if not message.is_static]
+        #: Of the transforms on /tf: the times of arrival (s; 0: not known) and the stamps (ns).
+        self.times = np.array([message.time / SECOND for message, _ in moving])
+        self.stamps = np.array([row.stamp_ns for _, row in moving], np.int64)
+
+    @property
+    def delays(self) -> _Floats:
+        """The times from the stamps to the arrivals (s) of the transforms on /tf."""
+        return np.asarray(self.times - self.stamps / SECOND)
 
     @property
     def positions(self) -> _Floats:
@@ -231,11 +242,6 @@ class _Samples:
         """(n, 4): the unit quaternions x, y, z, w."""
         quaternions = self.poses[:, 3:]
         return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1)[:, None])
-
-    @property
-    def delays(self) -> _Floats:
-        """(n,): the times from the stamps to the arrivals (s)."""
-        return np.asarray(self.times - self.stamps / SECOND)
 
     def is_published_twice(self) -> bool:
         """
@@ -279,39 +285,39 @@ class _Check:
                 rows[name].append((message, row))
         self._samples = {name: _Samples(found) for name, found in rows.items()}
         #: The end of the observation (s).
-        self._end = max((samples.times[-1] for samples in self._samples.values()), default=0.0)
-        if end is not None:
-            self._end = end / SECOND
+        times = [samples.times[-1] for samples in self._samples.values() if len(samples.times)]
+        self._end = max(times, default=0.0) if end is None else end / SECOND
+        #: The frames of the arm that are on /tf, in the order of the chain.
+        self._moving = {edge.name: samples for edge in EDGES
+                        if (samples := self._samples.get(edge.name)) and len(samples.times)}
         #: By frame and by what is wrong with it: a sentence. A method that judges a requirement
         #: adds what it finds; the methods after it in `_lines` then do not judge what depends on
         #: it.
         self._faults: dict[tuple[str, str], str] = {}
         #: The sines that fit the angles, by joint; also those that are too short to be judged.
         self._sines: dict[str, Sine] = {}
-        #: True if the speeds are as required.
-        self._has_speeds = False
+        #: The speeds of the joints (rad/s), if they are as required.
+        self._speeds_found: list[float] = []
 
     def report(self) -> Report:
         """Judge all requirements."""
         lines = [*self._lines()]
         is_late_known = self._reaches_late_joiners is not None
         passed = all(line.verdict == OK for line in lines
-                     if is_late_known or line.requirement != _LATE)
+                     if is_late_known or line.requirement != _LATE_LISTENER)
         return Report(lines, [*self._advice()], passed)
 
-    def _blocked(self, requirement: str, name: str, *kinds: str) -> Optional[Line]:
+    def _why_not(self, name: str, *kinds: str) -> str:
         """
-        Return a line if a requirement cannot be judged, else None.
+        Return why a requirement for a frame cannot be judged; '' if it can be judged.
 
         :param name: the frame.
         :param kinds: what must be right to judge the requirement.
         """
         if not self._samples:
-            return Line(requirement, '', NOT_JUDGED, 'There are no transforms.')
-        for kind in kinds:
-            if reason := self._faults.get((name, kind)):
-                return Line(requirement, '', NOT_JUDGED, reason)
-        return None
+            return 'There are no transforms.'
+        reasons = (self._faults.get((name, kind), '') for kind in kinds)
+        return next(filter(None, reasons), '')
 
     def _lines(self) -> Iterator[Line]:
         yield self._validity()
@@ -335,27 +341,26 @@ class _Check:
             return Line(requirement, 'no transform', NOT_OK, 'Nothing was received on /tf and '
                         '/tf_static.')
         first: Optional[Line] = None
-        for name in sorted(self._samples, key=lambda name: (name not in FRAMES, name)):
+        for name in (edge.name for edge in EDGES if edge.name in self._samples):
             poses = self._samples[name].poses
             norms = np.linalg.norm(poses[:, 3:], axis=1)
             if not np.isfinite(poses).all():
                 measured = 'nan or inf'
-                cause = (f'{shortened(name)} has a number that is not finite; tf2 ignores such a '
-                         'transform.')
+                cause = f'{name} has a number that is not finite; tf2 ignores such a transform.'
             elif abs(norms ** 2 - 1).max() >= _NORM_TOLERANCE:
                 norm = norms[abs(norms - 1).argmax()]
                 measured = f'norm {norm:.2f}'
-                cause = (f'The quaternion of {shortened(name)} does not have the norm 1: ' + (
-                    'without a rotation, w is 1.' if norm < 0.01 else
-                    'z and w are the sine and the cosine of the same angle, half of the joint '
-                    'angle.'))
+                cause = (f'All four numbers of the quaternion of {name} are 0: for no rotation, '
+                         'w is 1.' if norm < 0.01 else
+                         f'The quaternion of {name} does not have the norm 1: z and w are the '
+                         'sine and the cosine of the same angle, half of the joint angle.')
             else:
                 continue
             self._faults[name, _TRANSFORMS] = f'The transforms of {name} are not valid.'
             first = first or Line(requirement, measured, NOT_OK, cause)
         if first:
             return first
-        count = sum(len(samples.times) for samples in self._samples.values())
+        count = sum(len(samples.poses) for samples in self._samples.values())
         return Line(requirement, f'{count} transforms', OK)
 
     def _tree(self) -> Line:
@@ -363,20 +368,26 @@ class _Check:
         requirement = 'the tree'
         if not self._samples:
             return Line(requirement, '', NOT_JUDGED, 'There are no transforms.')
-        faults = [(edge, *fault) for edge in EDGES if (fault := self._fault_of_edge(edge))]
-        for edge, _, reason, _ in faults:
+        faults = {edge: fault for edge in EDGES if (fault := self._fault_of_edge(edge))}
+        for edge, (_, reason, _) in faults.items():
             self._faults.setdefault((edge.name, _TRANSFORMS), reason)
+        if not faults and 'map' in self._samples:
+            parents = comma_list([*map(shortened, self._samples['map'].parents)], _SHOWN)
+            return Line(requirement, f'{parents} → map', NOT_OK,
+                        'map is the root of the tree: it must not have a parent.')
         if not faults:
             return Line(requirement, f'{len(FRAMES)} frames in a chain', OK)
-        edge, measured, _, cause = faults[0]
-        star = [edge.name for edge in EDGES[2:] if edge.name in self._samples
-                and [*self._samples[edge.name].parents] in (['base_link'], ['map'])]
-        if len(star) > 1:
-            cause = (f'The tree is a star: {", ".join(star)} have the same parent. In a chain, '
-                     'the parent of a frame is the frame before it.')
+        edge, (measured, _, cause) = next(iter(faults.items()))
+        if edge.name in self._samples:
+            (parent, *_) = self._samples[edge.name].parents
+            children = [child.name for child in EDGES if child.name in self._samples
+                        and parent in self._samples[child.name].parents]
+            if len(children) > 2:
+                cause = (f'The tree is a star: {", ".join(children)} have the same parent. In a '
+                         'chain, the parent of a frame is the frame before it.')
         return Line(requirement, measured, NOT_OK, cause)
 
-    def _fault_of_edge(self, edge: Joint) -> Optional[tuple[str, str, str]]:
+    def _fault_of_edge(self, edge: Edge) -> Optional[tuple[str, str, str]]:
         """Return what is wrong with an edge: measured, why it cannot be judged, and the cause."""
         name = edge.name
         reverse = self._samples.get(edge.parent)
@@ -392,16 +403,20 @@ class _Check:
             if all(samples.is_static.all() for samples in self._samples.values()):
                 return (f'no {name}', missing, f'No transform of {name} was received: nothing '
                         'arrives on /tf.')
-            hint = ''
-            if edge is BASE:
-                hint = (' Send it with StaticTransformBroadcaster: what TransformBroadcaster '
-                        'sends once does not reach later listeners. The node must still run.')
+            others = [shortened(other) for other in self._samples if other not in FRAMES]
             if self._repeated:
-                hint += (f' {shortened(self._repeated)} is in one message more than once: create '
-                         'a new TransformStamped for each frame.')
-            if others := [shortened(other) for other in self._samples if other not in FRAMES]:
-                hint += f' Other frames were received: {comma_list(others, _SHOWN)}.'
-            return f'no {name}', missing, f'No transform of {name} was received.{hint}'
+                cause = (f'{shortened(self._repeated)} is in one message more than once: create a '
+                         'new TransformStamped for each frame.')
+            elif others:
+                cause = (f'No transform of {name} was received, but of other frames: '
+                         f'{comma_list(others, _SHOWN)}.')
+            elif edge is BASE:
+                cause = (f'No transform of {name} was received: send it with '
+                         'StaticTransformBroadcaster, and keep the node running. What '
+                         'TransformBroadcaster sends once does not reach later listeners.')
+            else:
+                cause = f'No transform of {name} was received.'
+            return f'no {name}', missing, cause
         samples = self._samples[name]
         if samples.is_published_twice():
             return (f'{name} from {len(set(samples.publishers))} publishers',
@@ -425,34 +440,29 @@ class _Check:
     def _stamps(self) -> Line:
         """Judge the stamps of all transforms on /tf."""
         requirement = 'the stamps are the current time'
-        moving = [name for name in FRAMES
-                  if name in self._samples and not self._samples[name].is_static.all()]
-        known = [name for name in moving
-                 if self._samples[name].times[~self._samples[name].is_static].all()]
+        known = {name: samples for name, samples in self._moving.items() if samples.times.all()}
         if not known:
-            return Line(requirement, '', NOT_JUDGED, 'The bag has no times.' if moving else
+            return Line(requirement, '', NOT_JUDGED, 'The bag has no times.' if self._moving else
                         'No transform of the arm is on /tf.')
         faults = [fault for name in known if (fault := self._fault_of_stamps(name))]
         if faults:
             return Line(requirement, faults[0][0], NOT_OK, faults[0][1])
-        delays = [float(np.median(self._samples[name].delays)) for name in known]
-        return Line(requirement, f'{max(delays, key=abs) * 1e3:.1f} ms old', OK)
+        largest = max(abs(float(np.median(samples.delays))) for samples in known.values())
+        return Line(requirement, f'{largest * 1e3:.1f} ms from the time of arrival', OK)
 
     def _fault_of_stamps(self, name: str) -> Optional[tuple[str, str]]:
         """Return what is wrong with the stamps of a frame: measured, and the cause."""
-        samples = self._samples[name]
-        stamps = samples.stamps[~samples.is_static]
-        delays = samples.delays[~samples.is_static]
+        stamps, delays = self._moving[name].stamps, self._moving[name].delays
         is_wrong = abs(delays) >= _LARGEST_DELAY
         has_whole_seconds = len(stamps) > 1 and not (stamps % SECOND).any()
         if is_wrong.mean() <= _DELAYED and not has_whole_seconds:
             return None
         self._faults[name, _STAMPS] = f'The stamps of {name} are wrong.'
-        now = 'header.stamp = self.get_clock().now().to_msg()'
+        now = 'write header.stamp = self.get_clock().now().to_msg()'
         if not stamps.any():
             return f'{name}: 0', f'The stamp of {name} is not set: {now}.'
         if len(stamps) > 1 and (stamps == stamps[0]).all():
-            return (f'{name}: always the same', f'The stamp of {name} is set only once: set {now} '
+            return (f'{name}: always the same', f'The stamp of {name} is set only once: {now} '
                     'before each sendTransform.')
         if has_whole_seconds:
             return (f'{name}: whole seconds', f'The stamp of {name} has no nanoseconds: {now}.')
@@ -465,8 +475,8 @@ class _Check:
 
     def _base_on_tf_static(self) -> Line:
         requirement = 'base_link is on /tf_static'
-        if line := self._blocked(requirement, BASE.name, _TRANSFORMS):
-            return line
+        if why := self._why_not(BASE.name, _TRANSFORMS):
+            return Line(requirement, '', NOT_JUDGED, why)
         is_static = self._samples[BASE.name].is_static
         if is_static.all():
             return Line(requirement, '/tf_static', OK)
@@ -476,8 +486,8 @@ class _Check:
 
     def _base_at_origin(self) -> Line:
         requirement = 'base_link is fixed at the origin of map'
-        if line := self._blocked(requirement, BASE.name, _TRANSFORMS):
-            return line
+        if why := self._why_not(BASE.name, _TRANSFORMS):
+            return Line(requirement, '', NOT_JUDGED, why)
         samples = self._samples[BASE.name]
         position = _farthest(samples.positions, BASE.position)
         angle = 2 * asin(min(1.0, float(np.linalg.norm(samples.rotations[:, :3], axis=1).max())))
@@ -491,9 +501,9 @@ class _Check:
         return Line(requirement, measured, OK)
 
     def _late_joiner(self) -> Line:
-        requirement = _LATE
-        if line := self._blocked(requirement, BASE.name, _TRANSFORMS):
-            return line
+        requirement = _LATE_LISTENER
+        if why := self._why_not(BASE.name, _TRANSFORMS):
+            return Line(requirement, '', NOT_JUDGED, why)
         if self._reaches_late_joiners is None:
             return Line(requirement, '', NOT_JUDGED, 'A bag does not show this.')
         if not self._samples[BASE.name].is_static.any():
@@ -506,10 +516,10 @@ class _Check:
 
     # Positions and axes
 
-    def _position(self, edge: Joint) -> Line:
+    def _position(self, edge: Edge) -> Line:
         requirement = f'{edge.name} is {edge.place} from {edge.parent}'
-        if line := self._blocked(requirement, edge.name, _TRANSFORMS):
-            return line
+        if why := self._why_not(edge.name, _TRANSFORMS):
+            return Line(requirement, '', NOT_JUDGED, why)
         positions = self._samples[edge.name].positions
         position = _farthest(positions, edge.position)
         error = float(np.linalg.norm(np.subtract(position, edge.position)))
@@ -522,10 +532,10 @@ class _Check:
             cause = _cause_of_position(edge, position)
         return Line(requirement, _metres(position), NOT_OK, cause)
 
-    def _axis(self, joint: Joint) -> Line:
+    def _axis(self, joint: Edge) -> Line:
         requirement = f'{joint.name} turns about z only'
-        if line := self._blocked(requirement, joint.name, _TRANSFORMS):
-            return line
+        if why := self._why_not(joint.name, _TRANSFORMS):
+            return Line(requirement, '', NOT_JUDGED, why)
         rotations = self._samples[joint.name].rotations
         x, y, z = abs(rotations[:, :3]).max(axis=0)
         tilt = 2 * asin(min(1.0, float(np.hypot(rotations[:, 0], rotations[:, 1]).max())))
@@ -547,29 +557,25 @@ class _Check:
 
     # Motion
 
-    def _angles(self, joint: Joint) -> _Floats:
+    def _angles(self, joint: Edge) -> _Floats:
         """Return the angles about z (rad), from -pi to pi."""
         rotations = self._samples[joint.name].rotations
         angles = 2 * np.arctan2(rotations[:, 2], rotations[:, 3])
         return np.asarray((angles + pi) % (2 * pi) - pi)
 
-    def _motion(self, joint: Joint) -> Line:
+    def _motion(self, joint: Edge) -> Line:
         requirement = f'{joint.name} moves'
-        if line := self._blocked(requirement, joint.name, _TRANSFORMS, _AXIS):
-            return line
+        if why := self._why_not(joint.name, _TRANSFORMS, _AXIS):
+            return Line(requirement, '', NOT_JUDGED, why)
         samples = self._samples[joint.name]
         if samples.is_static.all():
             self._faults[joint.name, _MOTION] = f'{joint.name} does not move.'
             return Line(requirement, 'on /tf_static', NOT_OK,
                         f'{joint.name} is sent as a static transform, which does not move: send '
                         'it with TransformBroadcaster in a timer.')
-        duration = samples.times[-1] - samples.times[0]
-        if self._end > samples.times[-1] + _SILENCE:
+        if silence := self._silence(joint.name):
             self._faults[joint.name, _MOTION] = f'{joint.name} is not sent any more.'
-            return Line(requirement, f'for {duration:.1f} s', NOT_OK,
-                        f'{joint.name} is not sent any more, since '
-                        f'{self._end - samples.times[-1]:.1f} s: send it as long as the program '
-                        'runs.')
+            return Line(requirement, '', NOT_OK, silence)
         span = float(np.ptp(self._angles(joint)))
         measured = f'by {_degrees(span)}'
         if span >= _SMALLEST_MOTION:
@@ -585,10 +591,17 @@ class _Check:
                      'the timer, from the current time.')
         return Line(requirement, measured, NOT_OK, cause)
 
-    def _limit(self, joint: Joint) -> Line:
+    def _silence(self, name: str) -> str:
+        """Return that a frame on /tf is not sent any more; '' if it is."""
+        silence = self._end - self._samples[name].times[-1]
+        return '' if silence < _SILENCE else (
+            f'{name} has not been sent for the last {silence:.1f} s: send it as long as the '
+            'program runs.')
+
+    def _limit(self, joint: Edge) -> Line:
         requirement = f'{joint.name} stays within ±{degrees(joint.limit):.0f}°'
-        if line := self._blocked(requirement, joint.name, _TRANSFORMS, _AXIS, _MOTION):
-            return line
+        if why := self._why_not(joint.name, _TRANSFORMS, _AXIS, _MOTION):
+            return Line(requirement, '', NOT_JUDGED, why)
         angles = self._angles(joint)
         largest = float(abs(angles).max())
         measured = f'{_degrees(float(angles.min()))} to {_degrees(float(angles.max()))}'
@@ -600,27 +613,26 @@ class _Check:
             self._faults[joint.name, _TURNS] = f'{joint.name} turns all the way round.'
             cause = ('The joint turns all the way round: the angle is in degrees where radians '
                      'are needed, or it has no sine. Write radians(limit) * sin(speed * t).')
-        elif abs(largest / joint.limit - 2) < 0.04:
-            cause = (f'{excess}: the angle is twice as large as it should be. In the quaternion, '
-                     'use the half angle: z = sin(angle / 2), w = cos(angle / 2).')
         elif others := [other.name for other in JOINTS if other is not joint
                         and abs(largest - other.limit) < radians(0.5)]:
             cause = f'{excess}: this is the limit of {others[0]}.'
+            if abs(largest / joint.limit - 2) < 0.04:
+                cause += f' {_HALF_ANGLE}'
+        elif abs(largest / joint.limit - 2) < 0.04:
+            cause = f'{excess}: the angle is twice as large as it should be. {_HALF_ANGLE}'
         elif largest - joint.limit < radians(1.0):
             cause = f'{excess}: is the limit rounded, or does the last step go beyond it?'
         else:
-            cause = (f'{excess}. The largest angle of limit * sin(speed * t) + offset is limit + '
-                     'offset.')
+            cause = (f'{excess}. The amplitude of the sine, plus an offset if there is one, must '
+                     f'be at most {degrees(joint.limit):.0f}°.')
         return Line(requirement, measured, NOT_OK, cause)
 
-    def _sine(self, joint: Joint) -> Line:
+    def _sine(self, joint: Edge) -> Line:
         requirement = f'{joint.name} moves as a sine'
-        if line := self._blocked(requirement, joint.name, _TRANSFORMS, _AXIS, _MOTION, _TURNS,
-                                 _STAMPS):
-            return line
+        if why := self._why_not(joint.name, _TRANSFORMS, _AXIS, _MOTION, _TURNS, _STAMPS):
+            return Line(requirement, '', NOT_JUDGED, why)
         samples = self._samples[joint.name]
-        usable = ~samples.is_static & (
-            (samples.times == 0) | (abs(samples.delays) < _LARGEST_DELAY))
+        usable = (samples.times == 0) | (abs(samples.delays) < _LARGEST_DELAY)
         stamps = samples.stamps[usable]
         if len(stamps) < _FEWEST or np.ptp(stamps) < SECOND:
             return Line(requirement, '', NOT_JUDGED,
@@ -653,8 +665,8 @@ class _Check:
                             f'The speed of {joint.name} cannot be measured.')
         speeds, reading = self._speeds_and_reading()
         measured = f'{", ".join(f"{speed:.2f}" for speed in speeds)} rad/s ({reading})'
-        self._has_speeds = _are_in_order(speeds)
-        if self._has_speeds:
+        if _are_in_order(speeds):
+            self._speeds_found = speeds
             return Line(requirement, measured, OK)
         for (first, speed), (second, other) in combinations(zip(JOINTS, speeds), 2):
             if max(speed, other) < _DIFFERENT * min(speed, other):
@@ -680,8 +692,10 @@ class _Check:
 
     def _hand(self) -> Line:
         requirement = 'end_effector does not move in joint_3'
-        if line := self._blocked(requirement, HAND.name, _TRANSFORMS):
-            return line
+        if why := self._why_not(HAND.name, _TRANSFORMS):
+            return Line(requirement, '', NOT_JUDGED, why)
+        if HAND.name in self._moving and (silence := self._silence(HAND.name)):
+            return Line(requirement, '', NOT_OK, silence)
         rotations = self._samples[HAND.name].rotations
         # The angle between two rotations is 2 acos(|q1 · q2|); the absolute value, because q and
         # -q are the same rotation.
@@ -690,27 +704,25 @@ class _Check:
         if angle < _ROTATION_TOLERANCE:
             return Line(requirement, 'fixed', OK)
         return Line(requirement, f'turns by {_degrees(angle)}', NOT_OK,
-                    'end_effector has no joint: its quaternion is (0, 0, 0, 1) all the time.')
+                    'end_effector must not rotate in joint_3: always send (0, 0, 0, 1).')
 
     # Good practice
 
     def _advice(self) -> Iterator[Line]:
-        moving = [(name, self._samples[name]) for name in FRAMES
-                  if name in self._samples and not self._samples[name].is_static.all()]
-        rates = {name: rate for name, samples in moving
-                 if (rate := _rate(samples.times[~samples.is_static])) is not None}
+        rates = {name: rate for name, samples in self._moving.items()
+                 if (rate := _rate(samples.times)) is not None}
         name, rate = min(rates.items(), key=itemgetter(1), default=('', 0.0))
         yield _advised('at least 10 messages per second', f'{rate:.1f} Hz' if rates else '',
                        rate >= _LOWEST_RATE, f'{name} is sent {rate:.1f} times a second: its '
                        'motion does not look smooth.')
-        stamps = [set(samples.stamps[~samples.is_static].tolist()) for _, samples in moving]
-        same = len(set.intersection(*stamps)) / max(map(len, stamps)) if len(moving) > 1 else 0.0
+        stamps = [set(samples.stamps.tolist()) for samples in self._moving.values()]
+        same = len(set.intersection(*stamps)) / max(map(len, stamps)) if stamps else 0.0
         yield _advised('all frames have the same stamp',
-                       f'{100 * same:.0f} % of the ticks' if len(moving) > 1 else '',
+                       f'{100 * same:.0f} % of the ticks' if len(stamps) > 1 else '',
                        same >= _SAME_STAMP, 'Call get_clock().now() once in each tick, and use '
                        'it for all frames.')
         used = {joint.name: float(abs(self._angles(joint)).max()) / joint.limit for joint in JOINTS
-                if not self._blocked('', joint.name, _TRANSFORMS, _AXIS, _MOTION, _TURNS)}
+                if not self._why_not(joint.name, _TRANSFORMS, _AXIS, _MOTION, _TURNS)}
         name, part = min(used.items(), key=itemgetter(1), default=('', 0.0))
         yield _advised('the joints use at least half of their limits',
                        ', '.join(f'{100 * each:.0f} %' for each in used.values()),
@@ -719,12 +731,12 @@ class _Check:
         yield _advised('no other frames on /tf and /tf_static',
                        f'{len(others)} other frames' if self._samples else '', not others,
                        f'Other frames: {comma_list(others, _SHOWN)}.')
-        speeds = self._speeds_and_reading()[0] if self._has_speeds else []
+        speeds = self._speeds_found
         yield _advised('speeds of about 0.3, 0.5 and 0.7 rad/s',
                        ', '.join(f'{speed:.2f}' for speed in speeds), all(
                            1 / _SPEED_FACTOR <= speed / joint.speed <= _SPEED_FACTOR
                            for speed, joint in zip(speeds, JOINTS)),
-                       'Compute the phase from the time in seconds: speed * t.')
+                       'The sheet says 0.3, 0.5 and 0.7 rad/s. Is the time in seconds?')
 
 
 def _are_in_order(speeds: list[float]) -> bool:
@@ -787,7 +799,7 @@ def _advised(practice: str, measured: str, is_followed: bool, text: str) -> Line
     return Line(practice, measured, OK) if is_followed else Line(practice, measured, ADVICE, text)
 
 
-def _cause_of_position(edge: Joint, position: _Vector) -> str:
+def _cause_of_position(edge: Edge, position: _Vector) -> str:
     """Return the likely cause of a wrong position that does not change."""
     length = max(edge.position)
     if abs(float(np.linalg.norm(position)) - length) <= _POSITION_TOLERANCE:
@@ -811,17 +823,16 @@ def _is_near(position: _Vector, expected: ArrayLike) -> bool:
     return bool(np.linalg.norm(np.subtract(position, expected)) <= _POSITION_TOLERANCE)
 
 
-def _cause_of_wave(joint: Joint, times: _Floats, angles: _Floats, sine: Sine) -> str:
+def _cause_of_wave(joint: Edge, times: _Floats, angles: _Floats, sine: Sine) -> str:
     """Return the likely cause if the motion of a joint is not a sine."""
     if sine.speed > 0.9 * _FASTEST:
-        return (f'{joint.name} moves faster than a sine of {_FASTEST:.0f} rad/s, or is sent too '
-                'rarely to see its motion.')
+        return f'{joint.name} moves too fast to see a wave.'
     low, high = float(angles.min()), float(angles.max())
     at_ends = np.mean((angles > high - 0.01 * (high - low)) | (angles < low + 0.01 * (high - low)))
     if at_ends > 0.2:  # for a sine, it is 0.13
         return (f'{joint.name} rests at {_degrees(high)} or {_degrees(low)}: the wave is clipped. '
                 'Do not cut the angle off; the amplitude of the sine is the limit.')
-    phase = sine.speed * (times - times[0]) + sine.phase
+    phase = sine.speed * times + sine.phase
     triangle = np.column_stack([np.ones_like(times), np.arcsin(np.sin(phase))])
     found = np.linalg.lstsq(triangle, angles, rcond=None)[0]
     error = float(np.sqrt(np.mean((triangle @ found - angles) ** 2))) / sine.amplitude

@@ -26,7 +26,7 @@ import warnings
 
 from dummy_arm.cli.bag_options import add_bag_options, bag_progress
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
-from dummy_arm.cli.progress import progress, wait
+from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import begin_cleanup, sleep
 from dummy_arm.inspection.arm_check import (
     ADVICE,
@@ -136,25 +136,20 @@ class Observer:
         """Return whether a listener that starts now receives base_link on /tf_static."""
         from dummy_arm.tf import BufferCore, StaticTransformListener
         buffer = BufferCore()
-
-        def has_arrived() -> bool:
-            """Return whether base_link has arrived; collect messages, so that none is lost."""
-            self.poll()
-            return any(frame.name == 'base_link' for frame in buffer.frames())
-
         listener = StaticTransformListener(buffer, self._node)
         try:
-            return _wait_until(_LATE, has_arrived)
+            return _wait_until(_LATE, lambda: any(
+                frame.name == 'base_link' for frame in buffer.frames()))
         finally:
             listener.unregister()
 
     def report(self) -> Report:
         """Judge the messages; before that, start a late listener."""
         self.poll()
-        observed, end = self.messages[:], time.time_ns()
-        is_sent = any(row.child_frame_id.removeprefix('/') == 'base_link' for message in observed
-                      if message.is_static for row in message.rows)
-        return check(observed, is_sent and self.reaches_late_joiners(), end)
+        end = time.time_ns()
+        is_sent = any(row.child_frame_id.removeprefix('/') == 'base_link'
+                      for message in self.messages if message.is_static for row in message.rows)
+        return check(self.messages, is_sent and self.reaches_late_joiners(), end)
 
     def why_no_frames(self) -> str:
         """Return the possible reasons why no transform has been received."""
@@ -217,9 +212,11 @@ class Program:
         code = self._process.poll()
         if code is not None:
             self._reader.join(_GRACE)
-        text = self._output.decode(errors='replace')
         if len(self._output) > _LONGEST_OUTPUT:
             return f'It prints more than {_LONGEST_OUTPUT // 10**6} MB.'
+        if code is None and _TRACEBACK.encode() not in self._output:
+            return ''
+        text = self._output.decode(errors='replace')
         if error := _error_of(text, self._path.name):
             return f'It fails: {error}'
         if code is None:
@@ -269,13 +266,19 @@ def _arguments(path: Path) -> list[str]:
         raise ProgramError(f'It does not compile: {error or type(error).__name__}.') from None
     functions = ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef
     has_main = any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree.body)
-    names = {name.id for node in tree.body if not isinstance(node, functions)
-             for name in ast.walk(node) if isinstance(name, ast.Name)}
+    statements = [node for node in tree.body if not isinstance(node, functions)]
+    calls_main = any('main' in _names(node) for node in statements)
+    is_script = any('__name__' in _names(node.test) for node in statements
+                    if isinstance(node, ast.If))
     path = path.absolute()
-    if not has_main or {'main', '__name__'} & names:
+    if calls_main or is_script or not has_main:
         return [str(path)]
     return ['-c', f'import runpy, sys; sys.argv = [{str(path)!r}]; sys.path[0] = '
                   f'{str(path.parent)!r}; runpy.run_path(sys.argv[0])["main"]()']
+
+
+def _names(node: ast.AST) -> set[str]:
+    return {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
 
 
 def _error_of(output: str, name: str) -> str:
@@ -441,8 +444,6 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
         add_row = stack.enter_context(_csv_file(table)) if table else None
         pool = ThreadPoolExecutor(jobs)
         stack.callback(pool.shutdown, cancel_futures=True)
-        show = stack.enter_context(progress(
-            len(files), desc='grading', bar_format='{desc} {bar} {n_fmt} of {total_fmt} files'))
         futures = deque(pool.submit(grade, file, seconds, ros_args) for file in files)
         is_passed = True
 
@@ -455,7 +456,6 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
                 add_row(result)
             is_passed &= not result.reason
             futures.popleft()
-            show(len(files) - len(futures))
 
         try:
             while futures:
@@ -482,15 +482,6 @@ def _csv_file(path: str) -> Iterator[Callable[[Grade], object]]:
     :returns: a context manager; the target of `as` is a function that adds the row of a grade.
     :raises CommandError: if the file cannot be opened.
     """
-    def verdicts(report: Report) -> list[str]:
-        """
-        Return the verdicts on the requirements, then those on good practice.
-
-        :param report: the report.
-        :returns: the verdicts, in the order of the columns.
-        """
-        return [line.verdict for line in (*report.lines, *report.advice)]
-
     try:
         file = open(path, 'w', newline='', encoding='utf-8', buffering=1)  # noqa: SIM115
     except OSError as error:
@@ -501,7 +492,8 @@ def _csv_file(path: str) -> Iterator[Callable[[Grade], object]]:
             line.requirement for line in (*nothing.lines, *nothing.advice))])
         yield lambda grade: writer.writerow([
             grade.file, NOT_OK if grade.reason else OK, grade.reason,
-            *(verdicts(grade.report) if grade.report else ())])
+            *((line.verdict for line in (*grade.report.lines, *grade.report.advice))
+              if grade.report else ())])
 
 
 # The arm that is running, and a bag
@@ -609,8 +601,8 @@ def _names_in_pdf(path: Path) -> dict[str, float]:
     try:
         from pypdf import PdfReader
     except ImportError:
-        raise CommandError('pypdf is needed to read a PDF: pip install pypdf, or apt install '
-                           'python3-pypdf; or check the .gv file') from None
+        raise CommandError('pypdf is needed to read a PDF: apt install python3-pypdf, or pip '
+                           'install pypdf; or check the .gv file') from None
     top = 0.0
     #: By the place on the paper. A text is in several parts if it has a ligature, such as "ff".
     texts: defaultdict[tuple[float, float], str] = defaultdict(str)
