@@ -6,9 +6,8 @@ import sys
 import time
 from typing import Any
 
-from dummy_arm.cli.signals import sleep
+from dummy_arm.cli.signals import wait_until
 
-_STEP = 0.05  # s
 _BAR = '{desc} {bar} {n:.1f} of {total:g} s'
 
 
@@ -59,7 +58,9 @@ def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False)
     """
     start = time.monotonic()
     with progress(seconds, desc=what, bar_format=_BAR) as show:
-        while not (holds := bool(until())) and (elapsed := time.monotonic() - start) < seconds:
-            show(elapsed)
-            sleep(min(_STEP, seconds - elapsed))
-    return holds
+        def holds() -> bool:
+            """Move the bar, and return whether the condition holds."""
+            show(min(seconds, time.monotonic() - start))
+            return bool(until())
+
+        return wait_until(seconds, holds)

@@ -7,6 +7,7 @@ done. The second signal raises KeyboardInterrupt at once, except during the clea
 command.
 """
 
+from collections.abc import Callable
 import signal
 import time
 from typing import Any
@@ -70,6 +71,22 @@ def sleep(seconds: float) -> None:
     while not _received and (left := end - time.monotonic()) > 0.0:
         time.sleep(min(_STEP, left))
     check_signals()
+
+
+def wait_until(seconds: float, holds: Callable[[], object]) -> bool:
+    """
+    Wait until a condition holds or the time is over.
+
+    :param seconds: how long to wait at most (s).
+    :param holds: a function that returns whether the condition holds. It is called at once, and
+        then every 0.05 s.
+    :returns: True if the condition holds; False if the time ended before the condition held.
+    :raises KeyboardInterrupt: if a signal has been recorded, before or during the wait.
+    """
+    end = time.monotonic() + seconds
+    while not (result := bool(holds())) and (left := end - time.monotonic()) > 0.0:
+        sleep(min(_STEP, left))
+    return result
 
 
 def check_signals() -> None:

@@ -7,6 +7,7 @@ The check needs no ROS: its input is a list of received or recorded messages.
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from difflib import get_close_matches
+from functools import cached_property
 from itertools import combinations, groupby, pairwise
 from math import asin, degrees, hypot, log, pi, radians
 from operator import itemgetter
@@ -197,15 +198,19 @@ def _improved(t: _Floats, y: _Floats, speed: float, step: float, fastest: float)
         (_, a, b), _ = _linear_fit(t, y, speed)
         sine, cosine = np.sin(speed * t), np.cos(speed * t)
         columns = np.column_stack([np.ones_like(t), sine, cosine, t * (a * cosine - b * sine)])
-        change = float(np.linalg.lstsq(columns, y, rcond=None)[0][3])
+        change = float(_fit(columns, y)[0][3])
         speed = min(max(speed + min(max(change, -step), step), step / 2), fastest)
     return speed
 
 
 def _linear_fit(t: _Floats, y: _Floats, speed: float) -> tuple[_Floats, float]:
     """Return c, a, b of the best sine of this speed, and the root mean square of its residuals."""
-    columns = np.column_stack([np.ones_like(t), np.sin(speed * t), np.cos(speed * t)])
-    found = np.linalg.lstsq(columns, y, rcond=None)[0]
+    return _fit(np.column_stack([np.ones_like(t), np.sin(speed * t), np.cos(speed * t)]), y)
+
+
+def _fit(columns: _Floats, y: _Floats) -> tuple[_Floats, float]:
+    """Return the least-squares coefficients, and the root mean square of the residuals."""
+    found = np.asarray(np.linalg.lstsq(columns, y, rcond=None)[0], np.float64)
     return found, float(np.sqrt(np.mean((columns @ found - y) ** 2)))
 
 
@@ -237,11 +242,17 @@ class _Samples:
         """(n, 3): the positions (m)."""
         return self.poses[:, :3]
 
-    @property
+    @cached_property
     def rotations(self) -> _Floats:
         """(n, 4): the unit quaternions x, y, z, w."""
         quaternions = self.poses[:, 3:]
         return np.asarray(quaternions / np.linalg.norm(quaternions, axis=1)[:, None])
+
+    @cached_property
+    def angles(self) -> _Floats:
+        """(n,): the angles about z (rad), from -pi to pi."""
+        angles = 2 * np.arctan2(self.rotations[:, 2], self.rotations[:, 3])
+        return np.asarray((angles + pi) % (2 * pi) - pi)
 
     def is_published_twice(self) -> bool:
         """
@@ -326,7 +337,7 @@ class _Check:
         yield self._base_on_tf_static()
         yield self._base_at_origin()
         yield self._late_joiner()
-        yield from map(self._position, (*JOINTS, HAND))
+        yield from map(self._position, EDGES[1:])
         for method in self._axis, self._motion, self._limit, self._sine:
             yield from map(method, JOINTS)
         yield self._speeds()
@@ -366,8 +377,8 @@ class _Check:
     def _tree(self) -> Line:
         """Judge the names of the frames and of their parents."""
         requirement = 'the tree'
-        if not self._samples:
-            return Line(requirement, '', NOT_JUDGED, 'There are no transforms.')
+        if why := self._why_not(BASE.parent):
+            return Line(requirement, '', NOT_JUDGED, why)
         faults = {edge: fault for edge in EDGES if (fault := self._fault_of_edge(edge))}
         for edge, (_, reason, _) in faults.items():
             self._faults.setdefault((edge.name, _TRANSFORMS), reason)
@@ -490,12 +501,12 @@ class _Check:
             return Line(requirement, '', NOT_JUDGED, why)
         samples = self._samples[BASE.name]
         position = _farthest(samples.positions, BASE.position)
-        angle = 2 * asin(min(1.0, float(np.linalg.norm(samples.rotations[:, :3], axis=1).max())))
+        angle = _largest_angle(samples.rotations[:, :3])
         measured = _metres(position)
         if angle > _ROTATION_TOLERANCE:
             return Line(requirement, f'{measured}, rotated by {_degrees(angle)}', NOT_OK,
                         'base_link must not be rotated in map: the quaternion is (0, 0, 0, 1).')
-        if np.linalg.norm(position) > _POSITION_TOLERANCE:
+        if not _is_near(position, BASE.position):
             return Line(requirement, measured, NOT_OK, 'The translation of base_link in map must '
                         'be (0, 0, 0).')
         return Line(requirement, measured, OK)
@@ -522,8 +533,7 @@ class _Check:
             return Line(requirement, '', NOT_JUDGED, why)
         positions = self._samples[edge.name].positions
         position = _farthest(positions, edge.position)
-        error = float(np.linalg.norm(np.subtract(position, edge.position)))
-        if error <= _POSITION_TOLERANCE:
+        if _is_near(position, edge.position):
             return Line(requirement, _metres(position), OK)
         if np.ptp(positions, axis=0).max() > _POSITION_TOLERANCE:
             cause = (f'The position of {edge.name} changes. Only its rotation may change: the '
@@ -538,8 +548,7 @@ class _Check:
             return Line(requirement, '', NOT_JUDGED, why)
         rotations = self._samples[joint.name].rotations
         x, y, z = abs(rotations[:, :3]).max(axis=0)
-        tilt = 2 * asin(min(1.0, float(np.hypot(rotations[:, 0], rotations[:, 1]).max())))
-        if tilt <= _ROTATION_TOLERANCE:
+        if _largest_angle(rotations[:, :2]) <= _ROTATION_TOLERANCE:
             return Line(requirement, 'about z' if z > 1e-6 else 'no rotation', OK)
         self._faults[joint.name, _AXIS] = f'{joint.name} does not turn about z only.'
         # The vector part of the quaternion is sin(angle / 2) times the axis.
@@ -557,12 +566,6 @@ class _Check:
 
     # Motion
 
-    def _angles(self, joint: Edge) -> _Floats:
-        """Return the angles about z (rad), from -pi to pi."""
-        rotations = self._samples[joint.name].rotations
-        angles = 2 * np.arctan2(rotations[:, 2], rotations[:, 3])
-        return np.asarray((angles + pi) % (2 * pi) - pi)
-
     def _motion(self, joint: Edge) -> Line:
         requirement = f'{joint.name} moves'
         if why := self._why_not(joint.name, _TRANSFORMS, _AXIS):
@@ -576,7 +579,7 @@ class _Check:
         if silence := self._silence(joint.name):
             self._faults[joint.name, _MOTION] = f'{joint.name} is not sent any more.'
             return Line(requirement, '', NOT_OK, silence)
-        span = float(np.ptp(self._angles(joint)))
+        span = float(np.ptp(samples.angles))
         measured = f'by {_degrees(span)}'
         if span >= _SMALLEST_MOTION:
             return Line(requirement, measured, OK)
@@ -602,23 +605,23 @@ class _Check:
         requirement = f'{joint.name} stays within ±{degrees(joint.limit):.0f}°'
         if why := self._why_not(joint.name, _TRANSFORMS, _AXIS, _MOTION):
             return Line(requirement, '', NOT_JUDGED, why)
-        angles = self._angles(joint)
+        angles = self._samples[joint.name].angles
         largest = float(abs(angles).max())
         measured = f'{_degrees(float(angles.min()))} to {_degrees(float(angles.max()))}'
         if largest <= joint.limit + _LIMIT_TOLERANCE:
             return Line(requirement, measured, OK)
         excess = f'The limit is exceeded by {_degrees(largest - joint.limit)}'
-        unwrapped = np.unwrap(angles)
-        if largest > radians(170) or np.ptp(unwrapped) > 2 * pi:
+        is_double = abs(largest / joint.limit - 2) < 0.04
+        if largest > radians(170) or np.ptp(np.unwrap(angles)) > 2 * pi:
             self._faults[joint.name, _TURNS] = f'{joint.name} turns all the way round.'
             cause = ('The joint turns all the way round: the angle is in degrees where radians '
                      'are needed, or it has no sine. Write radians(limit) * sin(speed * t).')
         elif others := [other.name for other in JOINTS if other is not joint
                         and abs(largest - other.limit) < radians(0.5)]:
             cause = f'{excess}: this is the limit of {others[0]}.'
-            if abs(largest / joint.limit - 2) < 0.04:
+            if is_double:
                 cause += f' {_HALF_ANGLE}'
-        elif abs(largest / joint.limit - 2) < 0.04:
+        elif is_double:
             cause = f'{excess}: the angle is twice as large as it should be. {_HALF_ANGLE}'
         elif largest - joint.limit < radians(1.0):
             cause = f'{excess}: is the limit rounded, or does the last step go beyond it?'
@@ -639,7 +642,7 @@ class _Check:
                         f'{len(stamps)} transforms are too few to see a wave.')
         order = np.argsort(stamps, kind='stable')
         times = (stamps[order] - stamps.min()) / SECOND
-        angles = np.unwrap(self._angles(joint)[usable][order])
+        angles = np.unwrap(samples.angles[usable][order])
         sine = fit_sine(times, angles)
         if sine.residual < _LARGEST_RESIDUAL:
             self._sines[joint.name] = sine
@@ -721,7 +724,8 @@ class _Check:
                        f'{100 * same:.0f} % of the ticks' if len(stamps) > 1 else '',
                        same >= _SAME_STAMP, 'Call get_clock().now() once in each tick, and use '
                        'it for all frames.')
-        used = {joint.name: float(abs(self._angles(joint)).max()) / joint.limit for joint in JOINTS
+        used = {joint.name: float(abs(self._samples[joint.name].angles).max()) / joint.limit
+                for joint in JOINTS
                 if not self._why_not(joint.name, _TRANSFORMS, _AXIS, _MOTION, _TURNS)}
         name, part = min(used.items(), key=itemgetter(1), default=('', 0.0))
         yield _advised('the joints use at least half of their limits',
@@ -778,6 +782,11 @@ def _farthest(positions: _Floats, expected: _Vector) -> _Vector:
     return x, y, z
 
 
+def _largest_angle(vectors: _Floats) -> float:
+    """Return the largest angle (rad), from vector parts of quaternions: axis * sin(angle / 2)."""
+    return 2 * asin(min(1.0, float(np.linalg.norm(vectors, axis=1).max())))
+
+
 def _metres(position: _Vector) -> str:
     return f'({", ".join(f"{value + 0.0:.3f}" for value in position)}) m'
 
@@ -804,11 +813,11 @@ def _cause_of_position(edge: Edge, position: _Vector) -> str:
     length = max(edge.position)
     if abs(float(np.linalg.norm(position)) - length) <= _POSITION_TOLERANCE:
         return f'The distance is right, but not the direction: {edge.name} is {edge.place}.'
-    for other in (*JOINTS, HAND):
+    for other in EDGES[1:]:
         if _is_near(position, other.position):
             return f'This is the position of {other.name}: the positions are at the wrong frames.'
-    from_base = np.cumsum([joint.position for joint in (*JOINTS, HAND)], axis=0)
-    if _is_near(position, from_base[(*JOINTS, HAND).index(edge)]):
+    from_base = np.sum([other.position for other in EDGES[:EDGES.index(edge) + 1]], axis=0)
+    if _is_near(position, from_base):
         return (f'This is the position in base_link. A transform has the position in the parent, '
                 f'which is {edge.parent}.')
     for factor, unit in (1000.0, 'millimetres'), (100.0, 'centimetres'):
@@ -834,9 +843,7 @@ def _cause_of_wave(joint: Edge, times: _Floats, angles: _Floats, sine: Sine) -> 
                 'Do not cut the angle off; the amplitude of the sine is the limit.')
     phase = sine.speed * times + sine.phase
     triangle = np.column_stack([np.ones_like(times), np.arcsin(np.sin(phase))])
-    found = np.linalg.lstsq(triangle, angles, rcond=None)[0]
-    error = float(np.sqrt(np.mean((triangle @ found - angles) ** 2))) / sine.amplitude
-    if error < sine.residual / 2:
+    if _fit(triangle, angles)[1] / sine.amplitude < sine.residual / 2:
         return (f'{joint.name} moves at a constant speed to and fro, which is a triangle wave: '
                 'the angle is limit * sin(speed * t).')
     if abs(np.diff(angles)).max() > 0.3 * (high - low):

@@ -27,7 +27,7 @@ import warnings
 from dummy_arm.cli.bag_options import add_bag_options, bag_progress
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import wait
-from dummy_arm.cli.signals import begin_cleanup, sleep
+from dummy_arm.cli.signals import begin_cleanup, sleep, wait_until
 from dummy_arm.inspection.arm_check import (
     ADVICE,
     check,
@@ -64,7 +64,6 @@ _LONGEST_OUTPUT = 1_000_000
 _DOMAINS = range(215, 232)
 #: The ports of a domain begin at `_FIRST_PORT + _PORTS * domain` (RTPS specification, 9.6.2).
 _FIRST_PORT, _PORTS = 7400, 250
-_STEP = 0.05  # s
 _TRACEBACK = 'Traceback (most recent call last):'
 _NO_FILE = 'It is not a regular file.'
 #: The lines of frames.pdf that are not the name of a frame, as this package and tf2 write them.
@@ -138,7 +137,7 @@ class Observer:
         buffer = BufferCore()
         listener = StaticTransformListener(buffer, self._node)
         try:
-            return _wait_until(_LATE, lambda: any(
+            return wait_until(_LATE, lambda: any(
                 frame.name == 'base_link' for frame in buffer.frames()))
         finally:
             listener.unregister()
@@ -154,18 +153,6 @@ class Observer:
     def why_no_frames(self) -> str:
         """Return the possible reasons why no transform has been received."""
         return self._listener.why_no_frames()
-
-
-def _wait_until(seconds: float, holds: Callable[[], object]) -> bool:
-    """
-    Wait until a condition holds or the time is over; return whether the condition holds.
-
-    :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received.
-    """
-    end = time.monotonic() + seconds
-    while not (result := bool(holds())) and time.monotonic() < end:
-        sleep(_STEP)
-    return result
 
 
 # Programs
@@ -335,9 +322,9 @@ def grade(file: str, seconds: float, ros_args: Sequence[str] = ()) -> Grade:
             observer = Observer(stack.enter_context(_node_in(domain, ros_args)))
             program = Program(Path(file), arguments, domain, directory)
             stack.callback(program.end)
-            _wait_until(_START, lambda: observer.poll() or program.fault())
+            wait_until(_START, lambda: observer.poll() or program.fault())
             if observer.has_started:
-                _wait_until(seconds, lambda: observer.poll() and program.fault())
+                wait_until(seconds, lambda: observer.poll() and program.fault())
             if fault := program.fault():
                 return Grade(file, check(observer.messages), fault)
             if not observer.has_started:
@@ -459,7 +446,7 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
 
         try:
             while futures:
-                _wait_until(inf, futures[0].done)
+                wait_until(inf, futures[0].done)
                 report()
         except KeyboardInterrupt:
             begin_cleanup()
@@ -639,8 +626,7 @@ def _fault_of_names(names: dict[str, float]) -> str:
     missing = [name for name in FRAMES if name not in names]
     others = [name for name in names if name not in FRAMES]
     if missing or others:
-        return ' '.join(f'{what}: {comma_list(found, _SHOWN, quoted)}.' for what, found in (
-            ('Missing', missing), ('Other frames', others)) if found)
+        return _differences(missing, 'frames', others, quoted)
     for upper, lower in pairwise(FRAMES):
         if names[lower] < names[upper] + 1.0:
             return f'{lower} is not below {upper}: the tree is not a chain in the right order.'
@@ -671,10 +657,15 @@ def _fault_of_edges(edges: set[tuple[str, str]]) -> str:
     if not edges:
         return 'It has no edges of a tree.'
     expected = {*pairwise(FRAMES)}
-    parts = [f'{what}: {comma_list(sorted(f"{a} -> {b}" for a, b in found), _SHOWN, shortened)}.'
-             for what, found in (('Missing', expected - edges), ('Other edges', edges - expected))
-             if found]
-    return ' '.join(parts)
+    missing, others = (sorted(f'{parent} -> {child}' for parent, child in found)
+                       for found in (expected - edges, edges - expected))
+    return _differences(missing, 'edges', others, shortened)
+
+
+def _differences(missing: Sequence[str], what: str, others: Sequence[str],
+                 write: Callable[[str], str]) -> str:
+    return ' '.join(f'{label}: {comma_list(found, _SHOWN, write)}.' for label, found in (
+        ('Missing', missing), (f'Other {what}', others)) if found)
 
 
 def command(files: Sequence[str] = (), seconds: Optional[float] = None, bag: Optional[str] = None,
