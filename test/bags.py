@@ -66,6 +66,18 @@ def make(path, kind, messages):
     return path
 
 
+def point(frame, stamp=S, version=2):
+    """Serialize a PointStamped, which begins with a header."""
+    types = _types(version)
+    number = (7,) if version == 1 else ()
+    message = types.types['geometry_msgs/msg/PointStamped'](
+        types.types['std_msgs/msg/Header'](
+            *number, types.types['builtin_interfaces/msg/Time'](*divmod(stamp, S)), frame),
+        types.types['geometry_msgs/msg/Point'](1.0, 2.0, 3.0))
+    serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
+    return bytes(serialize(message, 'geometry_msgs/msg/PointStamped'))
+
+
 def ros1(rows):
     """Serialize a message in the format of ROS 1."""
     return bytes(_types(1).serialize_ros1(_message(_types(1), rows), TF))
@@ -162,10 +174,10 @@ def mcap_record(opcode, content, length=None):
     return struct.pack('<BQ', opcode, len(content) if length is None else length) + content
 
 
-def mcap_channel(topic='/tf', number=1, msgtype=TF, encoding='cdr'):
+def mcap_channel(topic='/tf', number=1, msgtype=TF, encoding='cdr', definition=''):
     """Return the records of a channel and of its type."""
     return mcap_record(3, struct.pack('<H', number) + _text(msgtype) + _text('ros2msg')
-                       + _text('')) + mcap_record(
+                       + _text(definition)) + mcap_record(
         4, struct.pack('<HH', number, number) + _text(topic) + _text(encoding) + _text(''))
 
 

@@ -18,6 +18,7 @@ import termios
 import pytest
 
 from dummy_arm.tf import bag
+from dummy_arm.tf._bag.decompression import decompress
 from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf.bag import BagError, read
 
@@ -75,6 +76,67 @@ def test_messages_of_odd_bags(tmp_path, logs, kind):
     (message,) = bag.messages(bags.make(nonsense, kind, [('/tf', S, b'nonsense')]))
     with pytest.raises(ValueError, match=r'they announce|unknown encoding'):
         message.rows()
+
+
+@pytest.mark.parametrize('partial', [False, True])
+@pytest.mark.parametrize('kind', KINDS)
+def test_headers_of_other_topics(tmp_path, logs, kind, partial):
+    """The frames of the first ten messages are read, of topics whose type begins with a header."""
+    point = 'geometry_msgs/msg/PointStamped'
+    version = 1 if kind.startswith('bag') else 2
+    path = bags.make(tmp_path, kind, [
+        *bags.walk(), *(('/point', 200 * S + i, bags.point(f'frame_{i}', S, version), point)
+                        for i in range(12)),
+        ('/tf_old', 300 * S, [bags.row(S, 'map', 'odom')])])
+    topics: list[bag.TopicHeaders] = []
+    assert len([*bag.messages(path, partial=partial, on_headers=topics.extend)]) == 102
+    assert topics == [bag.TopicHeaders('/point', point, frozenset(
+        f'frame_{i}' for i in range(10)))]
+    assert not logs
+
+
+@pytest.mark.parametrize(('definition', 'frames'), [
+    ('std_msgs/Header header\nfloat64 x', {'laser'}),
+    ('# a comment\n\nuint8 A=1\nstd_msgs/msg/Header header # first', {'laser'}),
+    ('float64 x\nstd_msgs/Header header', None),
+    ('uint8 A=1\n' + '=' * 80 + '\nMSG: std_msgs/Header\nstd_msgs/Header x', None),
+    ('module my { struct Thing { @verbatim (text="x")\n std_msgs::msg::Header header; }; };',
+     {'laser'}),
+    ('module my { struct Thing { double x; std_msgs::msg::Header header; }; };', None),
+    ('', frozenset()),  # an unknown type
+])
+def test_definitions_of_types(tmp_path, definition, frames):
+    """Whether messages begin with a header is read from the definition in the bag."""
+    path = bags.mcap(
+        tmp_path / 'own.mcap', bags.mcap_channel(),
+        bags.mcap_channel('/thing', 2, 'my/msg/Thing', definition=definition),
+        bags.mcap_message([bags.row(S, 'map', 'odom')]),
+        bags.mcap_message(bags.point('laser'), number=2),
+        bags.mcap_message(b'\0\1\0\0\1', number=2))  # a damaged one
+    topics: list[bag.TopicHeaders] = []
+    assert len([*bag.messages(path, on_headers=topics.extend)]) == 1
+    assert [topic.frames for topic in topics] == (
+        [] if frames is None else [frozenset(frames)] if frames else [None])
+
+
+def test_chunks_without_wanted_messages(tmp_path, monkeypatch):
+    """With an index, only the chunks with wanted messages are decompressed."""
+    point = 'geometry_msgs/msg/PointStamped'
+    path = bags.make(tmp_path, 'mcap storage', [
+        ('/tf', 0, [bags.row(S, 'map', 'odom')]),
+        *(('/point', i * S, bags.point('x' * 500_000), point) for i in range(60)),
+        ('/tf', 60 * S, [bags.row(S, 'map', 'odom')])])
+    sizes = []
+
+    def counted(*arguments):
+        sizes.append(len(data := decompress(*arguments)))
+        return data
+
+    monkeypatch.setattr('dummy_arm.tf._bag.rosbag2.decompress', counted)
+    topics: list[bag.TopicHeaders] = []
+    assert len([*bag.messages(path, on_headers=topics.extend)]) == 2
+    assert 0 < sum(sizes) < 15_000_000  # of 30 MB
+    assert topics[0].frames == frozenset(['x' * 500_000])
 
 
 def test_a_time_that_is_no_number(tmp_path):

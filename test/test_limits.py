@@ -478,7 +478,7 @@ def test_traffic_of_frames_with_long_names_is_not_counted():
     traffic = Traffic(lambda: T)
     message = ReceivedMessage(cdr.pack([
         Row(S + 2, 'map', name, STILL) for name in ('x' * 1025, 'tool')]))
-    message.gid, message.reception_time = 'gid', T
+    message.publisher, message.time = 'gid', T
     traffic.observe([message])
     streams = traffic.streams(lambda gids: dict.fromkeys(gids, '/node'), ['gid'])
     assert [stream.frame for stream in streams] == ['tool', '']

@@ -30,7 +30,7 @@ def received_message(gid, received, *edges: tuple[str, str], stamp=None, is_stat
     """Return a message as if it had been received; times in ns."""
     message = ReceivedMessage(cdr.pack(
         Row(received if stamp is None else stamp, *edge, STILL) for edge in edges))
-    message.gid, message.reception_time, message.is_static = gid, received, is_static
+    message.publisher, message.time, message.is_static = gid, received, is_static
     return message
 
 
@@ -117,7 +117,7 @@ def test_each_frame_has_the_delay_of_its_own_stamp():
     traffic.observe([received_message('/a', now - S, ('map', 'odom'))])
     message = ReceivedMessage(cdr.pack([Row(now - late * S, 'map', child, STILL)
                               for child, late in (('/', 3), ('odom', 1), ('base', 2))]))
-    message.gid, message.reception_time = '/a', now
+    message.publisher, message.time = '/a', now
     traffic.observe([message])
     for frame, late in ('odom', 1.0), ('base', 2.0), ('', 2.0):
         assert streams_of(traffic)[frame, '/a'].summary.average_delay == pytest.approx(

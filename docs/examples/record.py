@@ -35,7 +35,7 @@ with Writer(sys.argv[1], version=9, storage_plugin=StoragePlugin.MCAP) as bag:
         :param received: the messages, and the number of messages that were dropped.
         """
         for message in received.messages:
-            bag.write(static if message.is_static else dynamic, message.reception_time, message)
+            bag.write(static if message.is_static else dynamic, message.time, message)
         if received.dropped:
             node.get_logger().error(
                 f'{received.dropped} messages arrived too fast and are not in the bag')

@@ -191,19 +191,19 @@ class Traffic:
         rows = message.rows()
         if self._only:
             rows = [row for row in rows if row.child_frame_id.removeprefix('/') == self._only]
-        streams = [(self._arrivals_of(frame, message.gid), row) for row in rows
+        streams = [(self._arrivals_of(frame, message.publisher), row) for row in rows
                    if (frame := row.child_frame_id.removeprefix('/')) and not is_too_long(frame)]
-        all_frames = self._arrivals_of('', message.gid)
+        all_frames = self._arrivals_of('', message.publisher)
         if message.is_static or not rows:
             return
         for arrivals in [all_frames, *(arrivals for arrivals, _ in streams)]:
             arrivals.is_dynamic = True
-        since = self._since.setdefault(message.gid, message.reception_time)
+        since = self._since.setdefault(message.publisher, message.time)
         if len(self._since) > _MOST_PUBLISHERS:
             del self._since[next(iter(self._since))]
-        if offset is None or message.reception_time < max(since + _SETTLING, self._set_back):
+        if offset is None or message.time < max(since + _SETTLING, self._set_back):
             return
-        arrival = message.reception_time + offset
+        arrival = message.time + offset
         all_frames.delays.add(arrival, sum(arrival - row.stamp_ns for row in rows) // len(rows))
         for arrivals, row in streams:
             arrivals.delays.add(arrival, arrival - row.stamp_ns)

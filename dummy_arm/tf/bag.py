@@ -9,15 +9,17 @@ import os
 from pathlib import Path
 from typing import Any, NamedTuple, Optional, Union
 
-from dummy_arm.tf._bag.context import BagContext, BagError, kind_of, Record, Stream
+from dummy_arm.tf._bag.context import BagContext, BagError, kind_of, Stream
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire.cdr import MalformedMessage
 from dummy_arm.tf._wire.streams import Encoding, MessageReader
 from dummy_arm.tf.buffer_core import BufferCore
 
-__all__ = ['BagError', 'BagMessage', 'messages', 'read']
+__all__ = ['BagError', 'BagMessage', 'TopicHeaders', 'messages', 'read']
 
 _ALL_TIME = 2**63 - 1  # ns
+#: A TF message of a bag: its stream, the time at which it was recorded (ns), and its bytes.
+_TFRecord = tuple[Stream, int, bytes]
 #: Messages are inserted in groups. A group ends when its messages take more memory than this
 #: (bytes).
 _BATCH_BYTES = 500_000
@@ -34,6 +36,11 @@ class BagMessage(NamedTuple):
     stream: Stream  #: private; see the properties below
     time: int  #: the time at which the message was recorded (ns); 0 if it was not recorded
     data: bytes  #: the bytes of the message
+
+    @property
+    def encoding(self) -> Encoding:
+        """The encoding of the bytes; private."""
+        return self.stream.encoding
 
     @property
     def is_static(self) -> bool:
@@ -56,8 +63,19 @@ class BagMessage(NamedTuple):
         return self.stream.encoding.unpack(self.data)
 
 
+class TopicHeaders(NamedTuple):
+    """The headers on a topic of a bag, which is not TF."""
+
+    topic: str  #: the name of the topic
+    msgtype: str  #: the type of its messages, such as 'sensor_msgs/msg/LaserScan'
+    #: The `frame_id` of the headers of its first messages; None if it is not known whether the
+    #: messages begin with a header.
+    frames: Optional[frozenset[str]]
+
+
 def messages(path: Union[str, 'os.PathLike[str]'], *, namespace: str = '', partial: bool = False,
-             max_bytes: int = 2**30, on_progress: Optional[Callable[[float], object]] = None
+             max_bytes: int = 2**30, on_progress: Optional[Callable[[float], object]] = None,
+             on_headers: Optional[Callable[[list[TopicHeaders]], object]] = None
              ) -> Iterator[BagMessage]:
     """
     Yield the TF messages of a bag.
@@ -67,18 +85,27 @@ def messages(path: Union[str, 'os.PathLike[str]'], *, namespace: str = '', parti
     :param partial: as for `read`.
     :param max_bytes: as for `read`.
     :param on_progress: as for `read`.
+    :param on_headers: called at the end, with a list of the other topics whose messages begin with
+        a std_msgs/Header, or may do so. Of each topic, the headers of the first 10 messages are
+        read. None: no headers are read, and parts of the bag without TF are skipped.
     :returns: an iterator over the messages. The messages of a bag of ROS 1 are in the order of the
         file; those of each file of a bag of rosbag2 are in the order of their times.
     :raises BagError: as `read`; but a bag whose messages have no valid transform is no error.
     :raises ValueError: if max_bytes is out of range.
     :raises OSError: as `read`.
     """
-    path, context = _open(path, namespace, partial, max_bytes, on_progress)
+    path, context = _open(path, namespace, partial, max_bytes, on_progress, on_headers is not None)
     count = 0
     for record in _records(path, context):
         count += 1
         yield BagMessage(*record)
     _finish(path, context, count)
+    if on_headers:
+        on_headers([
+            *(TopicHeaders(stream.topic, stream.msgtype, frozenset(stream.frames))
+              for stream in context.header_streams.values()),
+            *(TopicHeaders(topic, msgtype, None)
+              for topic, msgtype in context.unknown_types.items())])
 
 
 def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namespace: str = '',
@@ -146,7 +173,8 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
 
 
 def _open(path: Union[str, 'os.PathLike[str]'], namespace: str, partial: bool, max_bytes: int,
-          on_progress: Optional[Callable[[float], object]]) -> tuple[Path, BagContext]:
+          on_progress: Optional[Callable[[float], object]], with_headers: bool = False
+          ) -> tuple[Path, BagContext]:
     """
     Return the path of a bag, and the context in which it is read.
 
@@ -156,7 +184,7 @@ def _open(path: Union[str, 'os.PathLike[str]'], namespace: str, partial: bool, m
         raise ValueError(f'max_bytes must be a positive number of bytes, got {max_bytes}')
     path = Path(path)
     return path, BagContext(
-        path, namespace, partial, max_bytes, on_progress or (lambda done: None))
+        path, namespace, partial, max_bytes, on_progress or (lambda done: None), with_headers)
 
 
 def _finish(path: Path, context: BagContext, count: int) -> None:
@@ -196,9 +224,9 @@ def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
             buffer.insert(*row, stream.publisher, stream.is_static)
 
 
-def _records(path: Path, context: BagContext) -> Iterator[Record]:
+def _records(path: Path, context: BagContext) -> Iterator[_TFRecord]:
     """
-    Yield the records of the TF messages of a bag.
+    Yield the records of the TF messages of a bag; pass other messages to their HeaderStream.
 
     :raises BagError: if the path is not a bag, if a library that reads bags cannot be imported,
         or if the bag is damaged and `context.partial` is False.
@@ -207,11 +235,14 @@ def _records(path: Path, context: BagContext) -> Iterator[Record]:
     kind = kind_of(path)
     try:
         if kind == '.bag':
-            from dummy_arm.tf._bag import rosbag1
-            yield from rosbag1.records(path, context)
+            from dummy_arm.tf._bag.rosbag1 import records
         else:
-            from dummy_arm.tf._bag import rosbag2
-            yield from rosbag2.records(path, context)
+            from dummy_arm.tf._bag.rosbag2 import records
+        for stream, time, data in records(path, context):
+            if isinstance(stream, Stream):
+                yield stream, time, data
+            else:
+                stream.add(data)
     except Exception as error:  # a damaged file causes errors of many types
         context.tick()  # if on_progress has raised an exception, this raises it again
         if isinstance(error, ImportError):
@@ -222,7 +253,7 @@ def _records(path: Path, context: BagContext) -> Iterator[Record]:
         context.handle_error(path, error)
 
 
-def _grouped_by_stream(records: Iterable[Record], in_order: bool
+def _grouped_by_stream(records: Iterable[_TFRecord], in_order: bool
                        ) -> Iterator[dict[Stream, list[bytes]]]:
     """
     Yield groups of messages; a group is a dict that maps streams to lists of messages.

@@ -20,6 +20,7 @@ from dummy_arm.tf._core.pose import BatchOrRows, Row
 from dummy_arm.tf._ros.rclpy_private import GID_SIZE, rcl_take, RCLError, Taker
 from dummy_arm.tf._ros.subscription import SubscriptionSource
 from dummy_arm.tf._wire import cdr
+from dummy_arm.tf._wire.streams import Encoding
 from dummy_arm.tf.transform_listener import TransformListener
 
 #: The name of a publisher whose node is not known.
@@ -39,22 +40,28 @@ _MOST_MESSAGES, _MOST_BYTES = 10_000, 2**24
 class ReceivedMessage(bytes):
     """The bytes of a TFMessage, with the publisher's gid, the time of arrival and the topic."""
 
-    gid = ''  #: the gid of the publisher, in hex; '' if the gid is not known
-    reception_time = 0  #: the time of arrival, on the system clock (ns)
+    publisher = ''  #: the gid of the publisher, in hex; '' if the gid is not known
+    time = 0  #: the time of arrival, on the system clock (ns)
     is_static = False  #: True if the message is from /tf_static
+    encoding: Encoding = cdr  #: the encoding of the bytes; private
+
+    @property
+    def data(self) -> bytes:
+        """The bytes of the message."""
+        return self
 
     @classmethod
-    def of(cls, data: bytes, gid: str = '', reception_time: int = 0) -> 'ReceivedMessage':
+    def of(cls, data: bytes, publisher: str = '', time: int = 0) -> 'ReceivedMessage':
         """
         Create a message.
 
         :param data: the bytes of a TFMessage.
-        :param gid: the gid of the publisher, in hex; '' if the gid is not known.
-        :param reception_time: the time of arrival, on the system clock (ns); 0: the current time.
+        :param publisher: the gid of the publisher, in hex; '' if the gid is not known.
+        :param time: the time of arrival, on the system clock (ns); 0: the current time.
         :returns: the message.
         """
         message = cls(data)
-        message.gid, message.reception_time = gid, reception_time or time_ns()
+        message.publisher, message.time = publisher, time or time_ns()
         return message
 
     def rows(self) -> list[Row]:
@@ -179,7 +186,7 @@ class _GidSource(SubscriptionSource):
             if arrived:
                 self._count += len(arrived)
                 try:
-                    for gid, messages in groupby(arrived, attrgetter('gid')):
+                    for gid, messages in groupby(arrived, attrgetter('publisher')):
                         self._batches += reader.read(messages, gid, topic.is_static)
                 except Exception as error:  # a bug in this package must not end the thread
                     self._on_fault(error)

@@ -125,7 +125,7 @@ class Observer:
                 rows = message.rows()
                 self._count += len(rows)
                 self.messages.append(Message(
-                    message.reception_time, message.is_static, message.gid, rows))
+                    message.time, message.is_static, message.publisher, rows))
                 self.has_started |= not message.is_static
         if dropped or self._count > _MOST:
             raise ProgramError('More transforms arrive than can be judged.')

@@ -5,9 +5,11 @@ The context keeps the topics and the damage of the bag, the limits, and the prog
 """
 
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 import re
-from typing import NamedTuple, Optional
+import struct
+from typing import NamedTuple, Optional, Union
 
 from dummy_arm.tf._bag.decompression import ZSTD
 from dummy_arm.tf._core.texts import abbreviated, comma_list, logged, visible
@@ -23,6 +25,8 @@ _SHOWN = 10
 _MAX_TOPICS = 10_000
 #: An error text that is longer than this (characters) is abbreviated.
 _LONGEST_ERROR = 500
+#: The number of messages of a topic other than TF whose headers are read.
+HEADERS = 10
 
 _KINDS = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3', b'#ROSBAG V': '.bag'}
 #: The definition of a bag, for the texts of errors.
@@ -83,16 +87,54 @@ class Stream(NamedTuple):
     publisher: str
     encoding: Encoding
 
+    @property
+    def is_wanted(self) -> bool:
+        """True, because all messages are wanted."""
+        return True
+
+
+class HeaderStream:
+    """The first messages of a topic that is not TF, and whose messages begin with a header."""
+
+    def __init__(self, topic: str, msgtype: str, encoding: Encoding) -> None:
+        """
+        Create the stream, without a message.
+
+        :param topic: the name of the topic.
+        :param msgtype: the type of the messages.
+        :param encoding: the encoding of the messages.
+        """
+        self.topic, self.msgtype, self._encoding = topic, msgtype, encoding
+        self._count = 0
+        #: The frames in the headers that have been read.
+        self.frames: set[str] = set()
+
+    @property
+    def is_wanted(self) -> bool:
+        """True while fewer than `HEADERS` messages have been read."""
+        return self._count < HEADERS
+
+    def add(self, data: bytes) -> None:
+        """
+        Read the header of a message, if it is wanted.
+
+        :param data: the message; it may be incomplete after the header.
+        """
+        if self.is_wanted:
+            self._count += 1
+            with suppress(struct.error, UnicodeDecodeError):  # a damaged message
+                self.frames.add(self._encoding.header_frame(data))
+
 
 #: A message of a bag: its stream, the time at which it was recorded (ns), and its bytes.
-Record = tuple[Stream, int, bytes]
+Record = tuple[Union[Stream, HeaderStream], int, bytes]
 
 
 class BagContext:
     """The topics and the damage of a bag, and the progress of reading the bag."""
 
     def __init__(self, path: Path, namespace: str, partial: bool, max_bytes: int,
-                 on_progress: Callable[[float], object]) -> None:
+                 on_progress: Callable[[float], object], with_headers: bool = False) -> None:
         """
         Create the context of a bag that has not been read yet.
 
@@ -103,8 +145,14 @@ class BagContext:
         :param max_bytes: the largest decompressed size (bytes) that is allowed for a chunk or a
             message.
         :param on_progress: as in `dummy_arm.tf.bag.read`.
+        :param with_headers: True: read also the headers of other topics.
         """
         self._path = path
+        self._with_headers = with_headers
+        #: The topics that are not TF, and whose messages begin with a header; by name.
+        self.header_streams: dict[str, HeaderStream] = {}
+        #: The types of other topics whose definition is not known; by the name of the topic.
+        self.unknown_types: dict[str, str] = {}
         self._namespace = ''.join(f'/{part}' for part in namespace.split('/') if part)
         self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
         self._types: dict[str, str] = {}
@@ -118,8 +166,8 @@ class BagContext:
         #: Descriptions of the first `_SHOWN` faults in the files of the bag.
         self.damage: list[str] = []
 
-    def stream(self, topic: str, msgtype: str, publisher: str, encoding: Encoding
-               ) -> Optional[Stream]:
+    def stream(self, topic: str, msgtype: str, publisher: str, encoding: Encoding,
+               definition: str = '') -> Optional[Union[Stream, HeaderStream]]:
         """
         Return the stream of a topic, and remember the topic.
 
@@ -127,15 +175,24 @@ class BagContext:
         :param msgtype: the type of the messages, such as 'tf2_msgs/msg/TFMessage'.
         :param publisher: the name of the node that published the messages, or `NOT_RECORDED`.
         :param encoding: the encoding of the messages.
-        :returns: the stream; None if the topic is neither `tf` nor `tf_static` in the namespace,
-            or if `msgtype` is not a type of TF messages.
+        :param definition: the definition of the type, as a .msg or .idl file; '': not in the bag.
+        :returns: the stream. It is a Stream if the topic is `tf` or `tf_static` in the namespace,
+            and `msgtype` is a type of TF messages. For other topics, it is a HeaderStream if
+            headers are read and the messages begin with a header, else None.
         """
         topic = f'/{topic.strip("/")}'
         is_static = self._is_static.get(topic)
         if len(self._types) < _MAX_TOPICS or is_static is not None:
             self._types[topic] = msgtype
-        return None if is_static is None or msgtype not in _TYPES else Stream(
-            is_static, publisher, encoding)
+        if msgtype in _TYPES:
+            return None if is_static is None else Stream(is_static, publisher, encoding)
+        if not self._with_headers or len(self.header_streams) >= _MAX_TOPICS:
+            return None
+        is_known = _begins_with_header(msgtype, definition)
+        if is_known is None:
+            self.unknown_types[topic] = msgtype
+        return self.header_streams.setdefault(
+            topic, HeaderStream(topic, msgtype, encoding)) if is_known else None
 
     def start_file(self, number: int, count: int) -> None:
         """
@@ -221,6 +278,35 @@ class BagContext:
                         for topic, msgtype in self._types.items())
         return (f'no tf2_msgs/msg/TFMessage on {expected}; its topics: '
                 f'{comma_list(topics, _SHOWN) or "none"}')
+
+
+def _begins_with_header(msgtype: str, definition: str) -> Optional[bool]:
+    """
+    Return whether the messages of a type begin with a std_msgs/Header.
+
+    If the definition of the type is not in the bag, that of the library rosbags is used.
+
+    :param msgtype: the type.
+    :param definition: the definition of the type, as a .msg or .idl file; '': not known.
+    :returns: the answer; None if there is no definition.
+    """
+    if not definition:
+        try:
+            from rosbags.typesys import get_typestore, Stores
+            fields = get_typestore(Stores.LATEST).fielddefs[msgtype][1]
+        except (ImportError, KeyError):
+            return None
+        return bool(fields) and fields[0][1][1] == 'std_msgs/msg/Header'
+    if match := re.search(rf'struct {re.escape(msgtype.rpartition("/")[2])} {{(.*)', definition,
+                          re.DOTALL):
+        return bool(re.match(r'\s*(@[^\n]*\s+)*std_msgs::msg::Header\s', match[1]))
+    for line in definition.splitlines():
+        line = line.partition('#')[0].strip()
+        if line.startswith('==='):  # the definitions of other types follow
+            return False
+        if line and '=' not in line:  # a constant is not sent
+            return line.split()[0] in ('std_msgs/Header', 'std_msgs/msg/Header', 'Header')
+    return False
 
 
 def error_line(error: Exception) -> str:

@@ -17,9 +17,9 @@ from os import SEEK_CUR
 from pathlib import Path
 import re
 import struct
-from typing import BinaryIO, Optional
+from typing import BinaryIO, Optional, Union
 
-from dummy_arm.tf._bag.context import BagContext, NOT_RECORDED, Record, Stream
+from dummy_arm.tf._bag.context import BagContext, HeaderStream, NOT_RECORDED, Record, Stream
 from dummy_arm.tf._bag.decompression import Buffer, decompress, Oversized, read
 from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import ros1
@@ -89,7 +89,7 @@ class _Reader:
         :param size: the size of the file (bytes).
         """
         self._path, self._context, self._file, self._size = path, context, file, size
-        self._streams: dict[bytes, Optional[Stream]] = {}
+        self._streams: dict[bytes, Optional[Union[Stream, HeaderStream]]] = {}
 
     def record_header(self) -> tuple[_Fields, int]:
         """
@@ -124,8 +124,8 @@ class _Reader:
         """
         fields, size = self.record_header()
         kind = fields[b'op']
-        if kind not in (_CHUNK, _CONNECTION) and not (
-                kind == _MESSAGE and self._streams.get(fields[b'conn'])):
+        stream = self._streams.get(fields[b'conn']) if kind == _MESSAGE else None
+        if kind not in (_CHUNK, _CONNECTION) and not (stream and stream.is_wanted):
             self._file.seek(size, SEEK_CUR)
             return
         if size > self._context.max_bytes:
@@ -146,7 +146,7 @@ class _Reader:
             raise _CutOff
         if kind == _CONNECTION:
             self._add_connection(fields, data)
-        elif kind == _MESSAGE and (stream := self._streams[fields[b'conn']]):
+        elif stream:
             yield stream, _time(fields), bytes(data)
 
     def _chunk(self, fields: _Fields, data: Buffer, is_complete: bool) -> _Records:
@@ -176,7 +176,7 @@ class _Reader:
                 raise _CutOff
             kind = fields[b'op']
             if kind == _MESSAGE:
-                if stream := self._streams.get(fields[b'conn']):
+                if (stream := self._streams.get(fields[b'conn'])) and stream.is_wanted:
                     yield stream, _time(fields), bytes(data[start + 4:position])
             elif kind == _CONNECTION:
                 self._add_connection(fields, data[start + 4:position])
@@ -193,7 +193,8 @@ class _Reader:
         msgtype = re.sub('^([^/]+)/([^/]+)$', r'\1/msg/\2', _text(properties[b'type']))
         self._streams[fields[b'conn']] = self._context.stream(
             _text(fields[b'topic']), msgtype,
-            _text(properties.get(b'callerid', b'')) or NOT_RECORDED, ros1)
+            _text(properties.get(b'callerid', b'')) or NOT_RECORDED, ros1,
+            _text(properties.get(b'message_definition', b'')))
 
 
 def _fields(header: Buffer) -> _Fields:

@@ -39,7 +39,7 @@ import sqlite3
 import struct
 import sys
 from tempfile import TemporaryDirectory
-from typing import Any, BinaryIO, Optional
+from typing import Any, BinaryIO, Optional, Union
 
 import numpy as np
 
@@ -47,6 +47,8 @@ from dummy_arm.tf._bag.context import (
     BAG_DEFINITION,
     BagContext,
     BagError,
+    HEADERS,
+    HeaderStream,
     kind_of,
     NOT_RECORDED,
     Record,
@@ -363,19 +365,21 @@ class _McapReader:
         """
         self._path, self._context, self._source = path, context, source
         self._max_bytes = context.max_bytes
-        self._types: dict[int, str] = {}
-        self._streams: dict[int, Optional[Stream]] = {}
-        #: The ids of the channels that certainly have no TF messages.
-        self._channels_without_tf: set[int] = set()
+        #: By the id of a schema: the message type and its definition.
+        self._types: dict[int, tuple[str, str]] = {}
+        self._streams: dict[int, Optional[Union[Stream, HeaderStream]]] = {}
+        #: The ids of the channels of which certainly no message is wanted.
+        self._unwanted_channels: set[int] = set()
 
-    def index(self) -> Optional[list[tuple[int, int]]]:
+    def index(self) -> Optional[list[tuple[int, int, frozenset[int]]]]:
         """
         Read the index at the end of the file; keep the streams of the channels in the index.
 
-        :returns: a sorted list with a pair (time, position) for each chunk that may have TF
-            messages. The time is the earliest log time in the chunk (ns). The position is the
-            start of the chunk in the file (bytes). If there is no index, or if the index lists no
-            chunks, None is returned instead of a list.
+        :returns: a sorted list with a tuple (time, position, channels) for each chunk that may
+            have wanted messages. The time is the earliest log time in the chunk (ns). The position
+            is the start of the chunk in the file (bytes). The channels are the ids of the channels
+            in the chunk; none if they are not known. If there is no index, or if the index lists
+            no chunks, None is returned instead of a list.
         :raises EOFError: if the file is cut off.
         :raises Oversized: if the index is larger than `context.max_bytes`.
         :raises ValueError: if the index is damaged.
@@ -403,8 +407,14 @@ class _McapReader:
         source.seek(begin)
         if not chunks:
             return None
-        return sorted((time, position) for time, position, channels in chunks
-                      if not channels or not self._channels_without_tf.issuperset(channels))
+        return sorted((chunk for chunk in chunks if self._is_wanted(chunk[2])),
+                      key=lambda chunk: chunk[:2])
+
+    def _is_wanted(self, channels: frozenset[int]) -> bool:
+        """Return True if a chunk with messages of these channels may have wanted messages."""
+        return not channels or any(
+            (stream := self._streams.get(channel)) is None or stream.is_wanted
+            for channel in channels - self._unwanted_channels)
 
     def _chunks(self, summary: Buffer) -> Iterator[tuple[int, int, frozenset[int]]]:
         """
@@ -424,7 +434,7 @@ class _McapReader:
             elif kind in (_SCHEMA, _CHANNEL):
                 self._add_definition(kind, summary[start:end])
 
-    def indexed(self, chunks: list[tuple[int, int]]) -> _Records:
+    def indexed(self, chunks: list[tuple[int, int, frozenset[int]]]) -> _Records:
         """
         Yield the TF messages of indexed chunks, ordered by log time.
 
@@ -436,12 +446,13 @@ class _McapReader:
         :param chunks: as `index` returns them.
         :returns: the records of the messages.
         """
-        waiting: list[tuple[int, int, Stream, bytes]] = []
+        waiting: list[tuple[int, int, Union[Stream, HeaderStream], bytes]] = []
         size = count = 0
-        for number, (_, position) in enumerate(chunks):
+        for number, (_, position, channels) in enumerate(chunks):
             self._context.advance(number / len(chunks))
             following = chunks[number + 1][0] if number + 1 < len(chunks) else 2**64
-            for stream, time, data in self._chunk_at(position):
+            for stream, time, data in (
+                    self._chunk_at(position) if self._is_wanted(channels) else ()):
                 if not waiting and time <= following:
                     yield stream, time, data
                     continue
@@ -496,11 +507,11 @@ class _McapReader:
             yield from self._chunk(length)
         elif kind == _MESSAGE:
             channel, _, time, _ = _unpack_message(self._source.exactly(_MESSAGE_HEAD))
-            if tf_stream := self._streams.get(channel):
+            if (stream := self._streams.get(channel)) and stream.is_wanted:
                 size = self._check_size('a message', length - _MESSAGE_HEAD)
                 message = self._message(self._source.exactly(size))
                 if message is not None:
-                    yield tf_stream, time, message
+                    yield stream, time, message
         elif kind in (_SCHEMA, _CHANNEL):
             self._add_definition(kind, self._source.exactly(self._check_size('a record', length)))
 
@@ -520,14 +531,16 @@ class _McapReader:
         from mcap.records import Channel, Schema
         if kind == _SCHEMA:
             schema = Schema.read(ReadDataStream(BytesIO(record)))
-            self._types[schema.id] = schema.name
+            self._types[schema.id] = schema.name, schema.data.decode(errors='replace')
             return
         channel = Channel.read(ReadDataStream(BytesIO(record)))
-        msgtype = _encoded(self._types.get(channel.schema_id, ''), channel.message_encoding)
-        stream = self._context.stream(channel.topic, msgtype, NOT_RECORDED, cdr)
+        msgtype, definition = self._types.get(channel.schema_id, ('', ''))
+        stream = self._context.stream(
+            channel.topic, _encoded(msgtype, channel.message_encoding), NOT_RECORDED, cdr,
+            definition)
         self._streams[channel.id] = stream
         if not stream and channel.schema_id in self._types:
-            self._channels_without_tf.add(channel.id)
+            self._unwanted_channels.add(channel.id)
 
     def _chunk(self, length: int) -> _Records:
         """
@@ -571,7 +584,7 @@ class _McapReader:
             for kind, start, end in _split(data, self._context.tick):
                 if kind == _MESSAGE:
                     channel, _, time, _ = _unpack_message(data, start)
-                    if self._streams.get(channel):
+                    if (stream := self._streams.get(channel)) and stream.is_wanted:
                         times.append(time)
                         starts.append(start)
                         is_ordered = is_ordered and time >= latest
@@ -760,23 +773,37 @@ class _SqliteReader:
         if missing := {'messages', 'topics'} - tables:
             raise ValueError(f'it is not a database of rosbag2, missing tables: '
                              f'{", ".join(sorted(missing))}')
+        definitions: dict[str, str] = {}
+        if 'message_definitions' in tables:
+            definitions = dict(self._database.execute(
+                'SELECT topic_type, encoded_message_definition FROM message_definitions'))
         streams = {int(key): self._context.stream(
-            str(topic), _encoded(str(msgtype), str(encoding)), NOT_RECORDED, cdr)
+            str(topic), _encoded(str(msgtype), str(encoding)), NOT_RECORDED, cdr,
+            str(definitions.get(msgtype) or ''))
             for key, topic, msgtype, encoding in self._database.execute(
                 'SELECT id, name, type, serialization_format FROM topics')}
         topics = ', '.join(str(key) for key, stream in streams.items() if stream)
         if not topics:
             return
         query = _ROWS.format(topics=topics, max_bytes=self._max_bytes)
-        rows = self._recover(query) if self._context.partial else self._database.execute(
-            f'{query} WHERE topic_id IN ({topics}) ORDER BY timestamp, id')
+        if self._context.partial:
+            rows = self._recover(query)
+        else:
+            all_of = ', '.join(
+                str(key) for key, stream in streams.items() if isinstance(stream, Stream))
+            some_of = ''.join(
+                f' OR id IN (SELECT id FROM messages WHERE topic_id = {key} '
+                f'ORDER BY timestamp, id LIMIT {HEADERS})'
+                for key, stream in streams.items() if isinstance(stream, HeaderStream))
+            rows = self._database.execute(
+                f'{query} WHERE topic_id IN ({all_of}){some_of} ORDER BY timestamp, id')
         first, count = self._ids()
         max_bytes, is_plain = self._max_bytes, not self._is_compressed
         for number, (key, topic, time, length, data) in enumerate(rows):
             self._context.tick()
             if number % _ADVANCE == 0:
                 self._context.advance(min(1.0, max(0, key - first) / count))
-            if stream := streams.get(topic):
+            if (stream := streams.get(topic)) and stream.is_wanted:
                 time = time if type(time) is int else 0  # SQLite does not enforce column types
                 if is_plain and data is not None and len(data) <= max_bytes:
                     yield stream, time, data

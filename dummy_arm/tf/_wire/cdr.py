@@ -253,6 +253,23 @@ def key(data: bytes) -> bytes:
         return b''
 
 
+def header_frame(data: bytes) -> str:
+    """
+    Return the frame_id of a message that begins with a std_msgs/Header.
+
+    :param data: the message, of either byte order.
+    :returns: the frame_id.
+    :raises struct.error: if the bytes end too early.
+    """
+    # The header begins with the stamp (8 bytes), after the encapsulation (4 bytes).
+    (length,) = struct.unpack_from(f'{_BYTE_ORDER.get(data[:2], "<")}I', data, 12)
+    if 16 + length > len(data):
+        raise struct.error('the bytes end in the middle of the frame_id')
+    return _text(data[16:16 + length])
+
+
+#: The type of the seconds of a stamp, for numpy.
+SECONDS = '<i4'
 #: Unpack the eight bytes of a stamp to sec and nanosec.
 unpack_stamp = struct.Struct('<iI').unpack
 #: The first two bytes of a little-endian message.

@@ -91,6 +91,22 @@ def key(data: bytes) -> bytes:
         return b''
 
 
+def header_frame(data: bytes) -> str:
+    """
+    Return the frame_id of a message that begins with a std_msgs/Header.
+
+    :param data: the message.
+    :returns: the frame_id.
+    :raises struct.error: if the bytes end too early.
+    """
+    name, end = _name(data, 12)
+    if end > len(data):
+        raise struct.error('the bytes end in the middle of the frame_id')
+    return name
+
+
+#: The type of the seconds of a stamp, for numpy.
+SECONDS = '<u4'
 #: Unpack the eight bytes of a stamp to seconds and nanoseconds.
 unpack_stamp = struct.Struct('<II').unpack
 #: A message has no bytes before the number of transforms.

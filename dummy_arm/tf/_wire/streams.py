@@ -23,6 +23,8 @@ class Encoding(Protocol):
 
     #: The first bytes of a message; b'' if a message begins with the number of transforms.
     HEAD: bytes
+    #: The type of the seconds of a stamp, for numpy: '<i4' or '<u4'.
+    SECONDS: str
 
     def unpack(self, data: bytes) -> list[Row]:
         """
@@ -61,6 +63,15 @@ class Encoding(Protocol):
         :param edges: (frame_id, child_frame_id) of each of the n transforms.
         :returns: a format for the module `struct`, and the bytes of the 2 n names; see
             `cdr.layout`.
+        """
+
+    def header_frame(self, data: bytes) -> str:
+        """
+        Return the frame_id of a message that begins with a std_msgs/Header.
+
+        :param data: the message.
+        :returns: the frame_id.
+        :raises struct.error: if the bytes end too early.
         """
 
     def unpack_stamp(self, data: bytes) -> tuple[int, ...]:
