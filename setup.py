@@ -36,7 +36,8 @@ setup(
         'console_scripts': [
             f'{command} = dummy_arm.cli.entry_points:{command}' for command in (
                 'check_arm', 'dummy_arm', 'dynamic_tf_publisher', 'param',
-                'static_transform_publisher', 'tf2_echo', 'tf2_monitor', 'view_frames', 'web_view')
+                'static_transform_publisher', 'tf2_echo', 'tf2_monitor', 'tf_doctor',
+                'view_frames', 'web_view')
         ],
     },
 )

@@ -48,6 +48,11 @@ def tf2_monitor() -> int:
     return _run('dummy_arm.tools.tf2_monitor')
 
 
+def tf_doctor() -> int:
+    """Run `dummy_arm.tools.tf_doctor` and return its exit code."""
+    return _run('dummy_arm.tools.tf_doctor')
+
+
 def view_frames() -> int:
     """Run `dummy_arm.tools.view_frames` and return its exit code."""
     return _run('dummy_arm.tools.view_frames')
@@ -77,8 +82,8 @@ def _run(module: str, interrupted: int = 0) -> int:
             raise
         print(f'{module.rpartition(".")[2]}: this command needs ROS, but {error.name} cannot be '
               "imported: pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces, or "
-              'source the setup file of a ROS installation. check_arm, view_frames, tf2_echo '
-              'and web_view can read a bag without ROS: --bag FILE', file=sys.stderr)
+              'source the setup file of a ROS installation. check_arm, tf2_echo, tf_doctor, '
+              'view_frames and web_view can read a bag without ROS: --bag FILE', file=sys.stderr)
         return 1
     finally:
         ignore_signals()

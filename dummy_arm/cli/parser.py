@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable, Sequence
+from decimal import Context, Inexact, InvalidOperation
 from difflib import get_close_matches
 from math import isfinite
 import os
@@ -11,7 +12,10 @@ import sys
 from typing import Any, NoReturn, Optional
 
 from dummy_arm.cli.signals import record_signals
-from dummy_arm.tf.formatting import visible
+from dummy_arm.tf.formatting import SECOND, visible
+
+#: Decimal arithmetic that raises an exception instead of rounding.
+_EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
 
 
 class UsageError(ValueError):
@@ -88,6 +92,26 @@ def number(text: str) -> float:
     if not isfinite(value):
         raise argparse.ArgumentTypeError(f'{text!r} is not finite')
     return value
+
+
+def seconds(text: str) -> int:
+    """
+    Convert a command-line argument to a time, without rounding.
+
+    :param text: the time (s).
+    :returns: the time (ns).
+    :raises argparse.ArgumentTypeError: if the text is not a number, or if the time is not a whole
+        number of ns from 0 to 2**63 - 1.
+    """
+    try:
+        time = _EXACT.multiply(_EXACT.create_decimal(text.replace('_', '?')), SECOND)
+        if not 0 <= time < 2**63 or time != int(time):
+            raise ValueError
+    except (ArithmeticError, ValueError):
+        raise argparse.ArgumentTypeError(
+            f'{text!r} must be a time in s, from 0 to 9223372036, with at most 9 digits after the '
+            'point') from None
+    return int(time)
 
 
 def run(parser: argparse.ArgumentParser, command: Callable[..., int],

@@ -2,13 +2,12 @@
 
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
-from decimal import Context, Inexact, InvalidOperation
 from math import degrees
 from time import monotonic
 from typing import Optional
 
 from dummy_arm.cli.bag_options import add_bag_options, read_bag
-from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
+from dummy_arm.cli.parser import CommandError, number, Parser, run, seconds, UsageError
 from dummy_arm.cli.signals import sleep
 from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import Transform, TransformException
@@ -21,8 +20,6 @@ _MAX_DIGITS = 17
 #: While the transform is not available: the interval between two log lines (s), and the interval
 #: between two checks for the transform (s).
 _LOG_PERIOD, _LOOKUP_PERIOD = 1.0, 0.05
-#: Decimal arithmetic that raises an exception instead of rounding.
-_EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
 
 
 def format_transform(transform: Transform, precision: int = PRECISION) -> str:
@@ -136,25 +133,6 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
                     f'Failure at {frame_listener.now() / SECOND:.3f}\nException thrown:{error}\n'
                     f'The current list of frames is:\n{frames}'))
             sleep(1.0 / hertz)
-
-
-def seconds(text: str) -> int:
-    """
-    Convert a command-line argument to a time, without rounding.
-
-    :param text: the time (s).
-    :returns: the time (ns).
-    :raises argparse.ArgumentTypeError: if the text is not a number, or if the time is not a whole
-        number of ns from 0 to 2**63 - 1.
-    """
-    try:
-        time = _EXACT.multiply(_EXACT.create_decimal(text.replace('_', '?')), SECOND)
-        if not 0 <= time < 2**63 or time != int(time):
-            raise ValueError
-    except (ArithmeticError, ValueError):
-        raise ArgumentTypeError(f'{text!r} must be a time in s, from 0 to 9223372036, with at '
-                                'most 9 digits after the point') from None
-    return int(time)
 
 
 def digits(text: str) -> int:

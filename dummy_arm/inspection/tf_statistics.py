@@ -1,0 +1,297 @@
+"""
+Statistics of the messages on /tf and /tf_static, for the checks in the module `diagnosis`.
+
+The statistics are made from tables of messages, one after the other. Their size depends on the
+number of frames, but not on the number of messages.
+"""
+
+from math import ceil, log2
+from typing import Any, Optional
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dummy_arm.tf.formatting import SECOND
+from dummy_arm.tf.transform_table import TransformTable
+
+#: A stamp that is farther than this from the time of arrival (ns) is from another clock.
+OTHER_CLOCK = 60 * SECOND
+#: A transform is late if it arrives later than this after its stamp (ns), and it is from the
+#: future if its stamp is later than this after its arrival (ns).
+LATE, FUTURE = SECOND // 2, SECOND // 10
+#: The norm of a quaternion may differ from 1 by this.
+NORM_TOLERANCE = 1e-3
+#: Poses are equal if their positions differ by at most this (m), and the cosine of half the angle
+#: between them differs from 1 by at most this (the angle is about 1e-5 rad).
+_SAME_POSITION, _SAME_ROTATION = 1e-6, 1e-11
+#: The histogram of the steps from stamp to stamp: the upper end of the first bin (ns), the number
+#: of bins for a factor of two, and the number of bins. The last bin begins at about 1000 s.
+_FIRST_BIN, _BINS_PER_OCTAVE, _BINS = 1000, 8, 240
+#: The largest number of tracks.
+_MOST = 10_000
+
+#: The statistics of a track.
+_FIELDS = np.dtype([
+    ('count', 'i8'),  # the number of transforms
+    ('invalid', 'i8'),  # of those: with NaN or infinite numbers
+    ('unnormalized', 'i8'),  # with a quaternion whose norm is not 1
+    ('worst_norm', 'f8'),  # the norm that differs most from 1
+    ('changes', 'i8'),  # with another pose than the one before; on /tf only if the stamp is equal
+    ('zero_stamps', 'i8'),  # with the stamp 0
+    ('backwards', 'i8'),  # with an earlier stamp than the one before
+    ('step_back', 'i8'),  # the largest difference of these two stamps (ns)
+    ('oldest', 'i8'), ('latest', 'i8'),  # the range of the stamps that are not 0 (ns)
+    ('stamp', 'i8'), ('pose', '7f8'),  # the last stamp (ns) and pose
+    ('first_time', 'i8'), ('last_time', 'i8'),  # the range of the times of arrival (ns)
+    ('delays', 'i8'),  # the number of transforms whose delay is known: the time to the arrival
+    ('total_delay', 'f8'),  # their sum (ns)
+    ('least_delay', 'i8'), ('greatest_delay', 'i8'),  # their range (ns)
+    ('late', 'i8'), ('future', 'i8'),  # how many are late or from the future
+    ('steps', 'i8', _BINS),  # the histogram of the steps forward
+    ('largest_step', 'i8'), ('largest_step_at', 'i8'),  # the largest step, and the stamp before it
+])
+
+
+class Track:
+    """The transforms of one child from one publisher on one topic."""
+
+    def __init__(self, number: int, child: str, publisher: str, is_static: bool) -> None:
+        """
+        Create a track without transforms.
+
+        :param number: the number of the track.
+        :param child: the name of the child, without a leading slash.
+        :param publisher: an identifier of the publisher.
+        :param is_static: True if the transforms are on /tf_static.
+        """
+        self.number, self.child = number, child
+        self.publisher, self.is_static = publisher, is_static
+        #: The parents, without a leading slash; the newest parent is the last one.
+        self.parents: dict[str, None] = {}
+        #: The names that were sent with a leading slash.
+        self.slashed: set[str] = set()
+        self._values: Any = np.zeros((), _FIELDS)
+
+    def __getitem__(self, field: str) -> Any:
+        """
+        Return one of the statistics.
+
+        :param field: the name, from the list at the beginning of this module.
+        :returns: the value.
+        """
+        return self._values[field]
+
+    def update(self, values: Any) -> None:
+        """
+        Set the statistics.
+
+        :param values: the values of all fields.
+        """
+        self._values = values
+
+    @property
+    def mean_delay(self) -> float:
+        """The mean of the delays (ns); NaN if there is none."""
+        return float(self['total_delay'] / self['delays']) if self['delays'] else float('nan')
+
+    @property
+    def period(self) -> float:
+        """The median of the steps from stamp to stamp (ns), within 5 %; 0.0: there is no step."""
+        counts = np.cumsum(self['steps'])
+        if not counts[-1]:
+            return 0.0
+        median = int(np.searchsorted(counts, (counts[-1] + 1) // 2))
+        return float(_FIRST_BIN * 2 ** ((median - 0.5) / _BINS_PER_OCTAVE))
+
+    @property
+    def rate(self) -> Optional[float]:
+        """The average rate, by stamps (Hz); None if it is not known."""
+        span = int(self['latest'] - self['oldest'])
+        return float((self['count'] - 1) * SECOND / span) if span > 0 else None
+
+    def steps_beyond(self, step: float) -> int:
+        """
+        Return how many steps from stamp to stamp are larger than a step.
+
+        :param step: the step (ns), at least 1000.
+        :returns: the number, without some of the steps that are larger by less than 10 %.
+        """
+        return int(self['steps'][1 + ceil(log2(step / _FIRST_BIN) * _BINS_PER_OCTAVE):].sum())
+
+
+class Statistics:
+    """The statistics of all tracks."""
+
+    def __init__(self) -> None:
+        """Create the statistics, without a message."""
+        self._tracks: dict[tuple[str, str, bool], Track] = {}
+        #: (n,) the statistics of the tracks, by the number of the track.
+        self._values: Any = np.zeros(16, _FIELDS)
+        #: The number of transforms, and of those that were not counted since there are too many
+        #: frames.
+        self.count = self.not_counted = 0
+        #: By the publisher: the other name of a transform with an empty name.
+        self.empty_names: dict[str, set[str]] = {}
+
+    def tracks(self) -> list[Track]:
+        """
+        Return the tracks.
+
+        :returns: the tracks, in the order of their first messages.
+        """
+        for track, values in zip(self._tracks.values(), self._values):
+            track.update(values)
+        return [*self._tracks.values()]
+
+    def add(self, table: TransformTable, offset: Optional[int] = 0) -> None:
+        """
+        Count the transforms of messages.
+
+        :param table: the messages.
+        :param offset: what is added to the times of arrival (ns), so that they are on the clock of
+            the stamps; None: not known.
+        """
+        columns = [self._number(table, *edge) for edge in table.edges]
+        kept = [i for i, number in enumerate(columns) if number is not None]
+        if not kept:
+            return
+        self.count += len(table.times) * len(kept)
+        numbers = np.array([columns[i] for i in kept])
+        stamps, poses = table.stamps[:, kept], table.poses[:, kept]
+        values = self._values[numbers]
+        _add_poses(values, stamps, poses, table.is_static)
+        if not table.is_static:
+            _add_stamps(values, stamps)
+        if table.times.all():
+            times = table.times + (offset or 0)
+            _add_times(values, times)
+            if offset is not None and not table.is_static:
+                _add_delays(values, times, stamps)
+        values['count'] += len(stamps)
+        values['stamp'], values['pose'] = stamps[-1], poses[-1]
+        self._values[numbers] = values
+
+    def _number(self, table: TransformTable, parent: str, child: str) -> Optional[int]:
+        """Return the number of the track of an edge; None if the edge is not counted."""
+        names = parent.removeprefix('/'), child.removeprefix('/')
+        if not all(names):
+            self.empty_names.setdefault(table.publisher, set()).add(''.join(names))
+            return None
+        key = names[1], table.publisher, table.is_static
+        track = self._tracks.get(key)
+        if track is None:
+            if len(self._tracks) >= _MOST:
+                self.not_counted += len(table.times)
+                return None
+            if len(self._tracks) == len(self._values):
+                self._values = np.concatenate([self._values, np.zeros_like(self._values)])
+            track = self._tracks[key] = Track(len(self._tracks), *key)
+        track.parents.pop(names[0], None)
+        track.parents[names[0]] = None
+        track.slashed.update(name for name in (parent, child) if name.startswith('/'))
+        return track.number
+
+
+# Each of these functions changes the statistics of n tracks: an array (n,) of _FIELDS.
+
+
+def _add_poses(values: Any, stamps: NDArray[np.int64], poses: NDArray[np.float64],
+               is_static: bool) -> None:
+    """
+    Count invalid and changed poses.
+
+    :param stamps: (m, n) stamps (ns).
+    :param poses: (m, n, 7) poses.
+    :param is_static: True: count each change. False: count a change only if the stamp is equal.
+    """
+    is_valid = np.isfinite(poses).all(axis=2)
+    values['invalid'] += (~is_valid).sum(axis=0)
+    norms = np.where(is_valid, np.sqrt(np.square(poses[..., 3:]).sum(axis=2)), 1.0)
+    deviations = np.abs(norms - 1.0)
+    values['unnormalized'] += (deviations > NORM_TOLERANCE).sum(axis=0)
+    worst = np.take_along_axis(norms, deviations.argmax(axis=0)[None], 0)[0]
+    is_new = values['count'] == 0
+    values['worst_norm'] = np.where(
+        is_new | (np.abs(worst - 1.0) > np.abs(values['worst_norm'] - 1.0)),
+        worst, values['worst_norm'])
+    before = np.concatenate([np.where(is_new, stamps[0], values['stamp'])[None], stamps[:-1]])
+    is_compared = np.ones_like(is_valid) if is_static else stamps == before
+    is_compared[0] &= ~is_new
+    if is_compared.any():
+        poses_before = np.concatenate([values['pose'][None], poses[:-1]])
+        values['changes'] += (is_compared & _differ(poses, poses_before)).sum(axis=0)
+
+
+def _differ(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Compare poses of shape (..., 7); return an array of shape (...)."""
+    with np.errstate(invalid='ignore'):
+        is_moved = (np.abs(poses[..., :3] - others[..., :3]) > _SAME_POSITION).any(axis=-1)
+        a, b = poses[..., 3:], others[..., 3:]
+        cosine = np.abs((a * b).sum(axis=-1))
+        largest = np.sqrt(np.square(a).sum(axis=-1) * np.square(b).sum(axis=-1))
+        return np.asarray(is_moved | (cosine < largest * (1.0 - _SAME_ROTATION)))
+
+
+def _add_stamps(values: Any, stamps: NDArray[np.int64]) -> None:
+    """
+    Count stamps of zero, and the steps from stamp to stamp.
+
+    :param stamps: (m, n) stamps (ns).
+    """
+    is_zero = stamps == 0
+    values['zero_stamps'] += is_zero.sum(axis=0)
+    largest = np.iinfo(np.int64).max
+    oldest, latest = np.where(is_zero, largest, stamps).min(axis=0), stamps.max(axis=0)
+    known = values['latest'] != 0
+    values['oldest'] = np.where(oldest == largest, values['oldest'], np.where(
+        known, np.minimum(oldest, values['oldest']), oldest))
+    values['latest'] = np.where(known, np.maximum(latest, values['latest']), latest)
+    before = np.concatenate([
+        np.where(values['count'] == 0, stamps[0], values['stamp'])[None], stamps[:-1]])
+    steps = stamps - before
+    values['backwards'] += (steps < 0).sum(axis=0)
+    values['step_back'] = np.maximum(values['step_back'], -steps.min(axis=0))
+    at = steps.argmax(axis=0)[None]
+    step = np.take_along_axis(steps, at, 0)[0]
+    is_larger = step > values['largest_step']
+    values['largest_step'] = np.where(is_larger, step, values['largest_step'])
+    values['largest_step_at'] = np.where(
+        is_larger, np.take_along_axis(before, at, 0)[0], values['largest_step_at'])
+    forward, columns = steps > 0, np.arange(steps.shape[1])
+    bins = np.ceil(np.log2(np.maximum(steps, _FIRST_BIN) / _FIRST_BIN) * _BINS_PER_OCTAVE)
+    indices = (np.minimum(bins, _BINS - 1).astype(np.int64) + columns * _BINS)[forward]
+    values['steps'] += np.bincount(indices, minlength=len(columns) * _BINS).reshape(-1, _BINS)
+
+
+def _add_times(values: Any, times: NDArray[np.int64]) -> None:
+    """
+    Extend the range of the times of arrival.
+
+    :param times: (m,) times of arrival (ns).
+    """
+    is_new = values['first_time'] == 0
+    values['first_time'] = np.where(is_new, times.min(), values['first_time'])
+    values['last_time'] = np.maximum(values['last_time'], times.max())
+
+
+def _add_delays(values: Any, times: NDArray[np.int64], stamps: NDArray[np.int64]) -> None:
+    """
+    Count the delays of the transforms whose stamp is not 0.
+
+    :param times: (m,) times of arrival (ns).
+    :param stamps: (m, n) stamps (ns).
+    """
+    delays = times[:, None] - stamps
+    known = stamps != 0
+    limits = np.iinfo(np.int64)
+    is_new = values['delays'] == 0
+    least = np.where(known, delays, limits.max).min(axis=0)
+    greatest = np.where(known, delays, limits.min).max(axis=0)
+    values['least_delay'] = np.where(is_new, least, np.minimum(least, values['least_delay']))
+    values['greatest_delay'] = np.where(
+        is_new, greatest, np.maximum(greatest, values['greatest_delay']))
+    values['delays'] += known.sum(axis=0)
+    values['total_delay'] += np.where(known, delays, 0).sum(axis=0, dtype=np.float64)
+    is_near = known & (np.abs(delays) <= OTHER_CLOCK)
+    values['late'] += (is_near & (delays > LATE)).sum(axis=0)
+    values['future'] += (is_near & (delays < -FUTURE)).sum(axis=0)

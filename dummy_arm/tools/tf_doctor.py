@@ -1,0 +1,518 @@
+"""The command `tf_doctor`: find faults in transforms, or explain the path between two frames."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
+from importlib import import_module
+import json
+import time
+from typing import Any, NamedTuple, Optional, TYPE_CHECKING
+
+from dummy_arm.cli.bag_options import add_bag_options, bag_progress, read_bag
+from dummy_arm.cli.parser import number, Parser, run, seconds, UsageError
+from dummy_arm.cli.progress import wait
+from dummy_arm.inspection.diagnosis import (
+    CHECKS,
+    diagnose,
+    Endpoint,
+    ERROR,
+    Finding,
+    Headers,
+    not_checked,
+    SEVERITIES,
+    Snapshot,
+)
+from dummy_arm.inspection.forest import frequency
+from dummy_arm.inspection.terminal import column_width, padded, width, wrapped
+from dummy_arm.inspection.tf_statistics import Statistics
+from dummy_arm.tf import Frame
+from dummy_arm.tf.bag import messages, TopicHeaders
+from dummy_arm.tf.formatting import (
+    comma_list,
+    display_time,
+    in_seconds,
+    shortened,
+    suggest_names,
+    visible,
+)
+from dummy_arm.tf.transform_table import transform_tables
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from dummy_arm.inspection.frame_listener import FrameListener
+
+#: How long the command listens by default, and at most (s); how long it waits before that for the
+#: first transform (s), because discovery takes time.
+DEFAULT_TIME, _LONGEST, _DISCOVERY = 5.0, 86_400.0, 3.0
+#: The number of messages of another topic whose headers are read.
+_HEADERS = 10
+#: The time between two searches for other topics (s).
+_SCAN_INTERVAL = 0.5
+#: The name of the type of TFMessage in the ROS graph.
+TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
+#: The publisher of a message if the bag does not record it.
+NOT_RECORDED = 'not recorded'
+#: The largest number of names or topics in a line.
+_SHOWN = 5
+
+
+class Observation(NamedTuple):
+    """What was observed, and what was not."""
+
+    snapshot: Snapshot
+    where: str  #: where the transforms are from, such as 'in 5 s'
+    total: int  #: the number of transforms
+    not_checked: list[str]  #: what cannot be checked, and why
+
+
+class Edge(NamedTuple):
+    """An edge of a path between two frames."""
+
+    frame: Frame  #: the child of the edge
+    refusal: str  #: why the edge has no pose at the time of the path; '': it has one
+
+
+class Explanation(NamedTuple):
+    """A path between two frames, and why it gives no transform."""
+
+    ends: tuple[str, str]
+    time: int  #: the time of the transform (ns); 0: the path is static
+    edges: list[Edge]
+    why_not: str  #: why there is no transform; '': there is one
+
+
+def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int = 0,
+            duration: Optional[float] = None, as_json: bool = False,
+            ignore: Sequence[str] = (), list_codes: bool = False, bag: Optional[str] = None,
+            namespace: str = '', partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
+    """
+    Print what is wrong with the transforms, or explain the path between two frames.
+
+    :param frame_a: the frame in which the pose of `frame_b` is wanted; None: check everything.
+    :param frame_b: the other frame; None if `frame_a` is None.
+    :param t: the time for which the path is explained (ns); 0: the latest time for which every
+        edge has data.
+    :param duration: how long to listen (s); None: 5 s.
+    :param as_json: True: print JSON.
+    :param ignore: the codes of findings that are not wanted.
+    :param list_codes: True: print the codes of all findings, and do nothing else.
+    :param bag: path of the bag to read; None: listen.
+    :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
+    :param partial: True: if the bag is damaged, read its undamaged parts.
+    :param ros_args: the command line, with the name of the command; ROS reads what follows
+        `--ros-args`.
+    :returns: the exit code: 1 if there is an error, or no transform between the two frames.
+    :raises UsageError: if an argument is wrong.
+    :raises CommandError: if the bag cannot be read, or if ROS cannot be initialised.
+    """
+    ends = [name.removeprefix('/') for name in (frame_a, frame_b) if name is not None]
+    if len(ends) == 1 or not all(ends):
+        raise UsageError('give two frames to explain the path between them, or none to check '
+                         'everything')
+    if t and not ends:
+        raise UsageError('-t needs two frames')
+    for code in ignore:
+        if code not in CHECKS:
+            raise UsageError(
+                f'unknown code {code!r}. {suggest_names(code, tuple(CHECKS), "codes")}')
+    if bag is not None and duration is not None:
+        raise UsageError('--time is for listening: leave it out with --bag')
+    if bag is None and partial:
+        raise UsageError('--partial needs --bag')
+    seconds = DEFAULT_TIME if duration is None else duration
+    if not 0.0 < seconds <= _LONGEST:
+        raise UsageError(f'the time to listen must be more than 0 s, and at most {_LONGEST:g} s, '
+                         f'got {seconds:g}')
+    if list_codes:
+        print('\n'.join(format_codes()))
+        return 0
+    if ends:
+        a, b = ends
+        if buffer := read_bag(bag, namespace, partial):
+            explanation = explain(buffer.frames(), (a, b), t, buffer.why_not(a, b, t))
+        else:
+            explanation = _explain_live((a, b), t, seconds, ros_args, namespace)
+        text, has_error = format_explanation(explanation), bool(explanation.why_not)
+        data: Any = {
+            'frames': explanation.ends, 'time': explanation.time, 'why_not': explanation.why_not,
+            'path': [{**edge.frame._asdict(), 'refusal': edge.refusal}
+                     for edge in explanation.edges]}
+    else:
+        observation = (_observe_live(seconds, ros_args, namespace) if bag is None else
+                       _observe_bag(bag, namespace, partial))
+        findings = diagnose(observation.snapshot, ignore)
+        left_out = [*not_checked(observation.snapshot, ignore), *observation.not_checked]
+        text = format_findings(observation, findings, left_out)
+        has_error = any(finding.severity == ERROR for finding in findings)
+        data = {'findings': [finding._asdict() for finding in findings],
+                'not_checked': left_out, 'verdict': text[-1]}
+    print(json.dumps(data, indent=2) if as_json else '\n'.join(text))
+    return int(has_error)
+
+
+# What is observed
+
+
+class _HeaderSampler:
+    """Subscriptions to other topics, which read the headers of a few messages each."""
+
+    def __init__(self, node: 'Node') -> None:
+        """
+        Create the sampler, without a subscription.
+
+        :param node: the node that subscribes.
+        """
+        self._node = node
+        self._next_scan = 0.0
+        #: By topic: the frames in the headers that were read.
+        self.frames: dict[str, set[str]] = {}
+        #: By topic: its type, which cannot be imported.
+        self.unknown_types: dict[str, str] = {}
+
+    def scan_if_due(self) -> None:
+        """Subscribe to new topics whose messages begin with a header, but twice a second only."""
+        if time.monotonic() < self._next_scan:
+            return
+        self._next_scan = time.monotonic() + _SCAN_INTERVAL
+        for topic, types in self._node.get_topic_names_and_types():
+            if topic not in self.frames and self._node.count_publishers(topic):
+                self.frames[topic] = set()
+                for name in types:
+                    if name != TF_MESSAGE:
+                        self._examine(topic, name)
+
+    def _examine(self, topic: str, type_name: str) -> None:
+        """Subscribe to a topic if its messages begin with a header."""
+        package, _, name = type_name.partition('/msg/')
+        try:
+            message_type: Any = getattr(import_module(f'{package}.msg'), name)
+            fields = message_type.get_fields_and_field_types()
+            if next(iter(fields.values()), '') == 'std_msgs/Header':
+                self._subscribe(topic, message_type)
+        except Exception:  # a type that cannot be imported causes errors of many types
+            self.unknown_types[topic] = type_name
+
+    def _subscribe(self, topic: str, message_type: Any) -> None:
+        """Subscribe to a topic until the headers of some messages are read."""
+        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+        from rclpy.serialization import deserialize_message
+        from std_msgs.msg import Header
+        count = 0
+
+        def read(data: bytes) -> None:
+            """
+            Read the header at the beginning of a message.
+
+            :param data: the message.
+            """
+            nonlocal count
+            if (count := count + 1) <= _HEADERS:
+                self.frames[topic].add(deserialize_message(data, Header).frame_id)
+            if count == _HEADERS:
+                self._node.destroy_subscription(subscription)
+
+        # A best-effort, volatile subscription matches all publishers. But latched messages of the
+        # past are sent only to a reliable, transient-local one.
+        latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+        is_latched = all((info.qos_profile.reliability, info.qos_profile.durability) == latched
+                         for info in self._node.get_publishers_info_by_topic(topic))
+        reliability, durability = latched if is_latched else (
+            ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
+        subscription = self._node.create_subscription(message_type, topic, read, QoSProfile(
+            depth=_HEADERS, reliability=reliability, durability=durability), raw=True)
+
+
+def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
+    """Listen to transforms, and to the headers on other topics."""
+    from dummy_arm.cli.node import spinning_node
+    from dummy_arm.inspection.frame_listener import FrameListener
+    statistics, malformed, dropped = Statistics(), Counter[str](), 0
+    with spinning_node('tf_doctor', ros_args, namespace) as node:
+        frame_listener = FrameListener(node)
+        listener, sampler = frame_listener.publisher_listener, _HeaderSampler(node)
+
+        def poll() -> bool:
+            """Count what has arrived; return False, since the time is not over yet."""
+            nonlocal dropped
+            received, newly_dropped = listener.received()
+            dropped += newly_dropped
+            now = frame_listener.now()
+            for table in transform_tables(received, lambda error: malformed.update([str(error)])):
+                statistics.add(table, now - time.time_ns() if now else None)
+            sampler.scan_if_due()
+            return False
+
+        elapsed = _listen(frame_listener, duration, poll)
+        tracks = statistics.tracks()
+        nodes = listener.names_of([*(track.publisher for track in tracks),
+                                   *statistics.empty_names])
+        static, dynamic = frame_listener.topics
+        not_known = {} if frame_listener.now() else {
+            'arrivals': 'use_sim_time is set, but no message has arrived on /clock'}
+        snapshot = Snapshot(
+            tracks, (dynamic, static), nodes=nodes, present=listener.present,
+            endpoints=[*_endpoints(node, (dynamic, static))],
+            headers=[Headers(topic, frozenset(frames))
+                     for topic, frames in sampler.frames.items()],
+            empty_names=statistics.empty_names, not_known=not_known,
+            why_no_transforms='' if tracks else frame_listener.why_no_frames(),
+            other_namespaces=frame_listener.other_topics_hint())
+    left_out = [f'headers on {topic}: its type {name} cannot be imported'
+                for topic, name in sorted(sampler.unknown_types.items())]
+    if dropped:
+        left_out.append(f'{dropped} messages: they arrived too fast')
+    return Observation(snapshot, f'in {elapsed:.1f} s', statistics.count,
+                       [*left_out, *_not_counted(statistics, malformed)])
+
+
+def _listen(frame_listener: 'FrameListener', duration: float,
+            poll: Callable[[], object] = lambda: False) -> float:
+    """
+    Wait for the first transform; then listen.
+
+    Ctrl-C or SIGTERM ends the observation early; what was received until then is reported.
+
+    :param poll: a function that is called repeatedly, and returns False.
+    :returns: how long the function has listened (s).
+    """
+    start = time.monotonic()
+    with suppress(KeyboardInterrupt):
+        if wait(_DISCOVERY, 'waiting for transforms', frame_listener.buffer.frame_names):
+            start = time.monotonic()
+        wait(duration, 'listening', poll)
+    poll()
+    return time.monotonic() - start
+
+
+def _not_counted(statistics: Statistics, malformed: Counter[str]) -> Iterator[str]:
+    """Yield a text for what `statistics` does not count."""
+    if statistics.not_counted:
+        yield f'{statistics.not_counted} transforms: there are too many frames'
+    for error, count in malformed.most_common(_SHOWN):
+        yield f'{count} messages, which cannot be decoded: {error}'
+
+
+def _endpoints(node: 'Node', topics: Sequence[str]) -> Iterator[Endpoint]:
+    """Yield the publishers on the topics, with the first listener that each does not match."""
+    from rclpy.qos import DurabilityPolicy, qos_check_compatible, QoSCompatibility
+    own_name = node.get_fully_qualified_name()
+    for topic in topics:
+        # The subscription of this node has the QoS of tf2's TransformListener; it comes first.
+        listeners = sorted(node.get_subscriptions_info_by_topic(topic),
+                           key=lambda info: _full_name(info) != own_name)
+        for publisher in node.get_publishers_info_by_topic(topic):
+            mismatch = ''
+            for listener in listeners:
+                compatibility, reason = qos_check_compatible(
+                    publisher.qos_profile, listener.qos_profile)
+                if compatibility == QoSCompatibility.ERROR:
+                    name = _full_name(listener)
+                    mismatch = (f'{"a TransformListener" if name == own_name else name} '
+                                f'({reason.replace("ERROR: ", "").rstrip(";. ")})')
+                    break
+            yield Endpoint(
+                topic, _full_name(publisher), topic == topics[1]
+                and publisher.qos_profile.durability == DurabilityPolicy.VOLATILE, mismatch)
+
+
+def _full_name(info: Any) -> str:
+    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+
+
+def _observe_bag(bag: str, namespace: str, partial: bool) -> Observation:
+    """
+    Read the transforms of a bag, and the headers on its other topics.
+
+    :raises UsageError: if the path is empty.
+    :raises CommandError: if the bag cannot be read.
+    """
+    statistics, malformed = Statistics(), Counter[str]()
+    topics: list[TopicHeaders] = []
+    with bag_progress(bag) as on_progress:
+        for table in transform_tables(
+                messages(bag, namespace=namespace, partial=partial, on_progress=on_progress,
+                         on_headers=topics.extend),
+                lambda error: malformed.update([str(error)])):
+            statistics.add(table)
+    tracks = statistics.tracks()
+    publishers = {track.publisher for track in tracks} - {NOT_RECORDED}
+    not_known = {'qos': 'the QoS and the other namespaces are not read from a bag'}
+    if not publishers:
+        not_known['nodes'] = 'the bag does not record which node has sent a message'
+    if not any(track['delays'] for track in tracks):
+        not_known['arrivals'] = 'there are no dynamic transforms with a time of the recording'
+    path = ''.join(f'/{part}' for part in namespace.split('/') if part)
+    snapshot = Snapshot(
+        tracks, (f'{path}/tf', f'{path}/tf_static'), nodes={name: name for name in publishers},
+        headers=[Headers(topic.topic, topic.frames) for topic in topics
+                 if topic.frames is not None],
+        empty_names=statistics.empty_names, not_known=not_known, has_record_times=True)
+    left_out = [
+        f'headers on {topic.topic}: the definition of its type {topic.msgtype} is not known'
+        for topic in topics if topic.frames is None]
+    return Observation(snapshot, f'in {bag}', statistics.count,
+                       [*left_out, *_not_counted(statistics, malformed)])
+
+
+# The path between two frames
+
+
+def _explain_live(ends: tuple[str, str], time: int, duration: float, ros_args: Sequence[str],
+                  namespace: str) -> Explanation:
+    """Listen to transforms; then explain the path between two frames."""
+    from dummy_arm.cli.node import spinning_node
+    from dummy_arm.inspection.frame_listener import FrameListener
+    with spinning_node('tf_doctor', ros_args, namespace) as node:
+        frame_listener = FrameListener(node, max(10.0, duration))
+        _listen(frame_listener, duration)
+        return explain(frame_listener.frames(), ends, time,
+                       frame_listener.why_no_transform(*ends, time))
+
+
+def explain(frames: Iterable[Frame], ends: tuple[str, str], time: int, why_not: str
+            ) -> Explanation:
+    """
+    Explain the path between two frames.
+
+    :param frames: the frames that have a parent.
+    :param ends: the two frames.
+    :param time: time of the transform (ns); 0: the latest time for which every edge has data.
+    :param why_not: why there is no transform at this time; '': there is one.
+    :returns: the path: from the first frame up to the frame where the two meet, then down to the
+        second frame. If the two frames are in different trees, the path goes up to both roots.
+    """
+    by_name = {frame.name: frame for frame in frames}
+    upwards: list[list[Frame]] = []
+    for name in ends:
+        chain: dict[str, Frame] = {}
+        while name in by_name and name not in chain:
+            chain[name] = by_name[name]
+            name = by_name[name].parent
+        upwards.append([*chain.values()])
+    first, second = upwards
+    while first and second and first[-1] == second[-1]:
+        first.pop()
+        second.pop()
+    path = [*first, *second[::-1]]
+    time = time or min((frame.latest for frame in path if not frame.is_static), default=0)
+    return Explanation(ends, time, [Edge(frame, _refusal(frame, time)) for frame in path], why_not)
+
+
+def _refusal(frame: Frame, time: int) -> str:
+    """Return why an edge has no pose at a time; '' if it has one."""
+    if frame.is_static or frame.oldest <= time <= frame.latest:
+        return ''
+    if time > frame.latest:
+        return (f'its newest transform is {in_seconds(time - frame.latest):.3f} s older than '
+                f'{display_time(time)}: the pose at that time has not arrived yet, or its '
+                'publisher has stopped')
+    return (f'its oldest transform is {in_seconds(frame.oldest - time):.3f} s newer than '
+            f'{display_time(time)}: the pose at that time was never received, or is no longer '
+            'kept')
+
+
+# What is printed
+
+
+def format_explanation(explanation: Explanation) -> list[str]:
+    """
+    Format the path between two frames.
+
+    :param explanation: the path.
+    :returns: the lines; the last one says whether there is a transform.
+    """
+    first, second = map(shortened, explanation.ends)
+    rows = [[f'{shortened(frame.parent)} -> {shortened(frame.name)}',
+             'static' if frame.is_static else
+             '?' if (rate := frequency(frame)) is None else f'{rate:.1f} Hz',
+             '' if frame.is_static else
+             f'{display_time(frame.oldest)} to {display_time(frame.latest)}',
+             shortened(frame.authority)] for frame, _ in explanation.edges]
+    widths = [column_width(map(width, column)) for column in zip(*rows)]
+    lines = []
+    for row, edge in zip(rows, explanation.edges):
+        lines.append('  '.join(map(padded, row, widths)).rstrip())
+        if edge.refusal:
+            lines += wrapped(f'This edge refuses: {edge.refusal}.', '    ')
+    if lines:
+        lines = [f'The path from {first} to {second}, with the rate, the oldest and the newest '
+                 'stamp, and the publisher of each edge:', '', *lines, '']
+    when = f'at {display_time(explanation.time)}' if explanation.time else 'at all times'
+    if not explanation.why_not:
+        return [*lines, f'The transform from {second} to {first} exists {when}.']
+    return [*lines, *wrapped(visible(
+        f'There is no transform from {second} to {first}: {explanation.why_not}'))]
+
+
+def format_codes() -> list[str]:
+    """
+    Format the list of all codes.
+
+    :returns: the lines.
+    """
+    lines = []
+    for check in CHECKS.values():
+        lines += [f'{check.code} ({check.severity})',
+                  *wrapped(f'{check.meaning} {check.remedy}', '    ')]
+    return lines
+
+
+def format_findings(observation: Observation, findings: Sequence[Finding],
+                    left_out: Sequence[str]) -> list[str]:
+    """
+    Format what was found.
+
+    :param observation: what was observed.
+    :param findings: what was found.
+    :param left_out: what was not checked, and why.
+    :returns: the lines; the last one is the verdict.
+    """
+    lines = []
+    for finding in findings:
+        names = comma_list(finding.frames or finding.topics, _SHOWN, shortened)
+        lines += [f'{finding.severity} {finding.code}: {names}'.rstrip(': '),
+                  *wrapped(visible(f'{finding.evidence}.'), '    '),
+                  *wrapped(visible(f'On {comma_list(finding.topics, _SHOWN)}'
+                                   f'{" by " if finding.nodes else ""}'
+                                   f'{comma_list(finding.nodes, _SHOWN)}.'), '    '),
+                  *wrapped(finding.remedy, '    '), '']
+    for text in left_out:
+        lines += wrapped(visible(f'not checked: {text}'))
+    counts = {severity: sum(finding.severity == severity for finding in findings)
+              for severity in SEVERITIES}
+    found = ', '.join(f'{count} {severity}{"s" if count > 1 else ""}'
+                      for severity, count in counts.items() if count)
+    snapshot = observation.snapshot
+    return [*lines, *[''][:len(left_out)], visible(
+        f'{found or "healthy"}: {observation.total} transforms of {len(snapshot.tree_of)} frames '
+        f'{observation.where}')]
+
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """
+    Run the command; see `--help`.
+
+    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
+    :returns: the exit code.
+    """
+    parser = Parser(
+        'tf_doctor', 'Find faults in the transforms, and say what to do. If two frames are named, '
+        'explain the path between them instead. The exit code is 1 if there is an error, or no '
+        'transform between the two frames.',
+        'examples: tf_doctor\n          tf_doctor --bag robot.mcap\n'
+        '          tf_doctor map end_effector')
+    parser.add_argument('frame_a', nargs='?')
+    parser.add_argument('frame_b', nargs='?')
+    parser.add_argument('-t', type=seconds, default=0, metavar='TIME',
+                        help='with two frames: the time of the transform (s; default: 0, the '
+                        'latest)')
+    parser.add_argument('--time', dest='duration', type=number, metavar='SECONDS',
+                        help=f'how long to listen (s; default: {DEFAULT_TIME:g})')
+    parser.add_argument('--json', dest='as_json', action='store_true', help='print JSON')
+    parser.add_argument('--ignore', action='append', default=[], metavar='CODE',
+                        help='leave out findings with this code; can be given several times')
+    parser.add_argument('--list', dest='list_codes', action='store_true',
+                        help='print the codes of all findings with their meanings, then exit')
+    add_bag_options(parser)
+    return run(parser, command, args)

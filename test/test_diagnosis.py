@@ -1,0 +1,499 @@
+"""tf_doctor for bags: each fault is found, with its evidence, and nothing else is."""
+
+import itertools
+import json
+from math import nan
+import re
+import subprocess
+import sys
+from typing import Any, NamedTuple
+
+from conftest import tool_without_ros
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from dummy_arm.inspection.diagnosis import CHECKS
+from dummy_arm.inspection.tf_statistics import Statistics
+from dummy_arm.tf._core.pose import Row
+from dummy_arm.tf._wire import cdr
+from dummy_arm.tf.transform_table import transform_tables, TransformTable
+from dummy_arm.tools.tf_doctor import main
+
+bags = pytest.importorskip('bags')
+S, MS = bags.S, 10**6
+T = 1_700_000_000 * S
+KINDS = 'mcap', 'db3', 'bag'
+POINT = 'geometry_msgs/msg/PointStamped'
+
+
+def pose(x, z=0.0):
+    """Return a pose at x (m), rotated about z by an angle whose half has the sine `z`."""
+    return x, 0.0, 0.0, 0.0, 0.0, z, (1.0 - z * z) ** 0.5
+
+
+def at(index, hertz=50):
+    """Return the stamp of the transform with an index (ns)."""
+    return T + index * S // hertz
+
+
+def tf(index, *edges, stamp=None, delay=MS, publisher='/robot', topic='/tf', x=None):
+    """Return a message of a bag with transforms, each 'parent child'."""
+    time = at(index)
+    stamp = time if stamp is None else stamp
+    place = pose(index / 100 if x is None else x)
+    rows = [Row(stamp, parent, child, place)
+            for parent, child in (edge.split(' ') for edge in edges)]
+    return topic, time + delay, rows, bags.TF, publisher
+
+
+def static(*edges, time=T, x=1.0, publisher='/fixed'):
+    """Return a message of a bag on /tf_static."""
+    rows = [Row(time, parent, child, pose(x))
+            for parent, child in (edge.split(' ') for edge in edges)]
+    return '/tf_static', time, rows, bags.TF, publisher
+
+
+def robot(count=100, change=lambda i: {}, edges=('odom base_link', 'base_link arm')):
+    """Return the messages of a healthy robot; `change` gives other arguments of `tf` for some."""
+    return [static('map odom', 'base_link laser'),
+            *(tf(i, *edges, **change(i)) for i in range(count))]
+
+
+def points(topic, *frames, version=2):
+    """Return messages with headers, which name frames."""
+    return [(topic, T + i * MS, bags.point(frame, T, version), POINT)
+            for i, frame in enumerate(frames)]
+
+
+def with_pose(messages, index, new):
+    """Replace a pose in a message."""
+    topic, time, rows, *rest = messages[index]
+    messages[index] = topic, time, [rows[0]._replace(pose=new), *rows[1:]], *rest
+    return messages
+
+
+def doctor(capsys, path, *arguments):
+    """Run the command for a bag; return the exit code and what the JSON says."""
+    code = main(['--bag', str(path), '--json', *arguments])
+    return code, json.loads(capsys.readouterr().out)
+
+
+#: By code: the messages of a bag with this fault only, the frames, and a pattern for the evidence.
+#: In the bag of ROS 1, nodes have the names that `tf` gives them.
+FAULTS = {
+    'two_publishers': (
+        [*robot(), *(tf(i, 'odom base_link', publisher='/other', x=i / 100, stamp=at(i) + MS)
+                     for i in range(20, 60, 4))], ['base_link'],
+        r'^/robot and /other both publish base_link: 100 transforms \(50\.0 Hz\) and 10 '
+        r'\(12\.5 Hz\)$'),
+    'changing_parent': (
+        robot() + [
+            tf(100 + i, 'arm tool' if i < 5 else 'laser tool') for i in range(10)], ['tool'],
+        '^tool has 2 parents in 10 transforms: arm, laser$'),
+    'static_and_dynamic': (
+        [*robot(), static('odom base_link')], ['base_link'],
+        '^base_link: 100 transforms on /tf, 1 on /tf_static$'),
+    'loop': (
+        [tf(i, 'c a', 'a b', 'b c') for i in range(100)], ['a', 'b', 'c'],
+        '^3 frames form a loop: '),
+    'unknown_frame': (
+        [*robot(), *points('/scan', 'lazer', 'laser', 'lazer')], ['lazer'],
+        r"^'lazer' is in the headers on /scan, but not among the 5 frames of the transforms\. "
+        "Nearest known: 'laser'"),
+    'disconnected': (
+        [*robot(), static('world lamp', time=T), *points('/scan', 'laser'),
+         *points('/light', 'lamp')], ['laser', 'lamp'],
+        r'^headers use frames of 2 trees: laser \(root map\) on /scan; '
+        r'lamp \(root world\) on /light$'),
+    'not_a_number': (
+        with_pose(robot(), 7, (nan, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)), ['base_link'],
+        '^1 of 100 transforms of base_link contain NaN'),
+    'unnormalized': (
+        with_pose(robot(), 7, (0.06, 0.0, 0.0, 0.0, 0.0, 0.0, 1.002)), ['base_link'],
+        r'^1 of 100 transforms of base_link have .*; the worst norm is 1\.002 \(base_link\)$'),
+    'other_clock': (
+        [*robot(), *(tf(i, 'base_link wheel', stamp=5 * S + i * 20 * MS, publisher='/sim')
+                     for i in range(50))], ['wheel'],
+        '^the stamps of wheel are about 1699999995 s before the time of arrival; the last one is '
+        '5.98'),
+    'zero_stamp': (
+        [*robot(), *(tf(i, 'base_link wheel', stamp=0, x=1.0) for i in range(50))], ['wheel'],
+        '^50 of 50 transforms of wheel have the stamp 0$'),
+    'gap': (
+        [message for i, message in enumerate(robot(200)) if not 50 < i <= 80],
+        ['base_link', 'arm'],
+        r'^base_link: the longest step from stamp to stamp is 0\.62 s, after 1700000000\.98'),
+    'late': (
+        robot(change=lambda i: {'delay': 600 * MS}), ['base_link', 'arm'],
+        r'^200 of 200 transforms of base_link, arm arrived more than 0\.5 s after their stamp; '
+        r'the mean delay of base_link is 0\.6 s, the largest 0\.6 s$'),
+    'future': (
+        robot(change=lambda i: {'delay': -200 * MS}), ['base_link', 'arm'],
+        r'^200 of 200 .* the farthest is 0\.2 s ahead'),
+    'time_goes_back': (
+        robot(change=lambda i: {'stamp': at(49)} if i == 50 else {'stamp': at(48)}
+              if i == 51 else {}, edges=['odom base_link'])[:-48], ['base_link'],
+        '^1 of 52 transforms of base_link have an earlier stamp'),
+    'same_stamp': (
+        robot(change=lambda i: {'stamp': at(49)} if i == 50 else {}), ['base_link', 'arm'],
+        '^2 of 200 transforms of base_link, arm have the stamp of the one before, and another '),
+    'leading_slash': (
+        robot(edges=('odom base_link', 'base_link /arm')), ['/arm'],
+        '^1 name begins with a slash in transforms: /arm$'),
+    'empty_name': (
+        [*robot(), tf(100, 'arm ')], ['arm'],
+        '^1 edge has an empty frame_id or child_frame_id; the other name is arm$'),
+    'similar_name': (
+        [*robot(), static('Base-Link lamp')], ['Base-Link', 'base_link'],
+        "^'Base-Link' is a root, and 'base_link' is in another tree$"),
+    'several_trees': (
+        [*robot(), static('world lamp')], ['map', 'world'],
+        '^2 trees, with the roots map, world$'),
+    'static_changes': (
+        [*robot(), static('map odom', time=T + S, x=2.0)], ['odom'],
+        '^1 of 2 transforms of odom differ from the one before$'),
+    'rep_105': (
+        [tf(i, 'odom map', 'map base_link') for i in range(100)], ['map', 'odom'],
+        '^map is not above odom: odom$'),
+}
+#: What is found, too, since it follows from the fault.
+ALSO = {'disconnected': {'several_trees'}, 'similar_name': {'several_trees'},
+        'time_goes_back': {'same_stamp'}}
+#: By code: messages that come close to the fault, and where nothing is wrong.
+HEALTHY = {
+    'a node that was started again': [
+        *robot(50), *(tf(50 + i, 'odom base_link', 'base_link arm', publisher='/again')
+                      for i in range(50))],
+    'jitter': robot(change=lambda i: {'stamp': at(i) + i % 3 * 9 * MS, 'delay': 30 * MS}),
+    'a short gap': [message for i, message in enumerate(robot()) if not 50 < i <= 70],
+    'some late arrivals': robot(change=lambda i: {'delay': 700 * MS if i > 97 else MS}),
+    'the same transform twice': [
+        message for i, message in enumerate(robot()) for _ in range(1 + (i == 50))],
+    'the same static transform twice': [*robot(), static('map odom', time=T + S)],
+    'the opposite quaternion': [*robot(), (
+        '/tf_static', T + S, [Row(T, 'map', 'odom', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0))],
+        bags.TF, '/fixed')],
+    'rounded quaternions': with_pose(
+        robot(), 7, (0.06, 0.0, 0.0, 0.0, 0.0, 0.7071, 0.7071)),
+    'wheels': robot(edges=('odom base_link', *(
+        f'base_link {name}_wheel' for name in ('fl', 'fr', 'rl', 'rr')))),
+    'headers with known frames': [*robot(), *points('/scan', *['laser'] * 20)],
+    'a header without a frame': [*robot(), *points('/joint_states', '', '')],
+    'recorded with another clock': [
+        tf(i, 'odom base_link', 'base_link arm', delay=1000 * S) for i in range(100)],
+    'stamps that begin at 0': [
+        ('/tf', T + i * 20 * MS, [Row(20 * MS + i * 20 * MS, 'map', 'odom', pose(i / 50))])
+        for i in range(100)],
+    'a rare frame': [tf(i * 50, 'map odom') for i in range(20)],
+    'a single message': [tf(0, 'map odom')],
+    'static only': [static('map odom', 'odom base_link')],
+    'REP 105': [
+        static('earth map'), *(tf(i, 'map odom', 'odom base_link') for i in range(100))],
+}
+#: What cannot be read from a bag; the tests of the live command have these codes.
+LIVE_ONLY = {'no_transforms', 'static_not_latched', 'incompatible_qos', 'other_namespace'}
+
+
+@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize('code', FAULTS)
+def test_each_fault(capsys, tmp_path, code, kind):
+    """The fault is found: its code, severity, frames, topics, nodes, evidence and remedy."""
+    content, frames, evidence = FAULTS[code]
+    if kind == 'bag':
+        content = [message if message[3:4] != (POINT,) else (
+            *message[:2], bags.point(frame_of(message[2]), T, 1), POINT) for message in content]
+    status, found = doctor(capsys, bags.make(tmp_path, kind, in_order(content)))
+    if code == 'two_publishers' and kind != 'bag':
+        assert 'two_publishers: the bag does not record which node' in ' '.join(
+            found['not_checked'])
+        return
+    findings = {finding['code']: finding for finding in found['findings']}
+    assert findings.keys() == {code} | ALSO.get(code, set())
+    finding = findings[code]
+    assert sorted(finding['frames']) == sorted(frames)
+    assert re.search(evidence, finding['evidence'])
+    assert finding['severity'] == CHECKS[code].severity
+    assert finding['remedy'] == CHECKS[code].remedy
+    if kind != 'bag':
+        assert finding['nodes'] == []
+    elif finding['topics'] and finding['topics'][0].startswith('/tf'):
+        assert finding['nodes']
+    assert status == int(finding['severity'] == 'error')
+
+
+def in_order(content):
+    """Sort messages by their times."""
+    return sorted(content, key=lambda message: message[1])
+
+
+def frame_of(data):
+    """Return the frame of a PointStamped of ROS 2."""
+    return data[16:data.index(b'\0', 16)].decode()
+
+
+def test_all_codes_are_tested():
+    """Each check has a bag with its fault, or is tested live."""
+    assert CHECKS.keys() == FAULTS.keys() | LIVE_ONLY
+
+
+@pytest.mark.parametrize('name', HEALTHY)
+@pytest.mark.parametrize('kind', KINDS)
+def test_healthy(capsys, tmp_path, name, kind):
+    """Nothing is found where nothing is wrong."""
+    content = [message if message[3:4] != (POINT,) or kind != 'bag' else (
+        *message[:2], bags.point(frame_of(message[2]), T, 1), POINT) for message in HEALTHY[name]]
+    status, found = doctor(capsys, bags.make(tmp_path, kind, in_order(content)))
+    assert (status, found['findings']) == (0, [])
+    assert found['verdict'].startswith('healthy: ')
+
+
+@pytest.mark.parametrize('kind', bags.ROS2 + bags.ROS1)
+def test_every_kind_of_bag(capsys, tmp_path, kind):
+    """A bag of each kind and compression is healthy."""
+    status, found = doctor(capsys, bags.make(tmp_path, kind, bags.walk()))
+    assert (status, found['findings']) == (0, [])
+
+
+# The command
+
+
+def test_the_text(capsys, tmp_path):
+    """It prints each finding with its evidence and remedy, what was not checked, the verdict."""
+    path = bags.make(tmp_path, 'mcap', in_order(FAULTS['static_and_dynamic'][0]))
+    assert main(['--bag', str(path)]) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        'error static_and_dynamic: base_link',
+        '    base_link: 100 transforms on /tf, 1 on /tf_static.',
+        '    On /tf_static, /tf.',
+        f'    {CHECKS["static_and_dynamic"].remedy}',
+        '',
+        'not checked: static_not_latched, incompatible_qos, other_namespace: the QoS and the '
+        'other namespaces are not read from a bag',
+        'not checked: two_publishers: the bag does not record which node has sent a message',
+        '',
+        f'1 error: 203 transforms of 5 frames in {path}']
+
+
+def test_ignore(capsys, tmp_path):
+    """Ignored findings are not found, and not listed as not checked."""
+    path = bags.make(tmp_path, 'mcap', in_order(FAULTS['static_and_dynamic'][0]))
+    status, found = doctor(capsys, path, '--ignore', 'static_and_dynamic', '--ignore',
+                           'two_publishers')
+    assert (status, found['findings'], found['verdict'][:8]) == (0, [], 'healthy:')
+    assert not any('two_publishers' in text for text in found['not_checked'])
+
+
+def test_list(capsys):
+    """It explains all codes; each has a severity, a meaning and a remedy of one sentence."""
+    assert main(['--list']) == 0
+    output = capsys.readouterr().out
+    for check in CHECKS.values():
+        assert (f'{check.code} ({check.severity})\n    {check.meaning} {check.remedy}\n') in output
+        assert check.meaning.endswith('.')
+        assert re.fullmatch(r'[A-Z][^.]*[.?]', check.remedy)
+
+
+@pytest.mark.parametrize(('arguments', 'text'), [
+    (['map'], 'give two frames'),
+    (['map', '/'], 'give two frames'),
+    (['-t', '5'], '-t needs two frames'),
+    (['--ignore', 'gaps'], "unknown code 'gaps'. Nearest known: 'gap'"),
+    (['--time', '0'], 'more than 0 s'),
+    (['--bag', 'x', '--time', '5'], '--time is for listening'),
+    (['--bag', ''], '--bag needs the path of a bag'),
+    (['--partial'], '--partial needs --bag'),
+])
+def test_wrong_arguments(failed, arguments, text):
+    """One line names the offender; the exit code is 2."""
+    code, error = failed(main, *arguments)
+    assert code == 2
+    assert text in error
+
+
+def test_a_bag_that_cannot_be_read(failed, tmp_path):
+    """One line says why; the exit code is 1."""
+    code, error = failed(main, '--bag', str(tmp_path / 'missing'))
+    assert (code, 'missing' in error) == (1, True)
+
+
+def test_without_ros(tmp_path):
+    """A bag is checked where there is no ROS."""
+    path = bags.make(tmp_path, 'mcap', bags.walk())
+    done = subprocess.run([sys.executable, *tool_without_ros('tf_doctor', '--bag', str(path))],
+                          capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout.splitlines()[-1] == f'healthy: 102 transforms of 3 frames in {path}'
+
+
+def test_a_namespace(capsys, tmp_path):
+    """With --namespace, the topics of the namespace are checked."""
+    path = bags.make(tmp_path, 'mcap', [
+        (f'/robot{topic}', *rest) for topic, *rest in FAULTS['rep_105'][0]])
+    _, found = doctor(capsys, path, '--namespace', 'robot')
+    assert [finding['topics'] for finding in found['findings']] == [['/robot/tf']]
+
+
+def test_malformed_messages(capsys, tmp_path):
+    """Messages that cannot be decoded are listed."""
+    path = bags.make(tmp_path, 'mcap', [
+        *in_order(robot()), ('/tf', T + 10 * S, b'\0\1\0\0\1\0\0')])
+    _, found = doctor(capsys, path)
+    assert any('1 message' in text and 'truncated' in text for text in found['not_checked'])
+
+
+def test_a_type_without_a_definition(capsys, tmp_path):
+    """Topics whose type is not known are listed as not checked."""
+    path = bags.mcap(tmp_path / 'own.mcap', bags.mcap_channel(), bags.mcap_channel(
+        '/thing', 2, 'my_msgs/msg/Thing'), bags.mcap_message([bags.row(T, 'map', 'odom')], T))
+    status, found = doctor(capsys, path)
+    assert (status, found['findings']) == (0, [])
+    assert found['not_checked'][-1] == (
+        'headers on /thing: the definition of its type my_msgs/msg/Thing is not known')
+
+
+# The path between two frames
+
+
+def test_a_path_that_exists(capsys, tmp_path):
+    """Each edge is listed with its rate, its stamps and its publisher."""
+    path = bags.make(tmp_path, 'bag', in_order(robot()))
+    assert main(['--bag', str(path), 'map', '/arm']) == 0
+    assert capsys.readouterr().out.splitlines()[2:] == [
+        'map -> odom        static                                           /fixed',
+        'odom -> base_link  50.0 Hz  1700000000.000000 to 1700000001.980000  /robot',
+        'base_link -> arm   50.0 Hz  1700000000.000000 to 1700000001.980000  /robot',
+        '',
+        'The transform from arm to map exists at 1700000001.980000.']
+
+
+def explained(capsys, path, *arguments):
+    """Return the exit code, the refusals by child, and why there is no transform."""
+    code, data = doctor(capsys, path, *arguments)
+    return code, {edge['name']: edge['refusal'] for edge in data['path']}, data['why_not']
+
+
+def test_the_edge_that_refuses(capsys, tmp_path):
+    """The edge without data at the time is named, with how far its data are away."""
+    content = [*robot(), *(tf(i, 'arm hand') for i in range(100, 110))]
+    path = bags.make(tmp_path, 'mcap', in_order(content))
+    code, refusals, why = explained(capsys, path, 'map', 'hand', '-t', '1700000001.5')
+    assert (code, *map(bool, (refusals['odom'], refusals['arm']))) == (1, False, False)
+    assert refusals['hand'].startswith('its oldest transform is 0.500 s newer than 1700000001.5')
+    assert 'extrapolation into the past' in why
+    code, refusals, _ = explained(capsys, path, 'map', 'hand')  # the two are never known at once
+    assert code == 1
+    assert refusals['hand'].startswith('its oldest transform is 0.020 s newer')
+    code, refusals, _ = explained(capsys, path, 'hand', 'arm', '-t', '1700000003')
+    assert refusals == {'hand': refusals['hand']}
+    assert 'older than 1700000003' in refusals['hand']
+
+
+def test_two_trees_and_unknown_frames(capsys, tmp_path):
+    """Without a path, the edges up to both roots are listed; the error names roots or frames."""
+    path = bags.make(tmp_path, 'mcap', in_order([*robot(), static('world lamp')]))
+    code, refusals, why = explained(capsys, path, 'base_link', 'lamp')
+    assert (code, [*refusals]) == (1, ['base_link', 'odom', 'lamp'])
+    assert "'base_link' is in the tree with root 'map'" in why
+    code, refusals, why = explained(capsys, path, 'map', 'lmap')
+    assert (code, refusals) == (1, {})
+    assert "Nearest known: 'map', 'lamp'" in why
+
+
+def test_a_loop_and_one_frame(capsys, tmp_path):
+    """A loop ends the path; a frame and itself are always connected."""
+    path = bags.make(tmp_path, 'mcap', in_order(FAULTS['loop'][0]))
+    code, refusals, why = explained(capsys, path, 'a', 'c')
+    assert {*refusals} <= {'a', 'b', 'c'}
+    code, refusals, why = explained(capsys, path, 'a', 'a')
+    assert (code, refusals, why) == (0, {}, '')
+
+
+# Statistics
+
+
+def reference(content):
+    """Return the statistics of a frame, computed in plain Python from (arrival, stamp, pose)."""
+    stamps = [stamp for _, stamp, _ in content]
+    steps = [b - a for a, b in itertools.pairwise(stamps)]
+    norms = [sum(v * v for v in pose[3:]) ** 0.5 for _, _, pose in content]
+    known = [(arrival - stamp, stamp) for arrival, stamp, _ in content if stamp]
+    return {
+        'count': len(content), 'zero_stamps': stamps.count(0),
+        'backwards': sum(step < 0 for step in steps),
+        'step_back': max([-step for step in steps if step < 0], default=0),
+        'largest_step': max([step for step in steps if step > 0], default=0),
+        'changes': sum(a[1] == b[1] and a[2][:6] != b[2][:6]
+                       for a, b in itertools.pairwise(content)),  # not if only the norm differs
+        'unnormalized': sum(abs(norm - 1.0) > 1e-3 for norm in norms),
+        'oldest': min([stamp for _, stamp in known], default=0),
+        'latest': max([stamp for _, stamp in known], default=0),
+        'delays': len(known),
+        'late': sum(S // 2 < delay <= 60 * S for delay, _ in known),
+        'future': sum(-60 * S <= delay < -S // 10 for delay, _ in known),
+        'least_delay': min([delay for delay, _ in known], default=None),
+        'greatest_delay': max([delay for delay, _ in known], default=None)}
+
+
+class Message(NamedTuple):
+    """A message with one transform."""
+
+    time: int
+    data: bytes
+    is_static: bool = False
+    publisher: str = '/robot'
+    encoding: Any = cdr
+
+    def rows(self):
+        """Return the transform."""
+        return cdr.unpack(self.data)
+
+
+TENTHS = st.integers(0, 30).map(lambda tenth: tenth * S // 10)
+
+
+@given(st.lists(st.tuples(
+    TENTHS, TENTHS, st.sampled_from([pose(0.0), pose(1.0), pose(0.0, 0.6), (
+        0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.1)])), min_size=1, max_size=30),
+    st.lists(st.integers(1, 30), max_size=3))
+def test_statistics(content, ends):
+    """The statistics are those of plain Python, however the messages are divided into tables."""
+    content = [(T + arrival, T + stamp if stamp else 0, pose) for arrival, stamp, pose in content]
+    statistics = Statistics()
+    begin = 0
+    for end in [*sorted(ends), len(content)]:
+        for table in transform_tables(
+                Message(arrival, cdr.pack([Row(stamp, 'map', 'odom', pose)]))
+                for arrival, stamp, pose in content[begin:end]):
+            statistics.add(table)
+        begin = max(begin, end)
+    (track,) = statistics.tracks()
+    expected = reference(content)
+    if not expected['delays']:
+        del expected['least_delay'], expected['greatest_delay']
+    assert {name: int(track[name]) for name in expected} == expected
+
+
+@given(st.lists(st.integers(1_000, 10**11), min_size=1, max_size=200), st.integers(2, 6))
+def test_steps(steps, factor):
+    """The median step is right within 5 %, and the count of larger steps within the bins."""
+    statistics = Statistics()
+    stamps = np.cumsum([T, *steps])
+    statistics.add(TransformTable('', False, [('map', 'odom')], stamps, stamps[:, None], np.tile(
+        np.array(bags.STILL), (len(stamps), 1, 1))))
+    (track,) = statistics.tracks()
+    median = sorted(steps)[(len(steps) + 1) // 2 - 1]
+    assert track.period == pytest.approx(median, rel=0.05)
+    limit = factor * track.period
+    assert (sum(step > 1.1 * limit for step in steps) <= track.steps_beyond(limit)
+            <= sum(step > limit for step in steps))
+
+
+def test_too_many_frames():
+    """Frames beyond the limit are counted as such, and memory is bounded."""
+    statistics = Statistics()
+    rows = [Row(T, 'map', f'frame_{i}', bags.STILL) for i in range(10_010)]
+    for table in transform_tables([Message(T, cdr.pack(rows))]):
+        statistics.add(table)
+    assert (statistics.count, statistics.not_counted) == (10_000, 10)

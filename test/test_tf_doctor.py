@@ -1,0 +1,228 @@
+"""tf_doctor on real DDS: faults of publishers, headers of other topics, healthy systems."""
+
+from contextlib import contextmanager
+import json
+import signal
+import time
+
+from conftest import ARM, run_in_terminal, tool
+from geometry_msgs.msg import PointStamped
+import pytest
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from dummy_arm.tf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
+from dummy_arm.tf._core.pose import Row
+from dummy_arm.tf._ros.transform_stamped import message_of
+
+S = 10**9
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+STATIC_PUBLISHER = tool('static_transform_publisher', '--frame-id', 'base_link',
+                        '--child-frame-id', 'camera')
+
+
+def transform(parent, child, stamp, x=0.0):
+    """Return a message with a transform."""
+    return message_of(Row(stamp, parent, child, (x, *STILL[1:])))
+
+
+def examine(ros, start, *arguments):
+    """Run the command while the node of the test spins; return the exit code and the JSON."""
+    process = start(*tool('tf_doctor', '--json', *arguments))
+    ros.until(process.has_ended)
+    code = process.exit_code()
+    return code, json.loads(process.output[process.output.index('{'):])  # after log messages
+
+
+def codes(data):
+    """Return the codes of what was found."""
+    return {finding['code'] for finding in data['findings']}
+
+
+@contextmanager
+def timer(ros, hertz, callback):
+    """Call a function at a rate, with the current time (ns)."""
+    each = ros.node.create_timer(
+        1 / hertz, lambda: callback(ros.node.get_clock().now().nanoseconds))
+    yield
+    ros.node.destroy_timer(each)
+
+
+def test_publishers_and_headers(start, ros):
+    """Two publishers, unlatched and best-effort ones, headers, transforms from another clock."""
+    nodes = [ros.node, Node('other', context=ros.context)]
+    senders = [TransformBroadcaster(node) for node in nodes]
+    StaticTransformBroadcaster(ros.node).sendTransform(transform('map', 'odom', 0))
+    unlatched = nodes[1].create_publisher(TFMessage, '/tf_static', 10)
+    best_effort = nodes[1].create_publisher(
+        TFMessage, '/tf', QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+    point = ros.node.create_publisher(PointStamped, '/point', LATCHED)
+    message = PointStamped()
+    message.header.frame_id = 'lost'
+    point.publish(message)
+    joints = ros.node.create_publisher(JointState, '/joint_states', 10)
+
+    def send(now):
+        for i, sender in enumerate(senders):
+            sender.sendTransform([transform('odom', 'base_link', now + i, float(i))])
+        senders[1].sendTransform(transform('base_link', 'wheel', now - 100 * S))
+        joints.publish(JointState())
+
+    with timer(ros, 20, send):
+        status, data = examine(ros, start, '--time', '3')
+    assert (unlatched.topic_name, best_effort.topic_name) == ('/tf_static', '/tf')
+    found = {finding['code']: finding for finding in data['findings']}
+    assert found.keys() == {'two_publishers', 'unknown_frame', 'static_not_latched',
+                            'incompatible_qos', 'other_clock'}
+    assert status == 1
+    assert {*found['two_publishers']['nodes']} == {'/test', '/other'}
+    assert found['two_publishers']['frames'] == ['base_link']
+    assert (found['unknown_frame']['frames'], found['unknown_frame']['topics']) == (
+        ['lost'], ['/point'])
+    assert found['static_not_latched']['nodes'] == ['/other']
+    assert found['static_not_latched']['topics'] == ['/tf_static']
+    assert found['incompatible_qos']['topics'] == ['/tf']
+    assert found['incompatible_qos']['evidence'] == (
+        '1 publisher of /other on /tf does not match a TransformListener (Best effort publisher '
+        'and reliable subscription)')
+    assert found['other_clock']['frames'] == ['wheel']
+    assert found['other_clock']['nodes'] == ['/other']
+    assert not [text for text in data['not_checked'] if not text.startswith('headers on')]
+
+
+def test_nothing_is_published(start, ros):
+    """Without transforms, the settings to check are named; the exit code is 1."""
+    status, data = examine(ros, start, '--time', '0.5')
+    assert (status, codes(data)) == (1, {'no_transforms'})
+    assert 'ROS_DOMAIN_ID' in data['findings'][0]['evidence']
+
+
+def test_another_namespace(start, ros):
+    """Publishers in a namespace are named, with the option that listens to them."""
+    StaticTransformBroadcaster(ros.node).sendTransform(transform('map', 'odom', 0))
+    other = ros.node.create_publisher(TFMessage, '/robot/tf', 10)
+    with timer(ros, 20, lambda now: other.publish(TFMessage(
+            transforms=[transform('odom', 'base_link', now)]))):
+        status, data = examine(ros, start, '--time', '1')
+        assert (status, codes(data)) == (0, {'other_namespace'})
+        assert '--namespace robot' in data['findings'][0]['evidence']
+        status, data = examine(ros, start, '--time', '1', '--namespace', 'robot')
+        assert (status, codes(data)) == (0, set())
+        assert data['verdict'].startswith('healthy')
+
+
+def test_sim_time(start, ros):
+    """With use_sim_time, stamps are compared with /clock; without it, they seem to be wrong."""
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+    sender = TransformBroadcaster(ros.node)
+    begin = time.time_ns()
+
+    def send(now):
+        simulated = now - begin + 100 * S
+        clock.publish(Clock(clock=Time(nanoseconds=simulated).to_msg()))
+        sender.sendTransform(transform('map', 'odom', simulated))
+
+    with timer(ros, 20, send):
+        status, data = examine(
+            ros, start, '--time', '2', '--ros-args', '-p', 'use_sim_time:=true')
+        assert (status, codes(data)) == (0, set())
+        assert examine(ros, start, '--time', '2')[1]['findings'][0]['code'] == 'other_clock'
+
+
+def test_without_a_clock(start):
+    """With use_sim_time and no /clock, what depends on the time is listed as not checked."""
+    start(*ARM)
+    process = start(*tool('tf_doctor', '--time', '1', '--ros-args', '-p', 'use_sim_time:=true'))
+    assert process.exit_code() == 0
+    assert ('not checked: late, future: use_sim_time is set, but no message has arrived on /clock'
+            in process.output)
+
+
+def test_stopped_publishers(start, ros, kill):
+    """A publisher that was started again is no second publisher."""
+    arm = start(*ARM)
+    process = start(*tool('tf_doctor', '--time', '4'))
+    ros.until(lambda: ros.node.count_subscribers('/tf'))
+    deadline = time.monotonic() + 1.0
+    ros.until(lambda: time.monotonic() > deadline)
+    arm.end(signal.SIGINT)
+    start(*ARM)
+    ros.until(process.has_ended)
+    assert 'two_publishers' not in process.output
+
+
+def test_ctrl_c_ends_the_observation(ros):
+    """On a terminal, there is a progress bar; what was received until Ctrl-C is reported."""
+    StaticTransformBroadcaster(ros.node).sendTransform(transform('map', 'odom', 0))
+    written = run_in_terminal(ros.context.get_domain_id(), *tool('tf_doctor', '--time', '60'),
+                              until=lambda written: 'listening' in written)
+    assert 'healthy: 1 transforms of 2 frames in' in ' '.join(written.split())
+
+
+def test_the_path_between_two_frames(start):
+    """The path is listed with publishers, rates and stamps; the edge without data is named."""
+    start(*ARM)
+    start(*STATIC_PUBLISHER)
+    process = start(*tool('tf_doctor', 'camera', 'end_effector', '--time', '2'))
+    assert process.exit_code() == 0
+    lines = process.output.splitlines()
+    assert [line.split('  ')[0].strip() for line in lines[2:7]] == [
+        'base_link -> camera', 'base_link -> joint_1', 'joint_1 -> joint_2',
+        'joint_2 -> joint_3', 'joint_3 -> end_effector']
+    assert '/static_transform_publisher' in lines[2]
+    assert ' 50.' in lines[3] or ' 49.' in lines[3]
+    assert lines[-1].startswith('The transform from end_effector to camera exists at ')
+    process = start(
+        *tool('tf_doctor', 'map', 'end_effector', '--time', '1', '-t', '100', '--json'))
+    assert process.exit_code() == 1
+    refusals = [edge['refusal'] for edge in json.loads(process.output)['path']]
+    assert ['newer than 100.0' in refusal for refusal in refusals] == [False, *[True] * 4]
+
+
+def healthy_arm(start, ros):
+    """Start the arm."""
+    start(*ARM)
+
+
+def healthy_lab(start, ros):
+    """Start the publishers of the lab, and the arm."""
+    start(*ARM)
+    start(*tool('dynamic_tf_publisher'))
+    start(*STATIC_PUBLISHER)
+
+
+def healthy_frames(start, ros):
+    """Publish 500 frames at 100 Hz."""
+    start('-c', """
+import math, rclpy
+from dummy_arm.tf import TransformBroadcaster
+rclpy.init()
+node = rclpy.create_node('many')
+frames = TransformBroadcaster(node).prepare([('map', f'frame_{i}') for i in range(500)])
+poses = [(0.0,) * 6 + (1.0,)] * 500
+node.create_timer(0.01, lambda: frames.send(node.get_clock().now(), poses))
+rclpy.spin(node)
+""")
+
+
+def healthy_wheels(start, ros):
+    """Publish four wheels."""
+    sender = TransformBroadcaster(ros.node)
+    ros.node.create_timer(0.02, lambda: sender.sendTransform([transform(
+        'base_link', f'{name}_wheel', ros.node.get_clock().now().nanoseconds)
+        for name in ('fl', 'fr', 'rl', 'rr')]))
+
+
+@pytest.mark.parametrize('begin', [
+    healthy_arm, healthy_lab, healthy_frames, healthy_wheels])
+def test_healthy(start, ros, begin):
+    """Nothing is found where nothing is wrong."""
+    begin(start, ros)
+    ros.until(lambda: ros.node.count_publishers('/tf'))
+    status, data = examine(ros, start, '--time', '3')
+    # A busy machine, as during other tests, stops publishers for so long that there are real gaps.
+    assert (status, codes(data) - {'gap'}, data['not_checked']) == (0, set(), [])
