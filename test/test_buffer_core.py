@@ -509,6 +509,17 @@ def test_many_at_once():
         (0, 3), (0, 4), (0,)]
 
 
+def test_many_at_once_where_one_of_two_frames_has_two_samples_with_its_oldest_stamp():
+    """The first of the two samples is used, although both frames have equal stamps beside it."""
+    buffer = BufferCore()
+    for stamp, x in (T - S, 0.0), (T, 1.0), (T + S, 2.0):
+        put(buffer, 'b', 'c', stamp, x)
+    for stamp, x in (T, 10.0), (T, 20.0), (T + S, 30.0):
+        put(buffer, 'a', 'b', stamp, x)
+    assert x_at(buffer, 'a', 'c', T) == 11.0
+    assert buffer.lookup_transforms('a', 'c', [T])[0][0, 0] == 11.0
+
+
 @pytest.mark.parametrize(('times', 'error'), [
     ([0.5], r'integers \(ns\), got float64'),
     ([2 ** 63], r'int64 \(ns\), got 9223372036854775808'),
@@ -565,12 +576,13 @@ def test_errors_are_exceptions_like_others():
     assert pickle.loads(pickle.dumps(TransformException('a', 5))).args == ('a', 5)
 
 
-def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch):
+@pytest.mark.parametrize('function', ['np.minimum', 'itemgetter'])
+def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch, function):
     """The kept exception refers to the lookup's arrays, which must not prevent insertions."""
     buffer = BufferCore()
     put(buffer, 'a', 'b', T)
     put(buffer, 'a', 'b', T + S)
-    monkeypatch.setattr('dummy_arm.tf._core.history.np.minimum', lambda *_: 1 / 0)
+    monkeypatch.setattr(f'dummy_arm.tf._core.history.{function}', lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError) as kept:
         buffer.lookup_transforms('a', 'b', [T, T + 1])
     assert put(buffer, 'a', 'b', T + 2 * S)

@@ -195,6 +195,77 @@ def test_near_the_identity(vector, ratio):
     assert answer.rotation == pytest.approx([*np.multiply(vector, ratio), 1.0], abs=2e-8)
 
 
+@st.composite
+def sampled_trees(draw):
+    """
+    Return a tree, its frames, and times.
+
+    Edges are static, or have up to five samples. Several edges may have the same stamps, and
+    several samples of an edge, too. Successive rotations may be equal, opposite or almost equal.
+    """
+    buffer = BufferCore(2 ** 65)
+    clocks = st.integers(START, START + 5), st.sampled_from([1 - 2 ** 63, -S, 7, 2 ** 63 - 1])
+    stamps = draw(st.lists(draw(st.sampled_from(clocks)), min_size=1, max_size=5))
+    steps = st.builds(lambda vector, exponent: np.multiply(vector, 10.0 ** exponent),
+                      st.tuples(*[st.floats(-1.0, 1.0)] * 4), st.floats(-9.0, -1.0))
+    frames = [f'f{i}' for i in range(draw(st.integers(2, 7)))]
+    for i, child in enumerate(frames[1:]):
+        parent, rotation = draw(st.sampled_from(frames[:i + 1])), draw(rotations)
+        own = draw(st.just(stamps) | st.lists(st.sampled_from(stamps), min_size=1, max_size=5))
+        is_static = draw(st.integers(0, 3)) == 0
+        for stamp in sorted(own):
+            buffer.insert(stamp, parent, child, (*draw(translations), *rotation),
+                          is_static=is_static)
+            rotation = draw(st.just(rotation) | st.just(tuple(np.negative(rotation))) | rotations
+                            | st.just(unit(np.add(rotation, draw(steps)))))
+    between = st.integers(min(stamps), max(stamps))
+    return buffer, frames, draw(st.lists(
+        between | st.sampled_from(stamps) | st.just(0) | clocks[0] | clocks[1], max_size=8))
+
+
+@settings(max_examples=500, deadline=None)
+@given(sampled_trees(), st.data())
+def test_many_at_once_are_single_lookups(tree, data):
+    """lookup_transforms returns what lookup_transform returns for each of the times."""
+    buffer, frames, times = tree
+    target, source = data.draw(st.sampled_from(frames)), data.draw(st.sampled_from(frames))
+    many = buffer.lookup_transforms(target, source, times)
+    for translation, rotation, known, at in zip(*many, times):
+        try:
+            one = buffer.lookup_transform(target, source, at)
+        except TransformException:
+            assert not known
+            assert np.isnan([*translation, *rotation]).all()
+        else:
+            assert known
+            assert translation == pytest.approx(one.translation, rel=0, abs=1e-12)
+            assert rotation == pytest.approx(one.rotation, rel=0, abs=1e-12)
+
+
+@settings(max_examples=500)
+@given(any_rotations, st.tuples(*[st.floats(-1.0, 1.0)] * 3), st.floats(-6.0, 0.5))
+def test_many_at_once_are_exact(rotation, axis, exponent):
+    """Interpolated rotations equal slerp in extended precision, for all angles above 1e-6 rad."""
+    assume(np.linalg.norm(axis) > 0.1)
+    angle = min(10.0 ** exponent, 3.14)
+    turn = (math.cos(angle / 2), *np.multiply(unit(axis), math.sin(angle / 2)))
+    buffer = BufferCore()
+    buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, *rotation))
+    after = quaternions.qmult(turn, np.roll(rotation, 1))
+    buffer.insert(START + 1024, 'a', 'b', (0.0, 0.0, 0.0, *np.roll(after, -1)))
+    _, result, _ = buffer.lookup_transforms('a', 'b', range(START, START + 1025))
+    # The samples themselves, because their rotations are rounded when they are inserted.
+    first, last = result[[0, -1]].astype(np.longdouble)
+    first, last = first / np.sqrt(first @ first), last / np.sqrt(last @ last)
+    sign = 1 if first @ last > 0 else -1
+    chord = first - sign * last
+    p = 2 * np.arcsin(np.sqrt(chord @ chord) / 2)
+    s = np.arange(1025, dtype=np.longdouble)[:, np.newaxis] / 1024
+    expected = (np.sin((1 - s) * p) * first + np.sin(s * p) * sign * last) / np.sin(p)
+    expected[-1] *= sign
+    assert np.abs(result - expected).max() < 1.1e-13
+
+
 @given(rotations)
 def test_what_is_stored_is_the_same_rotation(rotation):
     """The quaternion is normalised on insertion; its sign may change."""

@@ -2,6 +2,7 @@
 
 from array import array
 from bisect import bisect_left, bisect_right
+from operator import itemgetter
 import struct
 from typing import Any, Optional, Union
 
@@ -24,6 +25,47 @@ State = tuple[str, str, bool, int, int, int]
 
 class NoPose(LookupError):
     """The history has no pose for the requested time."""
+
+
+class Neighbours:
+    """
+    Many times, and for each time the two neighbouring samples: the one before and the one after.
+
+    The neighbours are those in the history that was searched last. Frames that arrive together
+    have the same stamps, so the next history is searched only if its stamps differ.
+    """
+
+    __slots__ = ('indices', 'ratios', 'stamps', 'times')
+
+    def __init__(self, times: NDArray[np.int64]) -> None:
+        """
+        Create times without neighbours.
+
+        :param times: (n,) times (ns).
+        """
+        self.times = times
+        #: (2, n) the indices of the samples, counted from `History.start`.
+        self.indices: NDArray[np.intp] = np.zeros((2, len(times)), np.intp)
+        #: (2, n) the stamps of the samples (ns). If another history has these stamps at the same
+        #: indices, they are the neighbours there, too, unless two of its samples have the oldest
+        #: stamp. None: this does not hold, because a time has the same stamp on both sides.
+        self.stamps: Optional[NDArray[np.int64]] = None
+        #: (2, n) the weights of the samples in a linear interpolation.
+        self.ratios: NDArray[np.float64] = np.zeros((2, len(times)))
+
+    def set(self, indices: NDArray[np.intp], stamps: NDArray[np.int64]) -> None:
+        """
+        Set the neighbours.
+
+        :param indices: as the attribute.
+        :param stamps: as the attribute; not None.
+        """
+        # The difference of two int64 may be too large for an int64, but not for a uint64.
+        span = (stamps[1] - stamps[0]).view(np.uint64)
+        self.indices, self.stamps = indices, stamps if span.all() else None
+        span[span == 0] = 1
+        ratio = (self.times - stamps[0]).view(np.uint64) / span
+        self.ratios = np.stack((1.0 - ratio, ratio))
 
 
 class History:
@@ -258,39 +300,36 @@ class History:
         return interpolate(_read_two_poses(self.poses, (after - 1) * POSE_BYTES),
                            (time - before) / (stamps[after] - before))
 
-    def poses_at(self, times: NDArray[np.int64], known: NDArray[np.bool_]) -> Columns:
+    def poses_at(self, neighbours: Neighbours) -> Columns:
         """
         Return the poses at many times; all samples must have the same parent.
 
-        :param times: (n,) int64: the times (ns); here, 0 has no special meaning.
-        :param known: (n,) bool, changed in place: set to False where there is no pose.
-        :returns: seven arrays of shape (n,): x, y, z (m) and the quaternion x, y, z, w. Where
-            there is no pose, the numbers have no meaning.
+        :param neighbours: the times, which must not be before the oldest sample or after the
+            newest one; here, 0 has no special meaning. On return, the neighbours in this history.
+        :returns: seven arrays of shape (n,): x, y, z (m) and the quaternion x, y, z, w.
         """
+        newest = len(self) - 1
         stamps: Any = None
-        poses: Any = None
+        columns: Any = None
         try:
             stamps = np.frombuffer(self.stamps, np.int64)[self.start:]
-            poses = np.frombuffer(self.poses, f'V{POSE_BYTES}')[self.start:]
-            newest = len(stamps) - 1
-            before = stamps.searchsorted(times, 'right') - 1
-            known &= (before >= 0) & ((before < newest) | (times == stamps[newest]))
-            if newest and stamps[0] == stamps[1] != stamps[newest]:
-                before[times == stamps[0]] = 0
-            before.clip(0, newest, out=before)
-            after = np.minimum(before + 1, newest)
-            stamps_before, stamps_after = stamps.take(before), stamps.take(after)
-            poses_before, poses_after = _columns(poses[before]), _columns(poses[after])
+            columns = np.frombuffer(self.poses).reshape(-1, 7)[self.start:].T
+            starts_twice = newest > 0 and stamps[0] == stamps[1]
+            if starts_twice or neighbours.stamps is None or not (
+                    stamps.take(neighbours.indices, mode='clip') == neighbours.stamps).all():
+                before = stamps.searchsorted(neighbours.times, 'right') - 1
+                if starts_twice and stamps[0] != stamps[newest]:
+                    before[neighbours.times == stamps[0]] = 0
+                indices = np.stack((before, np.minimum(before + 1, newest)))
+                neighbours.set(indices, stamps.take(indices))
+            # No comprehension, because its frame would refer to `columns`; see below.
+            pairs = tuple(map(itemgetter(neighbours.indices), columns))
         finally:
             # `self.stamps` and `self.poses` cannot grow while numpy arrays use their memory. The
-            # traceback of an exception would keep the arrays in `stamps` and `poses` alive, so
+            # traceback of an exception would keep the arrays in `stamps` and `columns` alive, so
             # delete these variables.
-            del stamps, poses
-        # The difference of two int64 may be too large for an int64, but not for a uint64.
-        span = (stamps_after - stamps_before).view(np.uint64)
-        span[span == 0] = 1
-        ratio = (times - stamps_before).view(np.uint64) / span
-        return interpolate_columns(poses_before, poses_after, ratio)
+            del stamps, columns
+        return interpolate_columns(pairs, neighbours.ratios)
 
     def parent_of(self, index: int) -> str:
         """
@@ -383,12 +422,11 @@ class StaticHistory:
         """
         return self.pose
 
-    def poses_at(self, times: NDArray[np.int64], known: NDArray[np.bool_]) -> Columns:
+    def poses_at(self, neighbours: Neighbours) -> Columns:
         """
         Return the pose in a form that numpy broadcasts to any number of poses.
 
-        :param times: ignored.
-        :param known: not changed, because there is a pose at all times.
+        :param neighbours: ignored.
         :returns: seven arrays of shape (1,): x, y, z (m) and the quaternion x, y, z, w.
         """
         x, y, z, qx, qy, qz, qw = np.array([self.pose]).T
@@ -423,8 +461,3 @@ class StaticHistory:
 
 
 AnyHistory = Union[History, StaticHistory]
-
-
-def _columns(poses: NDArray[np.void]) -> Any:
-    """Copy poses into columns; numpy computes much faster with columns than with rows."""
-    return poses.view(np.float64).reshape(-1, 7).T.copy()

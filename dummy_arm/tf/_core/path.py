@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf._core.history import AnyHistory
+from dummy_arm.tf._core.history import AnyHistory, Neighbours
 from dummy_arm.tf._core.pose import Columns, compose, IDENTITY, inverse, Pose
 
 
@@ -104,11 +104,15 @@ class Path:
         """
         if not times.all():
             times = np.where(times == 0, self.latest_common_time(), times)
-        known = np.ones(len(times), np.bool_)
+        begin, end = self.span()
+        known = (begin <= times) & (times <= end)
+        if not known.any():
+            return np.empty((len(times), 7)), known
+        neighbours = Neighbours(times if known.all() else np.where(known, times, begin))
         with np.errstate(invalid='ignore', over='ignore'):
-            columns = _columns_along(self.from_source, times, known)
+            columns = _columns_along(self.from_source, neighbours)
             if self.from_target:
-                target_from_top = inverse(_columns_along(self.from_target, times, known))
+                target_from_top = inverse(_columns_along(self.from_target, neighbours))
                 columns = (compose(target_from_top, columns) if self.from_source
                            else target_from_top)
         result = np.empty((len(times), 7))
@@ -131,15 +135,10 @@ def _pose_along(edges: Sequence[AnyHistory], time: int) -> Pose:
     return pose
 
 
-def _columns_along(edges: Sequence[AnyHistory], times: NDArray[np.int64],
-                   known: NDArray[np.bool_]) -> Columns:
-    """
-    Compute the poses at many times, each as `_pose_along` does.
-
-    The array `known` is changed in place: it is set to False where an edge has no pose.
-    """
+def _columns_along(edges: Sequence[AnyHistory], neighbours: Neighbours) -> Columns:
+    """Compute the poses at many times, each as `_pose_along` does."""
     columns: Columns = IDENTITY
     for i, edge in enumerate(edges):
-        poses = edge.poses_at(times, known)
+        poses = edge.poses_at(neighbours)
         columns = compose(poses, columns) if i else poses
     return columns
