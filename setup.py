@@ -22,7 +22,7 @@ setup(
         'view': ['viser>=1.1,<1.2', 'websockets<17'],
         'bag': ['backports.zstd; python_version < "3.14"', 'lz4', 'mcap', 'pygraphviz', 'pypdf',
                 'rosbags', 'ruamel.yaml', 'tqdm'],
-        'bench': ['matplotlib'],
+        'bench': ['matplotlib', 'transform-tree==0.0.9; sys_platform == "linux"'],
         'pictures': ['matplotlib', 'pillow', 'pypdfium2'],
         'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'playwright', 'pypdf', 'pytest',
                  'pytest-xdist', 'ruff', 'wheel'],

@@ -45,7 +45,7 @@ def main() -> None:
           f'u = {u * 1e6:.1f} µs')
     table('Listening', listening.over_dds())
     table('Messages that wait for their transforms', filtering.rows())
-    table('Looking up', lookups.rows(u))
+    table('Looking up', lookups.rows(u), lookups.beside_rust())
     lookups.plot(sys.argv[1])
     table('Publishing', sending.rows(rclpy.create_node('bench'), u), sending.other_type(u),
           sending.ticking(rclpy.create_node('listener')))

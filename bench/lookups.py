@@ -1,9 +1,12 @@
-"""The cost of lookups, and the memory of samples."""
+"""The cost of lookups, and the memory of samples; by itself, only beside transform-tree."""
 
 from collections.abc import Callable, Generator, Iterator
+from functools import partial
 import gc
+from importlib.util import find_spec
 from itertools import cycle
 import math
+from timeit import timeit
 import tracemalloc
 from typing import Any
 
@@ -94,6 +97,44 @@ def lookup_rows(buffer: Any, name: str, newest: int, u: float
     return reference
 
 
+def beside_rust() -> Iterator[Row]:
+    """
+    Measure many lookups in one call, alternately with the Rust library transform-tree.
+
+    The library interpolates as tf2 if it is told so; by default, it interpolates along a screw.
+    The figures are the medians of eleven rounds. Without the library, there are no rows.
+    """
+    if find_spec('tf_tree') is None:
+        return
+    import tf_tree
+    buffer = BufferCore(1000 * S)
+    newest = fill(buffer.insert, 5, 10_000, 1000)
+    anywhere = T + np.random.default_rng(1).integers(0, newest - T, MANY)
+    edges = [(f'frame_{edge}', f'frame_{edge + 1}') for edge in range(5)]
+    stamps = T + np.arange(10_000) * (S // 1000)
+    samples = np.array([pose(i, 1000) for i in range(10_000)]).take([6, 3, 4, 5, 0, 1, 2], axis=1)
+    for interp, what in ('lerpslerp', 'as tf2'), ('sclerp', 'its default'):
+        tree = tf_tree.build(edges, capacity=1 << 14, interp=interp)
+        for parent, child in edges:
+            with tree.publisher(child, parent) as publisher:
+                publisher.push_many(stamps, samples)
+        plan = tree.plan('frame_0', 'frame_5')
+        for name, asked in (('sorted', np.sort(anywhere)), ('not sorted', anywhere)):
+            ours = partial(buffer.lookup_transforms, 'frame_0', 'frame_5', asked)
+            theirs = partial(plan.at, asked, layout='quat')
+            translations, rotations, _ = ours()
+            # Rotations of less than 1e-7 rad differ: in tf2, the cosine is rounded to one.
+            np.testing.assert_allclose(theirs(), np.hstack(
+                (np.roll(rotations, 1, axis=1), translations)), rtol=0.0, atol=1e-7)
+            rounds = np.array([[timeit(work, number=15) / 15 / MANY for work in (ours, theirs)]
+                               for _ in range(11)])
+            own, other = np.median(rounds, axis=0).tolist()
+            ratios = rounds[:, 0] / rounds[:, 1]
+            yield (f'{MANY} lookups in one call, times {name}, each', cost(own, 1.0)[0], '',
+                   f'{np.median(ratios):.2f} ({ratios.min():.2f} to {ratios.max():.2f}) of '
+                   f'transform-tree, interpolation {what}: {cost(other, 1.0)[0]}')
+
+
 def costs(buffer: BufferCore, edges: int, newest: int) -> list[float]:
     """Return the times of lookups (µs): at the latest time, the last 10 samples, any time."""
     result = []
@@ -142,3 +183,8 @@ def plot(path: str) -> None:
         axis.grid(visible=True, alpha=0.3)
     axes[0].legend()
     figure.savefig(path, dpi=100)
+
+
+if __name__ == '__main__':
+    for row in beside_rust():
+        print(f'| {" | ".join(row)} |')
