@@ -606,6 +606,25 @@ class Engine:
         return self._pull_and_call(
             self._lookups.chain, target_frame, 0, source_frame, 0, source_frame)
 
+    def path_stamps(self, target_frame: str, source_frame: str) -> NDArray[np.int64]:
+        """
+        Return the stamps of the samples of all edges on the path between two frames.
+
+        If frames have changed their parents, the path at each time is the one that followed the
+        parents of this time. There need not be a transform at each of the stamps: an edge may have
+        data before another edge has any. Note that a lookup for time 0 returns the latest
+        transform, and not the one of a stamp 0.
+
+        :param target_frame: the frame at one end of the path.
+        :param source_frame: the frame at the other end.
+        :returns: (n,) int64: the stamps (ns), in increasing order, each of them once; empty if all
+            edges are static, or if both frames are the same.
+        :raises TransformException: if a frame does not exist, or if there is no path at any time;
+            the class of the error says which.
+        :raises TypeError: if a frame is not a str.
+        """
+        return self._pull_and_call(self._lookups.stamps, target_frame, source_frame)
+
     def frame_names(self) -> list[str]:
         """
         Return the names of all frames, roots included.

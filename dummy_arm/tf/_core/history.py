@@ -352,6 +352,41 @@ class History:
         except NoPose:
             return None
 
+    def parent_near(self, time: int) -> Optional[str]:
+        """
+        Return the parent at a time, or at the nearest time at which there is a pose.
+
+        :param time: time (ns); here, 0 has no special meaning.
+        :returns: the name of the parent, or None if there are no samples.
+        """
+        if not len(self):
+            return None
+        return self.parent_of(max(bisect_right(self.stamps, time, self.start) - 1, self.start))
+
+    def parent_changes(self) -> list[int]:
+        """
+        Return the stamps of the samples whose parent is not that of the sample before.
+
+        :returns: the stamps (ns), in increasing order; a stamp may occur several times.
+        """
+        parents = self.parents
+        if parents is None:
+            return []
+        return [self.stamps[i] for i in range(self.start + 1, len(parents))
+                if parents[i] != parents[i - 1]]
+
+    def stamps_between(self, begin: int, end: int) -> NDArray[np.int64]:
+        """
+        Return the stamps of the samples in a time span.
+
+        :param begin: the earliest time (ns).
+        :param end: the time (ns) before which the span ends.
+        :returns: (n,) int64: the stamps (ns), in increasing order; a stamp may occur several
+            times.
+        """
+        first = bisect_left(self.stamps, begin, self.start)
+        return np.array(self.stamps[first:bisect_left(self.stamps, end, first)], np.int64)
+
     def distance_to(self, time: int) -> int:
         """
         Return how far a time is outside of the history.
@@ -433,6 +468,15 @@ class StaticHistory:
         return x, y, z, qx, qy, qz, qw
 
     def parent_at(self, time: int) -> str:
+        """
+        Return the parent.
+
+        :param time: ignored.
+        :returns: the name of the parent.
+        """
+        return self.only_parent
+
+    def parent_near(self, time: int) -> str:
         """
         Return the parent.
 

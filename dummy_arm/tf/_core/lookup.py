@@ -238,6 +238,20 @@ class Lookups:
             self.tree.check(name, 'get_latest_common_time')
         return self.tree.latest_common_time(target, source)
 
+    def stamps(self, target: str, source: str) -> NDArray[np.int64]:
+        """
+        Return the stamps of the samples of all edges on the path between two frames.
+
+        :param target: one of the two frames.
+        :param source: the other frame.
+        :returns: (n,) int64: the stamps (ns), in increasing order, each of them once.
+        :raises TransformException: if a frame does not exist, or if the frames are in different
+            trees at all times.
+        """
+        self.tree.check_for_lookup(target_frame=target, source_frame=source)
+        return (np.empty(0, np.int64) if target == source
+                else self.tree.stamps(target, source))
+
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
         """
         Search the tree for a path; keep the path if it meets the conditions in `Lookups`.

@@ -1,7 +1,12 @@
 """The tree of frames: the history of each frame, and tf2's search for paths between frames."""
 
 from collections.abc import Callable, Iterator
+from functools import reduce
+from itertools import pairwise, takewhile
 from typing import Any, Optional
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dummy_arm.tf._core import texts
 from dummy_arm.tf._core.frames import as_string
@@ -19,6 +24,8 @@ from dummy_arm.tf.exceptions import (
 #: The largest number of edges above a frame. If there are more, tf2 reports a loop.
 MAX_GRAPH_DEPTH = 1000
 _UNKNOWN = 'frame does not exist'
+#: A time after all stamps (ns), which are int64.
+_END = 2**63
 
 
 class FrameTree:
@@ -283,6 +290,37 @@ class FrameTree:
                 return path.latest_common_time()
         raise self._unconnected(target, source)
 
+    def stamps(self, target: str, source: str) -> NDArray[np.int64]:
+        """
+        Return the stamps of the samples of all edges on the path between two frames.
+
+        At each time, the path follows the parents that the frames had at this time. Before its
+        first sample and after its last one, a frame has the parent of this sample. So stamps at
+        which only some of the edges have data are returned, too.
+
+        :param target: one of the two frames, which must exist.
+        :param source: the other one, which must exist.
+        :returns: (n,) int64: the stamps (ns), in increasing order, each of them once.
+        :raises ConnectivityException: if the frames are in different trees at all times.
+        """
+        changes = {change for name in self._all_ancestors(target) | self._all_ancestors(source)
+                   if isinstance(history := self.histories[name], History)
+                   for change in history.parent_changes()}
+        parts, is_connected = [], False
+        for begin, end in pairwise((-_END, *sorted(changes), _END)):
+            from_source, from_target, meeting = self._chains_to_meeting(source, target, begin)
+            if meeting is None:
+                continue
+            is_connected = True
+            edges = [history for chain in (from_source, from_target)
+                     for frame in takewhile(meeting.__ne__, chain)
+                     if isinstance(history := self.histories[frame], History)]
+            parts.append(reduce(_union, (
+                edge.stamps_between(begin, end) for edge in edges), np.empty(0, np.int64)))
+        if not is_connected:
+            raise self._unconnected(target, source)
+        return np.concatenate(parts)
+
     def _ancestors(self, frame: str) -> Iterator[tuple[str, str]]:
         """Yield (frame, newest parent) of a frame and each ancestor; follow a loop without end."""
         while (history := self.histories[frame]) and (parent := history.parent_at(0)):
@@ -441,11 +479,13 @@ class FrameTree:
         return texts.extrapolation_hint(
             worst, history.parent_at(0) or '', history.oldest, history.latest, time)
 
-    def _chains_to_meeting(self, source: str, target: str
+    def _chains_to_meeting(self, source: str, target: str, time: int = _END
                            ) -> tuple[dict[str, None], dict[str, None], Optional[str]]:
         """
-        Follow the newest parents of two frames, alternately one step each, until the chains meet.
+        Follow the parents of two frames, alternately one step each, until the chains meet.
 
+        :param time: follow the parents that `parent_near` returns for this time (ns); by default,
+            the newest ones.
         :returns: three values: the chain of frames from the source upwards, the chain of frames
             from the target upwards, and the frame at which the chains meet (None if they do not
             meet). A chain is a dict whose keys are the frames.
@@ -456,7 +496,7 @@ class FrameTree:
         while ends[0] or ends[1]:
             if end := ends[turn]:
                 history = self.histories[end]
-                parent = None if history is None else history.parent_at(0)
+                parent = None if history is None else history.parent_near(time)
                 if parent in chains[turn]:  # a loop
                     parent = None
                 if parent:
@@ -480,3 +520,12 @@ class FrameTree:
             f"Could not find a connection between '{target}' and '{source}' because they are not "
             'part of the same tree.Tf has two or more unconnected trees.'  # tf2's words, as is
             + texts.roots_hint(target, self.root(target), source, self.root(source)))
+
+
+def _union(stamps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the stamps of two arrays in increasing order and each once; both are in order."""
+    both = np.concatenate((stamps, others))
+    both.sort(kind='stable')  # this merges two sorted parts, many times as fast as np.union1d
+    is_new = np.ones(len(both), np.bool_)
+    np.not_equal(both[1:], both[:-1], out=is_new[1:])
+    return both[is_new]
