@@ -1,14 +1,13 @@
 """The command `view_frames`: draw the tree of all frames to a file or in the terminal."""
 
 from collections.abc import Sequence
-from contextlib import suppress
 from itertools import islice
-import os
 from pathlib import Path
 import sys
 from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.cli.bag_options import add_bag_options, read_bag
+from dummy_arm.cli.files import check_writable, whole_file
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import check_signals, sleep
@@ -180,7 +179,8 @@ def output_path(output: str) -> Path:
     :returns: the path with its ending.
     :raises UsageError: if `output` is not the name of a file, or if its ending is in
         `OTHER_FORMATS`.
-    :raises CommandError: if the directory of the file is not writable.
+    :raises CommandError: if the path is a directory, or if the directory of the file is not
+        writable.
     """
     path = Path(output)
     if path.name in ('', '..') or output.endswith('/'):
@@ -190,8 +190,7 @@ def output_path(output: str) -> Path:
                          'names a format; then .pdf is added')
     if path.suffix.lower() not in FORMATS:
         path = path.with_name(f'{path.name}.pdf')
-    if not os.access(path.parent, os.W_OK):
-        raise CommandError(f'cannot write {path}: {path.parent} is not a writable directory')
+    check_writable(path)
     return path
 
 
@@ -248,15 +247,8 @@ def write(path: Path, data: bytes) -> None:
     :param data: the new content of the file.
     :raises CommandError: if the file cannot be written.
     """
-    part = path.with_name(f'.{path.name}.{os.getpid()}')
-    try:
+    with whole_file(path) as part:
         part.write_bytes(data)
-        part.replace(path)
-    except OSError as error:
-        raise CommandError(f'cannot write {path}: {error.strerror}') from None
-    finally:
-        with suppress(OSError):
-            part.unlink()
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
