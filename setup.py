@@ -18,10 +18,10 @@ setup(
     extras_require={
         # Bounded above is what is not public and used all the same; see test/test_private_apis.py.
         'ros': ['ros-jazzy-common-interfaces>=5.3,<6', 'ros-jazzy-rclpy[fastrtps]>=7.1,<7.2',
-                'pygraphviz', 'pypdf', 'pyyaml', 'tqdm'],
+                'matplotlib', 'pygraphviz', 'pypdf', 'pyyaml', 'tqdm'],
         'view': ['viser>=1.1,<1.2', 'websockets<17'],
-        'bag': ['backports.zstd; python_version < "3.14"', 'lz4', 'mcap', 'pygraphviz', 'pypdf',
-                'rosbags', 'ruamel.yaml', 'tqdm'],
+        'bag': ['backports.zstd; python_version < "3.14"', 'lz4', 'matplotlib', 'mcap',
+                'pygraphviz', 'pypdf', 'rosbags', 'ruamel.yaml', 'tqdm'],
         'bench': ['matplotlib', 'transform-tree==0.0.9; sys_platform == "linux"'],
         'pictures': ['matplotlib', 'pillow', 'pypdfium2'],
         'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'playwright', 'pypdf', 'pytest',
@@ -37,7 +37,7 @@ setup(
             f'{command} = dummy_arm.cli.entry_points:{command}' for command in (
                 'check_arm', 'dummy_arm', 'dynamic_tf_publisher', 'param',
                 'static_transform_publisher', 'tf2_echo', 'tf2_monitor', 'tf_doctor',
-                'view_frames', 'web_view')
+                'tf_trajectory', 'view_frames', 'web_view')
         ],
     },
 )

@@ -147,6 +147,8 @@ def main() -> None:
         angles(buffer, DOCS / 'angles.png')
         frames(DOCS / 'frames.png')
         tree(browser, DOCS / 'tree.png')
+        output('tf_trajectory', 'map', 'end_effector', '--time', f'{SECONDS}',
+               '-o', f'{DOCS}/trajectory.png')
         page_of_the_arm(browser, url, DOCS / 'web_view.png')
         animation(browser, url, DOCS / 'arm.gif')
         browser.close()

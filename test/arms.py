@@ -1,11 +1,28 @@
-"""Arms for the tests of check_arm: what a right program sends, and small mistakes."""
+"""Arms for tests: what a right program sends, where its hand is, and small mistakes."""
 
 from math import asin, cos, pi, radians, sin
 
+import numpy as np
+
+import dummy_arm.arm
 from dummy_arm.tf._core.pose import Row
 
 S = 10**9
 BEGIN = 1_700_000_000 * S
+
+
+def hand(stamps, begin=BEGIN):
+    """
+    Return x, y, z (m), roll, pitch and yaw (rad) of end_effector in map, by the sum of the links.
+
+    :param stamps: times (ns).
+    :param begin: the time at which all phases are 0 (ns).
+    """
+    arm, t = dummy_arm.arm.Arm(), (np.asarray(stamps) - begin) / S
+    angles = np.array([arm.angles([joint.speed * at for joint in arm.joints]) for at in t])
+    turned, links, zero = angles.cumsum(axis=1), np.array([0.4, 0.3, 0.2]), np.zeros(len(t))
+    return np.stack([np.cos(turned) @ links, np.sin(turned) @ links, zero + 0.3, zero, zero,
+                     turned[:, 2]], axis=1)
 
 
 class Arm:

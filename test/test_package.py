@@ -61,7 +61,8 @@ def test_every_command_has_help_with_an_example(start, command):
 @pytest.mark.parametrize('command', COMMANDS)
 def test_a_command_that_needs_ros_says_so(start, command):
     """Without ROS, each command prints one line with the remedy, and exits with code 1."""
-    arguments = {'param': ['node'], 'tf2_echo': ['map', 'odom']}.get(command, [])
+    arguments = {'param': ['node'], 'tf2_echo': ['map', 'odom'],
+                 'tf_trajectory': ['map', 'odom']}.get(command, [])
     process = start(*tool_without_ros(command, *arguments))
     assert process.exit_code() == 1
     assert re.fullmatch(

@@ -53,6 +53,11 @@ def tf_doctor() -> int:
     return _run('dummy_arm.tools.tf_doctor')
 
 
+def tf_trajectory() -> int:
+    """Run `dummy_arm.tools.tf_trajectory` and return its exit code."""
+    return _run('dummy_arm.tools.tf_trajectory')
+
+
 def view_frames() -> int:
     """Run `dummy_arm.tools.view_frames` and return its exit code."""
     return _run('dummy_arm.tools.view_frames')
@@ -83,7 +88,8 @@ def _run(module: str, interrupted: int = 0) -> int:
         print(f'{module.rpartition(".")[2]}: this command needs ROS, but {error.name} cannot be '
               "imported: pip install 'ros-jazzy-rclpy[fastrtps]' ros-jazzy-common-interfaces, or "
               'source the setup file of a ROS installation. check_arm, tf2_echo, tf_doctor, '
-              'view_frames and web_view can read a bag without ROS: --bag FILE', file=sys.stderr)
+              'tf_trajectory, view_frames and web_view can read a bag without ROS: --bag FILE',
+              file=sys.stderr)
         return 1
     finally:
         ignore_signals()

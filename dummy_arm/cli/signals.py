@@ -49,6 +49,13 @@ def begin_cleanup() -> None:
     _recorded = 2
 
 
+def forget_signals() -> None:
+    """Forget the recorded signals, since the command has reacted to them and goes on."""
+    global _recorded
+    _received.clear()
+    _recorded = 1
+
+
 def ignore_signals() -> None:
     """Ignore SIGINT and SIGTERM from now on, since the process is about to exit."""
     for number in _SIGNALS:
