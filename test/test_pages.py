@@ -37,12 +37,13 @@ ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in 
 #: The sections whose commands need the arm, which the text says.
 WITH_ARM = {('bags.md', 'Record a bag'), ('commands.md', 'check_arm'), ('commands.md', 'param'),
             ('commands.md', 'tf2_echo'), ('commands.md', 'tf2_monitor'),
-            ('commands.md', 'tf_trajectory'), ('commands.md', 'view_frames')}
+            ('commands.md', 'tf_doctor'), ('commands.md', 'tf_trajectory'),
+            ('commands.md', 'view_frames')}
 #: The sections that take long: they install packages, or start many programs or long ones.
 LONG = {('README.md', 'A first program'), ('bags.md', 'Install'), *(
     ('commands.md', name) for name in (
-        'check_arm', 'param', 'Several robots', 'tf2_echo', 'tf2_monitor', 'tf_trajectory',
-        'view_frames')), *(
+        'check_arm', 'param', 'Several robots', 'tf2_echo', 'tf2_monitor', 'tf_doctor',
+        'tf_trajectory', 'view_frames')), *(
     ('lab.md', name) for name in (
         'Step 2: a dynamic transform', 'Step 3: a quaternion', 'Gimbal lock',
         'Step 5: the tree of frames', 'Step 6: the arm', 'For teachers'))}

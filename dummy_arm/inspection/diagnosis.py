@@ -341,8 +341,8 @@ def _changing_parent(snapshot: Snapshot) -> Iterator[_Fault]:
 
 
 @_check('static_and_dynamic', ERROR,
-        'A frame is published on /tf and on /tf_static, so its transform is at one moment that '
-        'of now, and at another one that of the beginning.',
+        'A frame is published on /tf and on /tf_static; listeners use sometimes one of the two '
+        'transforms, and sometimes the other.',
         'Publish the frame on one of the two topics only.')
 def _static_and_dynamic(snapshot: Snapshot) -> Iterator[_Fault]:
     for child, tracks in snapshot.by_child.items():
@@ -629,7 +629,8 @@ def _similar_name(snapshot: Snapshot) -> Iterator[_Fault]:
                     and _is_similar(plain[root], plain[name])):
                 seen.add((root, name))
                 yield _Fault([root, name], f'{quoted(root)} is a root, and {quoted(name)} is in '
-                             'another tree', snapshot.by_child.get(name, ()))
+                             'another tree',
+                             [track for track in snapshot.tracks if root in track.parents])
 
 
 def _is_similar(a: str, b: str) -> bool:

@@ -79,6 +79,7 @@ class Explanation(NamedTuple):
     ends: tuple[str, str]
     time: int  #: the time of the transform (ns); 0: the path is static
     edges: list[Edge]
+    roots: tuple[str, str]  #: the roots of the trees of the two frames
     why_not: str  #: why there is no transform; '': there is one
 
 
@@ -135,7 +136,8 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
             explanation = _explain_live((a, b), t, seconds, ros_args, namespace)
         text, has_error = format_explanation(explanation), bool(explanation.why_not)
         data: Any = {
-            'frames': explanation.ends, 'time': explanation.time, 'why_not': explanation.why_not,
+            'frames': explanation.ends, 'time': explanation.time, 'roots': explanation.roots,
+            'why_not': explanation.why_not,
             'path': [{**edge.frame._asdict(), 'refusal': edge.refusal}
                      for edge in explanation.edges]}
     else:
@@ -366,8 +368,9 @@ def _explain_live(ends: tuple[str, str], time: int, duration: float, ros_args: S
     with spinning_node('tf_doctor', ros_args, namespace) as node:
         frame_listener = FrameListener(node, max(10.0, duration))
         _listen(frame_listener, duration)
-        return explain(frame_listener.frames(), ends, time,
-                       frame_listener.why_no_transform(*ends, time))
+        frames, buffer = frame_listener.frames(), frame_listener.buffer
+        return explain(frames, ends, time, buffer.why_not(*ends, time) if frames else
+                       f'No transform has been received. {frame_listener.why_no_frames()}')
 
 
 def explain(frames: Iterable[Frame], ends: tuple[str, str], time: int, why_not: str
@@ -384,19 +387,22 @@ def explain(frames: Iterable[Frame], ends: tuple[str, str], time: int, why_not: 
     """
     by_name = {frame.name: frame for frame in frames}
     upwards: list[list[Frame]] = []
+    roots = []
     for name in ends:
         chain: dict[str, Frame] = {}
         while name in by_name and name not in chain:
             chain[name] = by_name[name]
             name = by_name[name].parent
         upwards.append([*chain.values()])
+        roots.append(name)
     first, second = upwards
     while first and second and first[-1] == second[-1]:
         first.pop()
         second.pop()
     path = [*first, *second[::-1]]
     time = time or min((frame.latest for frame in path if not frame.is_static), default=0)
-    return Explanation(ends, time, [Edge(frame, _refusal(frame, time)) for frame in path], why_not)
+    return Explanation(ends, time, [Edge(frame, _refusal(frame, time)) for frame in path],
+                       (roots[0], roots[1]), why_not)
 
 
 def _refusal(frame: Frame, time: int) -> str:
@@ -436,8 +442,12 @@ def format_explanation(explanation: Explanation) -> list[str]:
         if edge.refusal:
             lines += wrapped(f'This edge refuses: {edge.refusal}.', '    ')
     if lines:
-        lines = [f'The path from {first} to {second}, with the rate, the oldest and the newest '
-                 'stamp, and the publisher of each edge:', '', *lines, '']
+        what = f'The path from {first} to {second}'
+        if explanation.roots[0] != explanation.roots[1]:
+            what = f'The edges above {first} and {second}'
+            lines += ['', f'No edge connects {" and ".join(map(shortened, explanation.roots))}.']
+        lines = [*wrapped(f'{what}, with the rate, the oldest and the newest stamp, and the '
+                          'publisher of each edge:'), '', *lines, '']
     when = f'at {display_time(explanation.time)}' if explanation.time else 'at all times'
     if not explanation.why_not:
         return [*lines, f'The transform from {second} to {first} exists {when}.']
@@ -471,11 +481,11 @@ def format_findings(observation: Observation, findings: Sequence[Finding],
     lines = []
     for finding in findings:
         names = comma_list(finding.frames or finding.topics, _SHOWN, shortened)
-        lines += [f'{finding.severity} {finding.code}: {names}'.rstrip(': '),
-                  *wrapped(visible(f'{finding.evidence}.'), '    '),
-                  *wrapped(visible(f'On {comma_list(finding.topics, _SHOWN)}'
-                                   f'{" by " if finding.nodes else ""}'
-                                   f'{comma_list(finding.nodes, _SHOWN)}.'), '    '),
+        topics, nodes = (comma_list(each, _SHOWN) for each in (finding.topics, finding.nodes))
+        where = ', '.join(filter(None, [topics and f'on {topics}', nodes and f'by {nodes}']))
+        lines += [visible(f'{finding.severity} {finding.code}: {names}'),
+                  *wrapped(visible(f'{finding.evidence.rstrip(".")}.'), '    '),
+                  *(wrapped(visible(f'{where[0].upper()}{where[1:]}.'), '    ') if where else ()),
                   *wrapped(finding.remedy, '    '), '']
     for text in left_out:
         lines += wrapped(visible(f'not checked: {text}'))
