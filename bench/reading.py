@@ -6,6 +6,8 @@ The cost of reading TF from a bag.
 """
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import redirect_stdout
+import os
 from pathlib import Path
 import subprocess
 import sys
@@ -24,6 +26,7 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from dummy_arm.tf import bag, BufferCore
 from dummy_arm.tf._wire import cdr, ros1
 from dummy_arm.tf._wire.streams import MessageReader
+from dummy_arm.tools import tf_doctor
 
 TF = 'tf2_msgs/msg/TFMessage'
 MS = 1_000_000
@@ -36,18 +39,18 @@ Record = tuple[Any, int, bytes]
 NAMES = {'mcap': 'rosbag2 in mcap', 'db3': 'rosbag2 in sqlite3', 'bag': 'ROS 1'}
 
 
-def packets(frames: int, count: int) -> Iterator[tuple[int, bytes]]:
-    """Yield messages of a chain of frames at 100 Hz: stamp (ns) and bytes."""
+def packets(frames: int, count: int, hertz: int = 100) -> Iterator[tuple[int, bytes]]:
+    """Yield messages of a chain of frames: stamp (ns) and bytes."""
     packet = cdr.MessageTemplate([(f'frame_{i}', f'frame_{i + 1}') for i in range(frames)])
     for number in range(count):
-        half = 0.4 * np.sin(number / 100 + np.arange(frames))
+        half = 0.4 * np.sin(number / hertz + np.arange(frames))
         zero = np.zeros(frames)
-        stamp = BEGIN + number * 10 * MS
+        stamp = BEGIN + number * 1000 * MS // hertz
         yield stamp, packet.pack(stamp, np.stack(
             [zero + 0.1, zero, zero, zero, zero, np.sin(half), np.cos(half)], axis=1))
 
 
-def write(path: Path, kind: str, frames: int, count: int) -> None:
+def write(path: Path, kind: str, frames: int, count: int, hertz: int = 100) -> None:
     """Write a bag: mcap or db3 of ROS 2, or bag of ROS 1."""
     types = get_typestore(Stores.ROS2_JAZZY)
     if kind == 'bag':
@@ -55,13 +58,13 @@ def write(path: Path, kind: str, frames: int, count: int) -> None:
         ros1.register(get_types_from_msg('geometry_msgs/TransformStamped[] transforms', TF))
         with Writer1(path) as writer:
             connection = writer.add_connection('/tf', TF, typestore=ros1)
-            for stamp, data in packets(frames, count):
+            for stamp, data in packets(frames, count, hertz):
                 writer.write(connection, stamp, bytes(types.cdr_to_ros1(data, TF)))
         return
     plugin = StoragePlugin.MCAP if kind == 'mcap' else StoragePlugin.SQLITE3
     with Writer2(path, version=9, storage_plugin=plugin) as writer:
         connection = writer.add_connection('/tf', TF, typestore=types)
-        for stamp, data in packets(frames, count):
+        for stamp, data in packets(frames, count, hertz):
             writer.write(connection, stamp, data)
 
 
@@ -112,6 +115,25 @@ def rows(u: float) -> Iterator[Row]:
                    *cost(ours / TRANSFORMS, u),
                    f'{whole / ours:.1f} x as fast as rosbags; without the reading of the file, '
                    f'{deserialized / decoded:.1f} x')
+
+
+def doctor() -> Iterator[Row]:
+    """Measure tf_doctor for a bag, and compare it with reading the bag."""
+    seconds, hertz, frames = 60, 1000, 20
+    for kind in 'mcap', 'db3', 'bag':
+        with TemporaryDirectory() as directory:
+            path = Path(directory, f'bench.{kind}')
+            write(path, kind, frames, seconds * hertz, hertz)
+            rounds = []
+            for _ in range(3):
+                read = timeit(lambda: bag.read(path, cache_time=10**10), number=1)  # noqa: B023
+                with open(os.devnull, 'w') as nothing, redirect_stdout(nothing):
+                    checked = timeit(
+                        lambda: tf_doctor.main(['--bag', str(path)]), number=1)  # noqa: B023
+                rounds.append((checked / read, checked))
+            ratio, cost_of_all = sorted(rounds)[1]
+        yield (f'tf_doctor, {NAMES[kind]}, {seconds} s at {hertz} Hz, {frames} frames',
+               f'{cost_of_all:.2f} s', '', f'{ratio:.2f} of reading it')
 
 
 def memory() -> Iterator[Row]:
