@@ -550,7 +550,7 @@ def test_a_signal_leaves_no_partial_file(start, tmp_path, arm_bag, signal_number
 def test_the_running_arm(start, tmp_path):
     """The poses are those of the arm at the exact stamps."""
     (begin,) = re.findall(r't = 0 at (\d+) ns', start(*ARM).line_with('t = 0'))
-    process = start(*tool('tf_trajectory', *FRAMES, '--time', '8', '-o', 'arm.csv'), cwd=tmp_path)
+    process = start(*tool('tf_trajectory', *FRAMES, '--time', '2', '-o', 'arm.csv'), cwd=tmp_path)
     assert process.exit_code(40.0) == 0
     assert process.output.startswith('wrote arm.csv: ')
     _, stamps, numbers = read_csv((tmp_path / 'arm.csv').read_text())
@@ -621,7 +621,7 @@ def test_a_namespace(start, ros):
     broadcaster = TransformBroadcaster(ros.node, tf_topic='/robot/tf')
     ros.node.create_timer(0.1, lambda: broadcaster.sendTransform([
         message_of(Row(1000 * S + i, 'map', 'base', STILL)) for i in range(20)]))
-    process = start(*tool('tf_trajectory', 'map', 'base', '--namespace', 'robot', '--time', '6'))
+    process = start(*tool('tf_trajectory', 'map', 'base', '--namespace', 'robot', '--time', '2'))
     ros.until(process.has_ended)
     assert process.exit_code() == 0
     assert '20 rows from 1000.000000000 s' in process.output

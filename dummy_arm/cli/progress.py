@@ -1,7 +1,7 @@
 """Progress bars on a terminal, and a wait with a progress bar."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 import sys
 import time
 from typing import Any
@@ -9,6 +9,8 @@ from typing import Any
 from dummy_arm.cli.signals import wait_until
 
 _BAR = '{desc} {bar} {n:.1f} of {total:g} s'
+#: How long `listen` waits for the first transform (s). Discovery can take this long.
+_DISCOVERY = 3.0
 
 
 @contextmanager
@@ -64,3 +66,25 @@ def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False)
             return bool(until())
 
         return wait_until(seconds, holds)
+
+
+def listen(seconds: float, has_received: Callable[[], object],
+           poll: Callable[[], object] = lambda: None) -> float:
+    """
+    Wait for the first transform; then wait for some time, with a progress bar.
+
+    Ctrl-C or SIGTERM ends the wait early.
+
+    :param seconds: how long to wait after the first transform (s). If none is received within 3 s,
+        the time begins then.
+    :param has_received: a function that returns whether a transform has been received.
+    :param poll: a function that is called every 0.05 s, and once more at the end.
+    :returns: how long this function has waited after the first transform (s).
+    """
+    start = time.monotonic()
+    with suppress(KeyboardInterrupt):
+        wait(_DISCOVERY, 'waiting for transforms', has_received)
+        start = time.monotonic()
+        wait(seconds, 'listening', lambda: poll() and False)
+    poll()
+    return time.monotonic() - start

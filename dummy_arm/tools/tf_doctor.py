@@ -1,8 +1,7 @@
 """The command `tf_doctor`: find faults in transforms, or explain the path between two frames."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
 from importlib import import_module
 import json
 import time
@@ -10,7 +9,7 @@ from typing import Any, NamedTuple, Optional, TYPE_CHECKING
 
 from dummy_arm.cli.bag_options import add_bag_options, bag_progress, read_bag
 from dummy_arm.cli.parser import number, Parser, run, seconds, UsageError
-from dummy_arm.cli.progress import wait
+from dummy_arm.cli.progress import listen
 from dummy_arm.inspection.diagnosis import (
     CHECKS,
     diagnose,
@@ -40,11 +39,8 @@ from dummy_arm.tf.transform_table import transform_tables
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from dummy_arm.inspection.frame_listener import FrameListener
-
-#: How long the command listens by default, and at most (s); how long it waits before that for the
-#: first transform (s), because discovery takes time.
-DEFAULT_TIME, _LONGEST, _DISCOVERY = 5.0, 86_400.0, 3.0
+#: How long the command listens by default, and at most (s).
+DEFAULT_TIME, _LONGEST = 5.0, 86_400.0
 #: The number of messages of another topic whose headers are read.
 _HEADERS = 10
 #: The time between two searches for other topics (s).
@@ -234,8 +230,8 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
         frame_listener = FrameListener(node)
         listener, sampler = frame_listener.publisher_listener, _HeaderSampler(node)
 
-        def poll() -> bool:
-            """Count what has arrived; return False, since the time is not over yet."""
+        def poll() -> None:
+            """Count what has arrived."""
             nonlocal dropped
             received, newly_dropped = listener.received()
             dropped += newly_dropped
@@ -243,9 +239,8 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
             for table in transform_tables(received, lambda error: malformed.update([str(error)])):
                 statistics.add(table, now - time.time_ns() if now else None)
             sampler.scan_if_due()
-            return False
 
-        elapsed = _listen(frame_listener, duration, poll)
+        elapsed = listen(duration, frame_listener.buffer.frame_names, poll)
         tracks = statistics.tracks()
         nodes = listener.names_of([*(track.publisher for track in tracks),
                                    *statistics.empty_names])
@@ -266,25 +261,6 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
         left_out.append(f'{dropped} messages: they arrived too fast')
     return Observation(snapshot, f'in {elapsed:.1f} s', statistics.count,
                        [*left_out, *_not_counted(statistics, malformed)])
-
-
-def _listen(frame_listener: 'FrameListener', duration: float,
-            poll: Callable[[], object] = lambda: False) -> float:
-    """
-    Wait for the first transform; then listen.
-
-    Ctrl-C or SIGTERM ends the observation early; what was received until then is reported.
-
-    :param poll: a function that is called repeatedly, and returns False.
-    :returns: how long the function has listened (s).
-    """
-    start = time.monotonic()
-    with suppress(KeyboardInterrupt):
-        if wait(_DISCOVERY, 'waiting for transforms', frame_listener.buffer.frame_names):
-            start = time.monotonic()
-        wait(duration, 'listening', poll)
-    poll()
-    return time.monotonic() - start
 
 
 def _not_counted(statistics: Statistics, malformed: Counter[str]) -> Iterator[str]:
@@ -367,7 +343,7 @@ def _explain_live(ends: tuple[str, str], time: int, duration: float, ros_args: S
     from dummy_arm.inspection.frame_listener import FrameListener
     with spinning_node('tf_doctor', ros_args, namespace) as node:
         frame_listener = FrameListener(node, max(10.0, duration))
-        _listen(frame_listener, duration)
+        listen(duration, frame_listener.buffer.frame_names)
         frames, buffer = frame_listener.frames(), frame_listener.buffer
         return explain(frames, ends, time, buffer.why_not(*ends, time) if frames else
                        f'No transform has been received. {frame_listener.why_no_frames()}')

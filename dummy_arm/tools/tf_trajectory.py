@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dummy_arm.cli.bag_options import add_bag_options, read_bag
 from dummy_arm.cli.files import check_writable, whole_file
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
-from dummy_arm.cli.progress import progress, wait
+from dummy_arm.cli.progress import listen, progress
 from dummy_arm.cli.signals import check_signals, forget_signals
 from dummy_arm.tf import BufferCore, TransformException
 from dummy_arm.tf.formatting import SECOND, shortened, visible
@@ -280,8 +280,7 @@ def _record(target: str, source: str, seconds: float, namespace: str, ros_args: 
     from dummy_arm.inspection.frame_listener import FrameListener
     with spinning_node('tf_trajectory', ros_args, namespace) as node:
         frame_listener = FrameListener(node, seconds + _MARGIN)
-        with suppress(KeyboardInterrupt):
-            wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}')
+        listen(seconds, frame_listener.buffer.frame_names)
         try:
             frame_listener.buffer.path_stamps(target, source)
         except TransformException as error:
