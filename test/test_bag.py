@@ -90,8 +90,9 @@ def test_headers_of_other_topics(tmp_path, logs, kind, partial):
         ('/tf_old', 300 * S, [bags.row(S, 'map', 'odom')])])
     topics: list[bag.TopicHeaders] = []
     assert len([*bag.messages(path, partial=partial, on_headers=topics.extend)]) == 102
-    assert topics == [bag.TopicHeaders('/point', point, frozenset(
-        f'frame_{i}' for i in range(10)))]
+    assert topics == [
+        bag.TopicHeaders('/point', point, frozenset(f'frame_{i}' for i in range(10))),
+        bag.TopicHeaders('/tf_old', bags.TF, frozenset())]
     assert not logs
 
 
@@ -103,6 +104,12 @@ def test_headers_of_other_topics(tmp_path, logs, kind, partial):
     ('module my { struct Thing { @verbatim (text="x")\n std_msgs::msg::Header header; }; };',
      {'laser'}),
     ('module my { struct Thing { double x; std_msgs::msg::Header header; }; };', None),
+    ('module my {\n  struct Thing\n  {\n    @verbatim (language="comment", text=\n      "one)"'
+     '"two")\n    @unit (value="m") std_msgs::msg::Header header;\n  };\n};', {'laser'}),
+    ('module my { struct Thing { ' + '@a ' * 10_000 + 'x y; }; };', None),
+    ('module my { union Thing switch (long) {}; };', frozenset()),  # not understood
+    ('string<=10 name\nstd_msgs/Header header', None),
+    ('uint8[<=3] A\nuint8 B = 1\nstd_msgs/Header header', None),
     ('', frozenset()),  # an unknown type
 ])
 def test_definitions_of_types(tmp_path, definition, frames):
@@ -117,6 +124,32 @@ def test_definitions_of_types(tmp_path, definition, frames):
     assert len([*bag.messages(path, on_headers=topics.extend)]) == 1
     assert [topic.frames for topic in topics] == (
         [] if frames is None else [frozenset(frames)] if frames else [None])
+
+
+def test_types_of_rosbags(tmp_path):
+    """Where a bag has no definitions, those of rosbags are used; a damaged table is none."""
+    path = bags.make(tmp_path, 'db3', [
+        *bags.walk(), ('/point', 300 * S, bags.point('laser'), 'geometry_msgs/msg/PointStamped')])
+    (file,) = path.glob('*.db3')
+    for statement in ('DROP TABLE IF EXISTS message_definitions',
+                      'CREATE TABLE message_definitions (wrong TEXT)'):
+        with closing(sqlite3.connect(file)) as database:
+            database.execute(statement)
+            database.commit()
+        topics: list[bag.TopicHeaders] = []
+        assert len([*bag.messages(path, on_headers=topics.extend)]) == 102
+        assert [topic.frames for topic in topics] == [frozenset(['laser'])]
+        assert len(read(path).frames()) == 2
+
+
+def test_many_topics_with_headers(tmp_path):
+    """There may be thousands of topics with headers in a database."""
+    path = bags.make(tmp_path, 'db3', [*bags.walk(), *(
+        (f'/point_{i}', 300 * S, bags.point(f'frame_{i}'), 'geometry_msgs/msg/PointStamped')
+        for i in range(1500))])
+    topics: list[bag.TopicHeaders] = []
+    assert len([*bag.messages(path, on_headers=topics.extend)]) == 102
+    assert {topic.frames for topic in topics} == {frozenset([f'frame_{i}']) for i in range(1500)}
 
 
 def test_chunks_without_wanted_messages(tmp_path, monkeypatch):

@@ -4,12 +4,12 @@ Checks of the transforms that were received or recorded: what is wrong, and what
 Each check is a function that looks for one kind of fault in a `Snapshot`. The checks need no ROS.
 """
 
+from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import cached_property
-from itertools import combinations, pairwise
+from itertools import chain, combinations, pairwise
 from operator import itemgetter
 import re
-from statistics import median
 from typing import NamedTuple, Optional
 
 from dummy_arm.inspection.forest import Forest
@@ -36,8 +36,9 @@ SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
 #: `_SHORTEST_GAP` (ns) are jitter, which a busy computer causes. They are reported if they are
 #: this part of all steps, and at least this many.
 _GAP, _SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
-#: The smallest number of transforms for which the steps are judged.
-_FEWEST = 10
+#: The smallest number of steps that are judged. A shorter period (ns) counts as this one, since
+#: some programs send several transforms of a frame at once.
+_FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
 #: Transforms are late or from the future if at least this part of them is.
 _SHARE = 0.05
 #: The frames of REP 105, from the root to the robot.
@@ -66,6 +67,33 @@ class Headers(NamedTuple):
     frames: frozenset[str]  #: the `frame_id` of the headers that were read
 
 
+def headers_of(namespace: str, headers: Iterable[Headers], tf_topics: Iterable[str]
+               ) -> list[Headers]:
+    """
+    Select the headers that the transforms in a namespace are for.
+
+    :param namespace: the namespace, with a slash at its beginning; '': no namespace.
+    :param headers: the headers on all topics.
+    :param tf_topics: all topics with transforms. A topic belongs to the nearest namespace around
+        it in which there are transforms.
+    :returns: the headers on the topics that belong to the namespace.
+    """
+    namespaces = {namespace, *(topic.rpartition('/')[0] for topic in tf_topics)}
+
+    def nearest(topic: str) -> str:
+        """
+        Return the namespace that a topic belongs to.
+
+        :param topic: the topic.
+        :returns: the namespace; '' if there are no transforms in any namespace around the topic.
+        """
+        while topic and topic not in namespaces:
+            topic = topic.rpartition('/')[0]
+        return topic
+
+    return [each for each in headers if nearest(each.topic) == namespace]
+
+
 class Finding(NamedTuple):
     """A fault, or something remarkable."""
 
@@ -85,10 +113,10 @@ class Snapshot:
                  nodes: Optional[dict[str, str]] = None,
                  present: Optional[Collection[str]] = None,
                  endpoints: Sequence[Endpoint] = (), headers: Sequence[Headers] = (),
-                 empty_names: Optional[dict[str, set[str]]] = None,
+                 empty_names: Optional[dict[tuple[str, bool], Counter[str]]] = None,
                  not_known: Optional[dict[str, str]] = None,
                  why_no_transforms: str = '', other_namespaces: str = '',
-                 has_record_times: bool = False) -> None:
+                 has_record_times: bool = False, end: int = 0, clock_hint: str = '') -> None:
         """
         Create a snapshot.
 
@@ -105,7 +133,10 @@ class Snapshot:
         :param other_namespaces: which topics have transforms if /tf has none; '': no other topics.
         :param has_record_times: True if the arrivals are the times of a recording, which may be on
             another clock than all stamps.
+        :param end: the end of the observation (ns), on the clock of the arrivals; 0: not known.
+        :param clock_hint: a text about this computer's clock, for stamps from another clock.
         """
+        self.end, self.clock_hint = end, clock_hint
         self.tracks, self.topics, self.nodes = tracks, topics, nodes or {}
         self.present, self.endpoints, self.headers = present, endpoints, headers
         self.empty_names, self.not_known = empty_names or {}, dict(not_known or {})
@@ -116,13 +147,14 @@ class Snapshot:
         #: By child: the newest parent.
         self.parents = {child: [*max(tracks, key=itemgetter('last_time')).parents][-1]
                         for child, tracks in self.by_child.items()}
-        delays = [track.mean_delay for track in tracks if track['delays']]
-        #: The delay that is usual (ns). It is not 0 if a bag was recorded with another clock.
-        self.usual_delay = 0.0
-        if has_record_times and delays and abs(median(delays)) > OTHER_CLOCK:
-            self.usual_delay = median(delays)
-            self.not_known.setdefault('arrivals', 'the bag was recorded with another clock than '
-                                                  'that of the stamps')
+        #: The track with the most transforms, if a bag was recorded with another clock than that
+        #: of most stamps; else None.
+        self.clock: Optional[Track] = None
+        if has_record_times and 2 * _sum(tracks, 'foreign') > _sum(tracks, 'delays'):
+            self.clock = max(tracks, key=itemgetter('delays'))
+            self.not_known.setdefault(
+                'arrivals', 'the bag was recorded with another clock than that of the stamps; '
+                f'they are about {_seconds(self.clock.mean_delay)} apart')
 
     @cached_property
     def trees(self) -> list[list[str]]:
@@ -165,7 +197,7 @@ class Snapshot:
 
     def ancestors(self, name: str) -> list[str]:
         """
-        Return the frames above a frame, without those above a loop.
+        Return the frames above a frame, up to the root; in a loop, each frame once.
 
         :param name: the name of the frame.
         :returns: the names, the parent first.
@@ -207,6 +239,10 @@ class _Fault(NamedTuple):
     nodes: Sequence[str] = ()  #: further nodes
 
 
+#: A function that looks for one kind of fault.
+_Find = Callable[[Snapshot], Iterator[_Fault]]
+
+
 class Check(NamedTuple):
     """A check, which looks for one kind of fault."""
 
@@ -215,7 +251,7 @@ class Check(NamedTuple):
     meaning: str  #: what the fault is
     remedy: str  #: what to do, in one sentence
     needs: str  #: what must be known: 'nodes', 'qos', 'arrivals', 'headers'; '': nothing special
-    find: Callable[[Snapshot], Iterator[_Fault]]
+    find: _Find
 
 
 #: All checks, by their codes.
@@ -223,15 +259,17 @@ CHECKS: dict[str, Check] = {}
 
 
 def _check(code: str, severity: str, meaning: str, remedy: str, needs: str = ''
-           ) -> Callable[[Callable[[Snapshot], Iterator[_Fault]]], object]:
+           ) -> Callable[[_Find], _Find]:
     """Return a decorator that adds a function to `CHECKS`."""
-    def add(find: Callable[[Snapshot], Iterator[_Fault]]) -> None:
+    def add(find: _Find) -> _Find:
         """
         Add a check.
 
         :param find: the function.
+        :returns: the same function.
         """
         CHECKS[code] = Check(code, severity, meaning, remedy, needs, find)
+        return find
 
     return add
 
@@ -292,8 +330,11 @@ def _seconds(nanoseconds: float) -> str:
         'Nothing was received on /tf and /tf_static.',
         'Start the nodes that publish transforms, in the same ROS domain.')
 def _no_transforms(snapshot: Snapshot) -> Iterator[_Fault]:
-    if not snapshot.tracks:
-        yield _Fault((), snapshot.why_no_transforms or '0 transforms.', topics=snapshot.topics)
+    if not snapshot.tracks and not snapshot.other_namespaces:
+        refused = [each for each in snapshot.endpoints if each.mismatch or each.is_unlatched]
+        yield _Fault((), f'{len(snapshot.endpoints)} publishers exist, but {len(refused)} of them '
+                     'do not match the QoS of a listener' if refused else
+                     snapshot.why_no_transforms or '0 transforms', topics=snapshot.topics)
 
 
 @_check('two_publishers', ERROR,
@@ -323,14 +364,19 @@ def _exist_together(snapshot: Snapshot, a: Track, b: Track) -> bool:
     If a node is started again, its second publisher begins after the end of the first one.
     """
     if a.is_static:
-        return snapshot.present is None or {a.publisher, b.publisher} <= {*snapshot.present}
-    return bool(max(a['first_time'], b['first_time']) < min(a['last_time'], b['last_time']))
+        # The publisher of a node that was killed exists for some seconds more.
+        is_same = (a['pose'] == b['pose']).all() and [*a.parents][-1] == [*b.parents][-1]
+        if snapshot.present is None:
+            return not is_same
+        return {a.publisher, b.publisher} <= {*snapshot.present} and not (
+            is_same and snapshot.node_of(a) == snapshot.node_of(b))
+    return bool(max(a['first_time'], b['first_time']) <= min(a['last_time'], b['last_time']))
 
 
 @_check('changing_parent', ERROR,
         'The parent of a frame changes, so the tree has another shape at each change.',
         'Let only one parent be published for the frame; if it has to be in two trees, publish '
-        'the inverse of one transform.')
+        'the inverse of one transform, with parent and child exchanged.')
 def _changing_parent(snapshot: Snapshot) -> Iterator[_Fault]:
     for child, tracks in snapshot.by_child.items():
         parents = [*dict.fromkeys(parent for track in tracks for parent in track.parents)]
@@ -354,15 +400,18 @@ def _static_and_dynamic(snapshot: Snapshot) -> Iterator[_Fault]:
 
 
 @_check('loop', ERROR,
-        'Frames are parents of each other in a circle, so no lookup through them ends.',
-        'Remove one of the transforms; a frame that has no parent must be at the top.')
+        'Frames are parents of each other in a circle, so a lookup through them fails, or its '
+        'result depends on where it begins.',
+        'Remove one of the transforms: the frame at the top, such as map, must have no parent.')
 def _loop(snapshot: Snapshot) -> Iterator[_Fault]:
     forest = Forest(Frame(child, parent, '', False, 1, 0, 0)
                     for child, parent in snapshot.parents.items())
     for loop in forest.loops:
         tracks = [track for name in loop for track in snapshot.by_child[name]]
+        more = ['...'] if len(loop) > _SHOWN else []
         yield _Fault(loop, f'{len(loop)} {"frames form" if len(loop) > 1 else "frame forms"} a '
-                     f'loop: {" -> ".join(map(shortened, [*loop[:_SHOWN], loop[0]]))}', tracks)
+                     f'loop: {" -> ".join(map(shortened, [*loop[:_SHOWN], *more, loop[0]]))}',
+                     tracks)
 
 
 @_check('unknown_frame', ERROR,
@@ -378,10 +427,11 @@ def _unknown_frame(snapshot: Snapshot) -> Iterator[_Fault]:
                 topics.setdefault(frame, []).append(headers.topic)
     known = tuple(snapshot.tree_of)
     for frame, names in sorted(topics.items()):
-        near = suggest_names(frame, known)
+        static = '' if any(track.is_static for track in snapshot.tracks) else (
+            f' (there are no transforms on {snapshot.topics[1]})')
         yield _Fault([frame], f'{quoted(frame)} is in the headers on {_names(names)}, but not '
-                     f'among the {len(known)} frames of the transforms{near and f". {near}"}',
-                     topics=names)
+                     f'among the {len(known)} frames of the transforms{static}. '
+                     f'{suggest_names(frame, known)}', topics=names)
 
 
 @_check('disconnected', ERROR,
@@ -389,22 +439,28 @@ def _unknown_frame(snapshot: Snapshot) -> Iterator[_Fault]:
         'be transformed into one frame.',
         'Publish a transform between the trees.', 'headers')
 def _disconnected(snapshot: Snapshot) -> Iterator[_Fault]:
-    #: By tree: the frames that headers name, and the topics of these headers.
-    used: dict[int, dict[str, list[str]]] = {}
+    #: By robot, and by tree: the frames that headers name, and the topics of these headers. Robots
+    #: with a namespace for their topics and their frames may have trees of their own.
+    robots: dict[str, dict[int, dict[str, list[str]]]] = {}
     for headers in snapshot.headers:
+        namespace = headers.topic.split('/')[1]
         for frame in sorted(headers.frames):
             name = frame.removeprefix('/')
             if name in snapshot.tree_of:
-                used.setdefault(snapshot.tree_of[name], {}).setdefault(name, []).append(
-                    headers.topic)
-    if len(used) > 1:
-        frames = [frame for names in used.values() for frame in names]
-        yield _Fault(
-            frames, f'headers use frames of {len(used)} trees: ' + '; '.join(
-                f'{_names(names)} (root {_names(snapshot.roots(snapshot.trees[i])) or "none"}) on '
-                f'{_names(dict.fromkeys(topic for on in names.values() for topic in on))}'
-                for i, names in [*used.items()][:_SHOWN]),
-            topics=[topic for names in used.values() for on in names.values() for topic in on])
+                robot = namespace if name.startswith(f'{namespace}/') else ''
+                trees = robots.setdefault(robot, {})
+                names = trees.setdefault(snapshot.tree_of[name], {})
+                names.setdefault(name, []).append(headers.topic)
+    for trees in robots.values():
+        if len(trees) > 1:
+            yield _Fault(
+                [name for names in trees.values() for name in names],
+                f'headers use frames of {len(trees)} trees: ' + '; '.join(
+                    f'{_names(names)} (root '
+                    f'{_names(snapshot.roots(snapshot.trees[i])) or "none"}) on '
+                    f'{_names(dict.fromkeys(chain(*names.values())))}'
+                    for i, names in [*trees.items()][:_SHOWN]),
+                topics=[topic for names in trees.values() for topic in chain(*names.values())])
 
 
 @_check('static_not_latched', ERROR,
@@ -434,7 +490,7 @@ def _incompatible_qos(snapshot: Snapshot) -> Iterator[_Fault]:
         'Find out where the program computes the number: often a division by zero or a missing '
         'measurement.')
 def _not_a_number(snapshot: Snapshot) -> Iterator[_Fault]:
-    yield from _counted(snapshot, 'invalid', 'contain NaN or an infinite number')
+    yield from _counted(snapshot, 'invalid', 'with NaN or an infinite number')
 
 
 @_check('unnormalized', ERROR,
@@ -447,20 +503,26 @@ def _unnormalized(snapshot: Snapshot) -> Iterator[_Fault]:
             track for track in snapshot.tracks if track['unnormalized']):
         worst = max(tracks, key=lambda track: abs(track['worst_norm'] - 1.0))
         yield _Fault([track.child for track in tracks],
-                     f'{_share(tracks, "unnormalized")} have a quaternion with a wrong norm; the '
+                     f'{_share(tracks, "unnormalized")} with a quaternion of a wrong norm; the '
                      f'worst norm is {worst["worst_norm"]:.6g} ({shortened(worst.child)})', tracks)
 
 
-def _counted(snapshot: Snapshot, field: str, what: str) -> Iterator[_Fault]:
+def _counted(snapshot: Snapshot, field: str, what: str,
+             is_fault: Callable[[Track], bool] = lambda track: True) -> Iterator[_Fault]:
     """Yield a fault for each publisher with transforms that are counted in a field."""
-    for tracks in snapshot.by_publisher(track for track in snapshot.tracks if track[field]):
+    for tracks in snapshot.by_publisher(
+            track for track in snapshot.tracks if track[field] and is_fault(track)):
         yield _Fault([track.child for track in tracks], f'{_share(tracks, field)} {what}', tracks)
 
 
 def _share(tracks: Sequence[Track], field: str) -> str:
     """Return how many transforms of tracks are counted in a field, in words."""
-    count, total = (sum(int(track[name]) for track in tracks) for name in (field, 'count'))
-    return f'{count} of {total} transforms of {_names(track.child for track in tracks)}'
+    return (f'{_sum(tracks, field)} of {_sum(tracks, "count")} transforms of '
+            f'{_names(track.child for track in tracks)}')
+
+
+def _sum(tracks: Iterable[Track], field: str) -> int:
+    return sum(int(track[field]) for track in tracks)
 
 
 @_check('other_clock', ERROR,
@@ -469,22 +531,34 @@ def _share(tracks: Sequence[Track], field: str) -> str:
         'Let all nodes use the same clock: set use_sim_time on all of them or on none, and '
         'synchronise the clocks of the computers.')
 def _other_clock(snapshot: Snapshot) -> Iterator[_Fault]:
-    for tracks in snapshot.by_publisher(
-            track for track in snapshot.tracks if _is_foreign(snapshot, track)):
-        delay = tracks[0].mean_delay - snapshot.usual_delay
+    if snapshot.clock:
+        yield from _other_clock_than(snapshot, snapshot.clock)
+        return
+    for tracks in snapshot.by_publisher(track for track in snapshot.tracks if track['foreign']):
+        worst = max(tracks, key=lambda track: max(-track['least_delay'], track['greatest_delay']))
+        is_before = worst['greatest_delay'] > -worst['least_delay']
+        delay = worst['greatest_delay' if is_before else 'least_delay']
         yield _Fault(
             [track.child for track in tracks],
-            f'the stamps of {_names(track.child for track in tracks)} are about '
-            f'{_seconds(delay)} {"before" if delay > 0 else "after"} '
-            f'{"those of the other frames" if snapshot.usual_delay else "the time of arrival"}; '
-            f'the last one is {display_time(int(tracks[0]["stamp"]))}', tracks)
+            f'{_share(tracks, "foreign")} with stamps that are far from their arrival, up to '
+            f'{_seconds(delay)} {"before" if is_before else "after"} it; the last stamp of '
+            f'{shortened(worst.child)} is {display_time(int(worst["stamp"]))}'
+            f'{snapshot.clock_hint}', tracks)
 
 
-def _is_foreign(snapshot: Snapshot, track: Track) -> bool:
-    """Return whether the stamps of a track are from another clock."""
-    if snapshot.usual_delay:
-        return abs(track.mean_delay - snapshot.usual_delay) > OTHER_CLOCK
-    return bool(max(-track['least_delay'], track['greatest_delay']) > OTHER_CLOCK)
+def _other_clock_than(snapshot: Snapshot, clock: Track) -> Iterator[_Fault]:
+    """
+    Compare the stamps of all tracks with those of one track.
+
+    The delays are not compared, because a simulation can be slow, or pause.
+    """
+    for track in snapshot.tracks:
+        before = int(clock['oldest'] - track['latest'])
+        after = int(track['oldest'] - clock['latest'])
+        if track['delays'] and max(before, after) > OTHER_CLOCK:
+            yield _Fault([track.child], f'all stamps of {shortened(track.child)} are at least '
+                         f'{_seconds(max(before, after))} {"before" if before > 0 else "after"} '
+                         f'those of {shortened(clock.child)}', [track])
 
 
 @_check('zero_stamp', ERROR,
@@ -492,7 +566,9 @@ def _is_foreign(snapshot: Snapshot, track: Track) -> bool:
         'Set the stamp to the time for which the transform is valid; with use_sim_time, wait '
         'until /clock is received.')
 def _zero_stamp(snapshot: Snapshot) -> Iterator[_Fault]:
-    yield from _counted(snapshot, 'zero_stamps', 'have the stamp 0')
+    # A simulation may begin with a single stamp 0.
+    yield from _counted(snapshot, 'zero_stamps', 'with the stamp 0', lambda track: (
+        track['zero_stamps'] > 1 or not 0 < track['oldest'] < OTHER_CLOCK))
 
 
 # Warnings
@@ -500,25 +576,36 @@ def _zero_stamp(snapshot: Snapshot) -> Iterator[_Fault]:
 
 @_check('gap', WARNING,
         f'The time from one stamp to the next one is often longer than {_GAP} periods, or once '
-        f'much longer (at least {_SHORTEST_GAP / SECOND:g} s); lookups in between interpolate '
-        'over the gap or wait.',
-        'Look at the node that publishes the frame: is it busy, does it lose input, or does it '
-        'publish only when something happens?')
+        f'much longer (at least {_SHORTEST_GAP / SECOND:g} s), or the frame is not published any '
+        'more; lookups in between interpolate over the gap or wait.',
+        'Look at the node that publishes the frame: has it stopped, is it busy, does it lose '
+        'input, or does it publish only when something happens?')
 def _gap(snapshot: Snapshot) -> Iterator[_Fault]:
     for tracks in snapshot.by_publisher(track for track in snapshot.tracks if _has_gap(track)):
         worst = max(tracks, key=itemgetter('largest_step'))
-        beyond, before = worst.steps_beyond(_GAP * worst.period), int(worst['largest_step_at'])
+        beyond = worst.steps_beyond(_GAP * max(worst.period, _SHORTEST_PERIOD))
+        before = display_time(int(worst['largest_step_at']))
         yield _Fault(
             [track.child for track in tracks],
-            f'{shortened(worst.child)}: the longest step from stamp to stamp is '
-            f'{_seconds(worst["largest_step"])}, after {display_time(before)}; half of the steps '
-            f'are shorter than {_seconds(worst.period)}; {beyond} of {worst["steps"].sum()} are '
-            f'longer than {_GAP} times that', tracks)
+            f'no transform of {shortened(worst.child)} for {_seconds(worst["largest_step"])} '
+            f'after {before}; the usual period is {worst.period / SECOND:.2g} s; {beyond} of '
+            f'{worst["steps"].sum()} steps from stamp to stamp are longer than {_GAP} periods',
+            tracks)
+    end = max((track['last_time'] for track in snapshot.tracks if not track.is_static), default=0)
+    end = max(end, snapshot.end)
+    ended = [track for tracks in snapshot.by_child.values()
+             if (track := max(tracks, key=itemgetter('last_time')))['steps'].sum() >= _FEWEST
+             and end - track['last_time'] > max(_GAP * track.period, _SHORTEST_GAP)]
+    for tracks in snapshot.by_publisher(ended):
+        silence = max(end - track['last_time'] for track in tracks)
+        yield _Fault([track.child for track in tracks],
+                     f'nothing was received of {_names(track.child for track in tracks)} in the '
+                     f'last {_seconds(silence)}, and {_hertz(tracks[0])} before', tracks)
 
 
 def _has_gap(track: Track) -> bool:
     """Return whether a track has a gap, or too much jitter."""
-    steps, period = int(track['steps'].sum()), track.period
+    steps, period = int(track['steps'].sum()), max(track.period, _SHORTEST_PERIOD)
     return steps >= _FEWEST and bool(
         track['largest_step'] > max(_GAP * period, _SHORTEST_GAP)
         or track.steps_beyond(_GAP * period) >= max(_FEWEST_GAPS, _JITTER * steps))
@@ -531,7 +618,7 @@ def _has_gap(track: Track) -> bool:
         'or the clocks of two computers differ.', 'arrivals')
 def _late(snapshot: Snapshot) -> Iterator[_Fault]:
     for tracks in snapshot.by_publisher(
-            track for track in snapshot.tracks if _is_shared(track, 'late')):
+            track for track in snapshot.tracks if _is_frequent(track, 'late')):
         worst = max(tracks, key=itemgetter('greatest_delay'))
         yield _Fault([track.child for track in tracks],
                      f'{_share(tracks, "late")} arrived more than {LATE / SECOND:g} s after their '
@@ -540,7 +627,7 @@ def _late(snapshot: Snapshot) -> Iterator[_Fault]:
                      f'{_seconds(worst["greatest_delay"])}', tracks)
 
 
-def _is_shared(track: Track, field: str) -> bool:
+def _is_frequent(track: Track, field: str) -> bool:
     """Return whether enough transforms are counted in a field."""
     return bool(track[field] > _SHARE * track['delays'])
 
@@ -551,10 +638,10 @@ def _is_shared(track: Track, field: str) -> bool:
         'into the future on purpose (transform_tolerance).', 'arrivals')
 def _future(snapshot: Snapshot) -> Iterator[_Fault]:
     for tracks in snapshot.by_publisher(
-            track for track in snapshot.tracks if _is_shared(track, 'future')):
+            track for track in snapshot.tracks if _is_frequent(track, 'future')):
         worst = min(tracks, key=itemgetter('least_delay'))
         yield _Fault([track.child for track in tracks],
-                     f'{_share(tracks, "future")} have a stamp more than {FUTURE / SECOND:g} s '
+                     f'{_share(tracks, "future")} with a stamp more than {FUTURE / SECOND:g} s '
                      f'after their arrival; the farthest is {_seconds(worst["least_delay"])} '
                      f'ahead ({shortened(worst.child)})', tracks)
 
@@ -567,7 +654,7 @@ def _time_goes_back(snapshot: Snapshot) -> Iterator[_Fault]:
     for tracks in snapshot.by_publisher(track for track in snapshot.tracks if track['backwards']):
         worst = max(tracks, key=itemgetter('step_back'))
         yield _Fault([track.child for track in tracks],
-                     f'{_share(tracks, "backwards")} have an earlier stamp than the one before; '
+                     f'{_share(tracks, "backwards")} with an earlier stamp than the one before; '
                      f'the largest step back is {_seconds(worst["step_back"])} '
                      f'({shortened(worst.child)})', tracks)
 
@@ -581,7 +668,7 @@ def _same_stamp(snapshot: Snapshot) -> Iterator[_Fault]:
     for tracks in snapshot.by_publisher(
             track for track in snapshot.tracks if track['changes'] and not track.is_static):
         yield _Fault([track.child for track in tracks],
-                     f'{_share(tracks, "changes")} have the stamp of the one before, and another '
+                     f'{_share(tracks, "changes")} with the stamp of the one before, and another '
                      'pose', tracks)
 
 
@@ -607,11 +694,12 @@ def _leading_slash(snapshot: Snapshot) -> Iterator[_Fault]:
         'The name of a frame is empty; listeners refuse the transform.',
         'Set frame_id and child_frame_id of each transform.')
 def _empty_name(snapshot: Snapshot) -> Iterator[_Fault]:
-    for publisher, names in snapshot.empty_names.items():
+    for (publisher, is_static), names in snapshot.empty_names.items():
         others = sorted(filter(None, names))
         text = f'; the other name is {_names(others)}' if others else ''
-        yield _Fault(others, f'{len(names)} {"edges have" if len(names) > 1 else "edge has"} an '
-                     f'empty frame_id or child_frame_id{text}', topics=snapshot.topics,
+        count = sum(names.values())
+        yield _Fault(others, f'{count} transform{"s" if count > 1 else ""} with an empty frame_id '
+                     f'or child_frame_id{text}', topics=[snapshot.topics[is_static]],
                      nodes=[*filter(None, [snapshot.nodes.get(publisher)])])
 
 
@@ -626,7 +714,9 @@ def _similar_name(snapshot: Snapshot) -> Iterator[_Fault]:
     for root in roots[:_MOST_ROOTS]:
         for name, tree in snapshot.tree_of.items():
             if (tree != snapshot.tree_of[root] and (name, root) not in seen
-                    and _is_similar(plain[root], plain[name])):
+                    and _is_similar(plain[root], plain[name])
+                    and not _are_alike(*([plain[each] for each in snapshot.trees[i]]
+                                         for i in (tree, snapshot.tree_of[root])))):
                 seen.add((root, name))
                 yield _Fault([root, name], f'{quoted(root)} is a root, and {quoted(name)} is in '
                              'another tree',
@@ -643,7 +733,7 @@ def _is_similar(a: str, b: str) -> bool:
     :param b: another one.
     """
     if a == b or abs(len(a) - len(b)) > 1 or min(len(a), len(b)) < _SHORTEST_NAME:
-        return a == b
+        return a == b != ''
     if re.sub(r'\d', '', a) == re.sub(r'\d', '', b):
         return False
     same = next((i for i, (x, y) in enumerate(zip(a, b)) if x != y), min(len(a), len(b)))
@@ -651,9 +741,19 @@ def _is_similar(a: str, b: str) -> bool:
     return a[1:] == b[1:] or a[1:] == b or a == b[1:]
 
 
+def _are_alike(names: list[str], others: list[str]) -> bool:
+    """
+    Return whether each name of a tree is similar to one of another tree.
+
+    Then the trees are those of two similar robots or legs, and the names differ on purpose.
+    """
+    return len(names) == len(others) and all(
+        a != b and _is_similar(a, b) for a, b in zip(sorted(names), sorted(others)))
+
+
 @_check('other_namespace', WARNING,
         'Nothing publishes on /tf, but there are transforms on the topic tf of a namespace.',
-        'Listen to this namespace, or remap its topics to /tf and /tf_static.', 'qos')
+        'Use the option that is named above, or publish on /tf and /tf_static.')
 def _other_namespace(snapshot: Snapshot) -> Iterator[_Fault]:
     if snapshot.other_namespaces:
         yield _Fault((), snapshot.other_namespaces, topics=snapshot.topics[:1])
@@ -679,7 +779,8 @@ def _static_changes(snapshot: Snapshot) -> Iterator[_Fault]:
     for tracks in snapshot.by_publisher(
             track for track in snapshot.tracks if track['changes'] and track.is_static):
         yield _Fault([track.child for track in tracks],
-                     f'{_share(tracks, "changes")} differ from the one before', tracks)
+                     f'{_share(tracks, "changes")} with another pose than the one before',
+                     tracks)
 
 
 @_check('rep_105', INFO,
@@ -691,8 +792,10 @@ def _rep_105(snapshot: Snapshot) -> Iterator[_Fault]:
     for upper, lower in pairwise(known):
         if (snapshot.tree_of[upper] == snapshot.tree_of[lower]
                 and upper not in snapshot.ancestors(lower)):
-            path = [lower, *snapshot.ancestors(lower)][::-1]
-            yield _Fault([upper, lower], f'{upper} is not above {lower}: '
-                         f'{" -> ".join(map(shortened, path[-_SHOWN:]))}',
+            is_above = lower in snapshot.ancestors(upper)
+            lowest = upper if is_above else lower
+            path = [lowest, *snapshot.ancestors(lowest)][::-1]
+            yield _Fault([upper, lower], f'{lower} is {"above" if is_above else "not below"} '
+                         f'{upper}: {" -> ".join(map(shortened, path[-_SHOWN:]))}',
                          [track for name in (upper, lower)
                           for track in snapshot.by_child.get(name, ())])

@@ -18,7 +18,7 @@ _SHOWN = 20
 #: since the publishers may not have been discovered yet.
 _DISCOVERY = 1.0
 #: The name of the type of TFMessage in the ROS graph.
-_TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
+TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
 
 
 class FrameListener:
@@ -90,7 +90,7 @@ class FrameListener:
             return ''
         remedies: dict[str, str] = {}
         for topic, types in sorted(self.node.get_topic_names_and_types()):
-            if (_TF_MESSAGE in types and topic not in (static, dynamic)
+            if (TF_MESSAGE in types and topic not in (static, dynamic)
                     and (count := self.node.count_publishers(topic))):
                 base = topic.removesuffix('_static')
                 namespace, _, name = base.rpartition('/')

@@ -5,6 +5,7 @@ The statistics are made from tables of messages, one after the other. Their size
 number of frames, but not on the number of messages.
 """
 
+from collections import Counter
 from math import ceil, log2
 from typing import Any, Optional
 
@@ -25,8 +26,8 @@ NORM_TOLERANCE = 1e-3
 #: between them differs from 1 by at most this (the angle is about 1e-5 rad).
 _SAME_POSITION, _SAME_ROTATION = 1e-6, 1e-11
 #: The histogram of the steps from stamp to stamp: the upper end of the first bin (ns), the number
-#: of bins for a factor of two, and the number of bins. The last bin begins at about 1000 s.
-_FIRST_BIN, _BINS_PER_OCTAVE, _BINS = 1000, 8, 240
+#: of bins for a factor of two, and the number of bins. The last bin is beyond the range of int64.
+_FIRST_BIN, _BINS_PER_OCTAVE, _BINS = 1000, 8, 426
 #: The largest number of tracks.
 _MOST = 10_000
 
@@ -46,7 +47,8 @@ _FIELDS = np.dtype([
     ('delays', 'i8'),  # the number of transforms whose delay is known: the time to the arrival
     ('total_delay', 'f8'),  # their sum (ns)
     ('least_delay', 'i8'), ('greatest_delay', 'i8'),  # their range (ns)
-    ('late', 'i8'), ('future', 'i8'),  # how many are late or from the future
+    ('late', 'i8'), ('future', 'i8'),  # how many of them are late or from the future
+    ('foreign', 'i8'),  # how many of them are so large that the stamp is from another clock
     ('steps', 'i8', _BINS),  # the histogram of the steps forward
     ('largest_step', 'i8'), ('largest_step_at', 'i8'),  # the largest step, and the stamp before it
 ])
@@ -122,16 +124,26 @@ class Track:
 class Statistics:
     """The statistics of all tracks."""
 
-    def __init__(self) -> None:
-        """Create the statistics, without a message."""
+    def __init__(self, settling: int = 0) -> None:
+        """
+        Create the statistics, without a message.
+
+        :param settling: for how long after the first message of a publisher the delays are not
+            counted (ns). These messages may have waited until the publisher had discovered the
+            subscription.
+        """
+        self._settling = settling
+        #: By publisher: the time of arrival of the first message (ns).
+        self._since: dict[str, int] = {}
         self._tracks: dict[tuple[str, str, bool], Track] = {}
         #: (n,) the statistics of the tracks, by the number of the track.
         self._values: Any = np.zeros(16, _FIELDS)
         #: The number of transforms, and of those that were not counted since there are too many
         #: frames.
         self.count = self.not_counted = 0
-        #: By the publisher: the other name of a transform with an empty name.
-        self.empty_names: dict[str, set[str]] = {}
+        #: By publisher and topic (True: static): the other names of the transforms with an empty
+        #: name, and how many there are.
+        self.empty_names: dict[tuple[str, bool], Counter[str]] = {}
 
     def tracks(self) -> list[Track]:
         """
@@ -162,11 +174,14 @@ class Statistics:
         _add_poses(values, stamps, poses, table.is_static)
         if not table.is_static:
             _add_stamps(values, stamps)
-        if table.times.all():
-            times = table.times + (offset or 0)
+        is_timed = table.times != 0
+        if is_timed.any():
+            times = table.times[is_timed] + (offset or 0)
             _add_times(values, times)
-            if offset is not None and not table.is_static:
-                _add_delays(values, times, stamps)
+            since = self._since.setdefault(table.publisher, int(times.min()))
+            is_settled = (times >= since + self._settling) | (self._settling == 0)
+            if offset is not None and not table.is_static and is_settled.any():
+                _add_delays(values, times[is_settled], stamps[is_timed][is_settled])
         values['count'] += len(stamps)
         values['stamp'], values['pose'] = stamps[-1], poses[-1]
         self._values[numbers] = values
@@ -175,7 +190,8 @@ class Statistics:
         """Return the number of the track of an edge; None if the edge is not counted."""
         names = parent.removeprefix('/'), child.removeprefix('/')
         if not all(names):
-            self.empty_names.setdefault(table.publisher, set()).add(''.join(names))
+            others = self.empty_names.setdefault((table.publisher, table.is_static), Counter())
+            others[''.join(names)] += len(table.times)
             return None
         key = names[1], table.publisher, table.is_static
         track = self._tracks.get(key)
@@ -206,7 +222,8 @@ def _add_poses(values: Any, stamps: NDArray[np.int64], poses: NDArray[np.float64
     """
     is_valid = np.isfinite(poses).all(axis=2)
     values['invalid'] += (~is_valid).sum(axis=0)
-    norms = np.where(is_valid, np.sqrt(np.square(poses[..., 3:]).sum(axis=2)), 1.0)
+    with np.errstate(over='ignore', invalid='ignore'):
+        norms = np.where(is_valid, np.sqrt(np.square(poses[..., 3:]).sum(axis=2)), 1.0)
     deviations = np.abs(norms - 1.0)
     values['unnormalized'] += (deviations > NORM_TOLERANCE).sum(axis=0)
     worst = np.take_along_axis(norms, deviations.argmax(axis=0)[None], 0)[0]
@@ -215,7 +232,7 @@ def _add_poses(values: Any, stamps: NDArray[np.int64], poses: NDArray[np.float64
         is_new | (np.abs(worst - 1.0) > np.abs(values['worst_norm'] - 1.0)),
         worst, values['worst_norm'])
     before = np.concatenate([np.where(is_new, stamps[0], values['stamp'])[None], stamps[:-1]])
-    is_compared = np.ones_like(is_valid) if is_static else stamps == before
+    is_compared = np.ones_like(is_valid) if is_static else (stamps == before) & (stamps != 0)
     is_compared[0] &= ~is_new
     if is_compared.any():
         poses_before = np.concatenate([values['pose'][None], poses[:-1]])
@@ -224,7 +241,7 @@ def _add_poses(values: Any, stamps: NDArray[np.int64], poses: NDArray[np.float64
 
 def _differ(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Compare poses of shape (..., 7); return an array of shape (...)."""
-    with np.errstate(invalid='ignore'):
+    with np.errstate(over='ignore', invalid='ignore'):
         is_moved = (np.abs(poses[..., :3] - others[..., :3]) > _SAME_POSITION).any(axis=-1)
         a, b = poses[..., 3:], others[..., 3:]
         cosine = np.abs((a * b).sum(axis=-1))
@@ -234,7 +251,7 @@ def _differ(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[
 
 def _add_stamps(values: Any, stamps: NDArray[np.int64]) -> None:
     """
-    Count stamps of zero, and the steps from stamp to stamp.
+    Count stamps of zero, and the steps between other stamps.
 
     :param stamps: (m, n) stamps (ns).
     """
@@ -248,7 +265,7 @@ def _add_stamps(values: Any, stamps: NDArray[np.int64]) -> None:
     values['latest'] = np.where(known, np.maximum(latest, values['latest']), latest)
     before = np.concatenate([
         np.where(values['count'] == 0, stamps[0], values['stamp'])[None], stamps[:-1]])
-    steps = stamps - before
+    steps = np.where(is_zero | (before == 0), 0, stamps - before)
     values['backwards'] += (steps < 0).sum(axis=0)
     values['step_back'] = np.maximum(values['step_back'], -steps.min(axis=0))
     at = steps.argmax(axis=0)[None]
@@ -293,5 +310,6 @@ def _add_delays(values: Any, times: NDArray[np.int64], stamps: NDArray[np.int64]
     values['delays'] += known.sum(axis=0)
     values['total_delay'] += np.where(known, delays, 0).sum(axis=0, dtype=np.float64)
     is_near = known & (np.abs(delays) <= OTHER_CLOCK)
+    values['foreign'] += (known & ~is_near).sum(axis=0)
     values['late'] += (is_near & (delays > LATE)).sum(axis=0)
     values['future'] += (is_near & (delays < -FUTURE)).sum(axis=0)

@@ -9,13 +9,20 @@ import os
 from pathlib import Path
 from typing import Any, NamedTuple, Optional, Union
 
-from dummy_arm.tf._bag.context import BagContext, BagError, kind_of, Stream
+from dummy_arm.tf._bag.context import (
+    BagContext,
+    BagError,
+    HEADERS,
+    kind_of,
+    NOT_RECORDED,
+    Stream,
+)
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire.cdr import MalformedMessage
 from dummy_arm.tf._wire.streams import Encoding, MessageReader
 from dummy_arm.tf.buffer_core import BufferCore
 
-__all__ = ['BagError', 'BagMessage', 'TopicHeaders', 'messages', 'read']
+__all__ = ['HEADERS', 'NOT_RECORDED', 'BagError', 'BagMessage', 'TopicHeaders', 'messages', 'read']
 
 _ALL_TIME = 2**63 - 1  # ns
 #: A TF message of a bag: its stream, the time at which it was recorded (ns), and its bytes.
@@ -64,12 +71,12 @@ class BagMessage(NamedTuple):
 
 
 class TopicHeaders(NamedTuple):
-    """The headers on a topic of a bag, which is not TF."""
+    """The headers on a topic of a bag, other than the topics that are read."""
 
     topic: str  #: the name of the topic
     msgtype: str  #: the type of its messages, such as 'sensor_msgs/msg/LaserScan'
-    #: The `frame_id` of the headers of its first messages; None if it is not known whether the
-    #: messages begin with a header.
+    #: The `frame_id` of the headers of its first messages; empty for a topic with TF messages;
+    #: None if it is not known whether the messages begin with a header.
     frames: Optional[frozenset[str]]
 
 
@@ -86,8 +93,9 @@ def messages(path: Union[str, 'os.PathLike[str]'], *, namespace: str = '', parti
     :param max_bytes: as for `read`.
     :param on_progress: as for `read`.
     :param on_headers: called at the end, with a list of the other topics whose messages begin with
-        a std_msgs/Header, or may do so. Of each topic, the headers of the first 10 messages are
-        read. None: no headers are read, and parts of the bag without TF are skipped.
+        a std_msgs/Header, or may do so, and of the other topics with TF messages. Of each topic,
+        the headers of the first 10 messages are read. None: no headers are read, and parts of the
+        bag without TF are skipped.
     :returns: an iterator over the messages. The messages of a bag of ROS 1 are in the order of the
         file; those of each file of a bag of rosbag2 are in the order of their times.
     :raises BagError: as `read`; but a bag whose messages have no valid transform is no error.
@@ -105,7 +113,9 @@ def messages(path: Union[str, 'os.PathLike[str]'], *, namespace: str = '', parti
             *(TopicHeaders(stream.topic, stream.msgtype, frozenset(stream.frames))
               for stream in context.header_streams.values()),
             *(TopicHeaders(topic, msgtype, None)
-              for topic, msgtype in context.unknown_types.items())])
+              for topic, msgtype in context.unknown_types.items()),
+            *(TopicHeaders(topic, msgtype, frozenset())
+              for topic, msgtype in context.other_tf.items())])
 
 
 def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namespace: str = '',
@@ -240,7 +250,7 @@ def _records(path: Path, context: BagContext) -> Iterator[_TFRecord]:
             from dummy_arm.tf._bag.rosbag2 import records
         for stream, time, data in records(path, context):
             if isinstance(stream, Stream):
-                yield stream, time, data
+                yield stream, time if time < 2**63 else 0, data
             else:
                 stream.add(data)
     except Exception as error:  # a damaged file causes errors of many types

@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._core.times import SECOND
+from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.streams import Encoding
 
 #: Messages are converted when they take more than `_MOST_BYTES` bytes. A message takes `_OVERHEAD`
 #: bytes more than its data.
 _MOST_BYTES, _OVERHEAD = 2**20, 100
-#: When this many layouts are kept, all of them are dropped.
-_MOST_LAYOUTS = 10_000
+#: When the layouts are of messages that take more than this (bytes), all of them are dropped.
+_MOST_OF_LAYOUTS = 10_000_000
 
 #: What messages with the same frames have in common: the publisher, the topic (True: static), the
 #: length (bytes), and the key of the encoding.
@@ -84,7 +85,8 @@ class _Layout:
         :raises ValueError: if a frame id contains a NUL or is not valid Unicode.
         """
         self._edges, self._seconds = edges, encoding.SECONDS
-        self.children = frozenset(child for _, child in edges)
+        #: The children without a leading slash.
+        self.children = frozenset(child.removeprefix('/') for _, child in edges)
         fields, names = encoding.layout(edges)
         # The fields are the head, the number of transforms, and four fields for each transform:
         # the stamp, frame_id, child_frame_id and the pose.
@@ -138,7 +140,7 @@ def transform_tables(messages: Iterable[Message],
     """
     layouts: dict[_Key, Optional[_Layout]] = {}
     pending: dict[_Key, tuple[_Layout, list[Message]]] = {}
-    size = 0
+    size = learned = 0
 
     def complete(keys: Iterable[_Key]) -> Iterator[TransformTable]:
         """
@@ -163,9 +165,11 @@ def transform_tables(messages: Iterable[Message],
         key = message.publisher, message.is_static, len(data), message.encoding.key(data)
         if key not in pending:
             if key not in layouts:
-                if len(layouts) >= _MOST_LAYOUTS:
+                if learned > _MOST_OF_LAYOUTS:
                     layouts.clear()
+                    learned = 0
                 layouts[key] = _learn(message)
+                learned += len(data) + _OVERHEAD
             layout = layouts[key]
             yield from complete([
                 other for other, (open_layout, _) in pending.items()
@@ -178,6 +182,20 @@ def transform_tables(messages: Iterable[Message],
         pending[key][1].append(message)
         size += len(data) + _OVERHEAD
     yield from complete([*pending])
+
+
+def header_frame(data: bytes) -> str:
+    """
+    Return the frame_id of a message that begins with a std_msgs/Header.
+
+    :param data: the message, in CDR; it may be of any type, and incomplete after the header.
+    :returns: the frame_id.
+    :raises ValueError: if the bytes end too early.
+    """
+    try:
+        return cdr.header_frame(data)
+    except struct.error as error:
+        raise ValueError(f'the message has no header: {error}') from None
 
 
 def _learn(message: Message) -> Optional[_Layout]:

@@ -1,8 +1,10 @@
 """The command `tf_doctor`: find faults in transforms, or explain the path between two frames."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from importlib import import_module
+from itertools import takewhile
 import json
 import time
 from typing import Any, NamedTuple, Optional, TYPE_CHECKING
@@ -17,38 +19,42 @@ from dummy_arm.inspection.diagnosis import (
     ERROR,
     Finding,
     Headers,
+    headers_of,
     not_checked,
     SEVERITIES,
     Snapshot,
 )
 from dummy_arm.inspection.forest import frequency
 from dummy_arm.inspection.terminal import column_width, padded, width, wrapped
-from dummy_arm.inspection.tf_statistics import Statistics
-from dummy_arm.tf import Frame
-from dummy_arm.tf.bag import messages, TopicHeaders
+from dummy_arm.inspection.tf_statistics import Statistics, Track
+from dummy_arm.tf import BufferCore, Frame
+from dummy_arm.tf.bag import HEADERS, messages, NOT_RECORDED, TopicHeaders
 from dummy_arm.tf.formatting import (
     comma_list,
     display_time,
     in_seconds,
+    SECOND,
     shortened,
     suggest_names,
     visible,
 )
-from dummy_arm.tf.transform_table import transform_tables
+from dummy_arm.tf.transform_table import header_frame, transform_tables
 
 if TYPE_CHECKING:
     from rclpy.node import Node
+    from rclpy.qos import QoSProfile
+
+    from dummy_arm.tf import MessageBufferCore
 
 #: How long the command listens by default, and at most (s).
 DEFAULT_TIME, _LONGEST = 5.0, 86_400.0
-#: The number of messages of another topic whose headers are read.
-_HEADERS = 10
+#: For the path between two frames, the buffer keeps transforms for this time more than the command
+#: listens (s).
+_MARGIN = 5.0
+#: The delays of the first messages of a publisher are not counted for this time (ns).
+_SETTLING = SECOND // 5
 #: The time between two searches for other topics (s).
 _SCAN_INTERVAL = 0.5
-#: The name of the type of TFMessage in the ROS graph.
-TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
-#: The publisher of a message if the bag does not record it.
-NOT_RECORDED = 'not recorded'
 #: The largest number of names or topics in a line.
 _SHOWN = 5
 
@@ -59,6 +65,7 @@ class Observation(NamedTuple):
     snapshot: Snapshot
     where: str  #: where the transforms are from, such as 'in 5 s'
     total: int  #: the number of transforms
+    publishers: dict[str, str]  #: by child: the names of the nodes that publish it
     not_checked: list[str]  #: what cannot be checked, and why
 
 
@@ -73,10 +80,11 @@ class Explanation(NamedTuple):
     """A path between two frames, and why it gives no transform."""
 
     ends: tuple[str, str]
-    time: int  #: the time of the transform (ns); 0: the path is static
+    stamp: int  #: the time of the transform (ns); 0: the path is static
     edges: list[Edge]
     roots: tuple[str, str]  #: the roots of the trees of the two frames
     why_not: str  #: why there is no transform; '': there is one
+    age: str = ''  #: how old the transform is, in words; '': not known
 
 
 def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int = 0,
@@ -126,13 +134,14 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
         return 0
     if ends:
         a, b = ends
-        if buffer := read_bag(bag, namespace, partial):
-            explanation = explain(buffer.frames(), (a, b), t, buffer.why_not(a, b, t))
+        if bag is not None and (buffer := read_bag(bag, namespace, partial)):
+            explanation = explain(
+                buffer, (a, b), t, _observe_bag(bag, namespace, partial).publishers)
         else:
             explanation = _explain_live((a, b), t, seconds, ros_args, namespace)
         text, has_error = format_explanation(explanation), bool(explanation.why_not)
         data: Any = {
-            'frames': explanation.ends, 'time': explanation.time, 'roots': explanation.roots,
+            'frames': explanation.ends, 'time': explanation.stamp, 'roots': explanation.roots,
             'why_not': explanation.why_not,
             'path': [{**edge.frame._asdict(), 'refusal': edge.refusal}
                      for edge in explanation.edges]}
@@ -177,12 +186,13 @@ class _HeaderSampler:
             if topic not in self.frames and self._node.count_publishers(topic):
                 self.frames[topic] = set()
                 for name in types:
-                    if name != TF_MESSAGE:
-                        self._examine(topic, name)
+                    self._examine(topic, name)
 
     def _examine(self, topic: str, type_name: str) -> None:
         """Subscribe to a topic if its messages begin with a header."""
-        package, _, name = type_name.partition('/msg/')
+        package, is_message, name = type_name.partition('/msg/')
+        if not is_message:  # the topics of services and actions have no header
+            return
         try:
             message_type: Any = getattr(import_module(f'{package}.msg'), name)
             fields = message_type.get_fields_and_field_types()
@@ -194,9 +204,22 @@ class _HeaderSampler:
     def _subscribe(self, topic: str, message_type: Any) -> None:
         """Subscribe to a topic until the headers of some messages are read."""
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-        from rclpy.serialization import deserialize_message
-        from std_msgs.msg import Header
+        # A best-effort, volatile subscription matches all publishers. But latched messages of the
+        # past are sent only to a reliable, transient-local one.
+        latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+        offered = [(info.qos_profile.reliability, info.qos_profile.durability)
+                   for info in self._node.get_publishers_info_by_topic(topic)]
+        wanted = [latched] if latched in offered else []
+        if len(wanted) == 0 or any(each != latched for each in offered):
+            wanted.append((ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE))
+        for reliability, durability in wanted:
+            self._read_headers(topic, message_type, QoSProfile(
+                depth=HEADERS, reliability=reliability, durability=durability))
+
+    def _read_headers(self, topic: str, message_type: Any, profile: 'QoSProfile') -> None:
+        """Read the headers of some messages, then unsubscribe."""
         count = 0
+        subscription: Any = None
 
         def read(data: bytes) -> None:
             """
@@ -205,62 +228,80 @@ class _HeaderSampler:
             :param data: the message.
             """
             nonlocal count
-            if (count := count + 1) <= _HEADERS:
-                self.frames[topic].add(deserialize_message(data, Header).frame_id)
-            if count == _HEADERS:
+            count += 1
+            if count <= HEADERS:
+                with suppress(ValueError):  # a malformed message
+                    self.frames[topic].add(header_frame(data))
+            elif subscription is not None:
                 self._node.destroy_subscription(subscription)
 
-        # A best-effort, volatile subscription matches all publishers. But latched messages of the
-        # past are sent only to a reliable, transient-local one.
-        latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
-        is_latched = all((info.qos_profile.reliability, info.qos_profile.durability) == latched
-                         for info in self._node.get_publishers_info_by_topic(topic))
-        reliability, durability = latched if is_latched else (
-            ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE)
-        subscription = self._node.create_subscription(message_type, topic, read, QoSProfile(
-            depth=_HEADERS, reliability=reliability, durability=durability), raw=True)
+        subscription = self._node.create_subscription(
+            message_type, topic, read, profile, raw=True)
 
 
 def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
     """Listen to transforms, and to the headers on other topics."""
     from dummy_arm.cli.node import spinning_node
-    from dummy_arm.inspection.frame_listener import FrameListener
-    statistics, malformed, dropped = Statistics(), Counter[str](), 0
+    from dummy_arm.inspection.frame_listener import FrameListener, TF_MESSAGE
+    statistics, malformed, dropped, end = Statistics(_SETTLING), Counter[str](), 0, 0
     with spinning_node('tf_doctor', ros_args, namespace) as node:
         frame_listener = FrameListener(node)
         listener, sampler = frame_listener.publisher_listener, _HeaderSampler(node)
 
         def poll() -> None:
             """Count what has arrived."""
-            nonlocal dropped
+            nonlocal dropped, end
+            end = frame_listener.now()
+            offset = end - time.time_ns() if end else None
             received, newly_dropped = listener.received()
             dropped += newly_dropped
-            now = frame_listener.now()
             for table in transform_tables(received, lambda error: malformed.update([str(error)])):
-                statistics.add(table, now - time.time_ns() if now else None)
+                statistics.add(table, offset)
             sampler.scan_if_due()
 
         elapsed = listen(duration, frame_listener.buffer.frame_names, poll)
         tracks = statistics.tracks()
         nodes = listener.names_of([*(track.publisher for track in tracks),
-                                   *statistics.empty_names])
+                                   *(publisher for publisher, _ in statistics.empty_names)])
         static, dynamic = frame_listener.topics
-        not_known = {} if frame_listener.now() else {
-            'arrivals': 'use_sim_time is set, but no message has arrived on /clock'}
+        not_known = _not_known(statistics)
+        if not end:
+            not_known['arrivals'] = 'use_sim_time is set, but no message has arrived on /clock'
+        hint = ''
+        if node.count_publishers('/clock') and not node.get_parameter('use_sim_time').value:
+            hint = ('. /clock is published: with --ros-args -p use_sim_time:=true, stamps are '
+                    'compared with it')
         snapshot = Snapshot(
             tracks, (dynamic, static), nodes=nodes, present=listener.present,
             endpoints=[*_endpoints(node, (dynamic, static))],
-            headers=[Headers(topic, frozenset(frames))
-                     for topic, frames in sampler.frames.items()],
+            headers=headers_of(
+                dynamic.rpartition('/')[0],
+                [Headers(topic, frozenset(frames)) for topic, frames in sampler.frames.items()],
+                [topic for topic, types in node.get_topic_names_and_types()
+                 if TF_MESSAGE in types and node.count_publishers(topic)]),
             empty_names=statistics.empty_names, not_known=not_known,
             why_no_transforms='' if tracks else frame_listener.why_no_frames(),
-            other_namespaces=frame_listener.other_topics_hint())
+            other_namespaces=frame_listener.other_topics_hint(), end=end, clock_hint=hint)
     left_out = [f'headers on {topic}: its type {name} cannot be imported'
                 for topic, name in sorted(sampler.unknown_types.items())]
     if dropped:
         left_out.append(f'{dropped} messages: they arrived too fast')
-    return Observation(snapshot, f'in {elapsed:.1f} s', statistics.count,
-                       [*left_out, *_not_counted(statistics, malformed)])
+    return Observation(
+        snapshot, f'in {elapsed:.1f} s', statistics.count, _publishers(tracks, nodes),
+        [*left_out, *_not_counted(statistics, malformed)])
+
+
+def _publishers(tracks: Iterable[Track], nodes: Mapping[str, str]) -> dict[str, str]:
+    """Return the names of the nodes that publish each child."""
+    names: dict[str, dict[str, None]] = {}
+    for track in tracks:
+        names.setdefault(track.child, {})[nodes.get(track.publisher, track.publisher)] = None
+    return {child: ', '.join(map(shortened, each)) for child, each in names.items()}
+
+
+def _not_known(statistics: Statistics) -> dict[str, str]:
+    """Return what is not known; see `Snapshot`."""
+    return {'headers': 'there are too many frames'} if statistics.not_counted else {}
 
 
 def _not_counted(statistics: Statistics, malformed: Counter[str]) -> Iterator[str]:
@@ -268,7 +309,7 @@ def _not_counted(statistics: Statistics, malformed: Counter[str]) -> Iterator[st
     if statistics.not_counted:
         yield f'{statistics.not_counted} transforms: there are too many frames'
     for error, count in malformed.most_common(_SHOWN):
-        yield f'{count} messages, which cannot be decoded: {error}'
+        yield f'{count} message{"s" if count > 1 else ""} of this kind: {error}'
 
 
 def _endpoints(node: 'Node', topics: Sequence[str]) -> Iterator[Endpoint]:
@@ -314,83 +355,126 @@ def _observe_bag(bag: str, namespace: str, partial: bool) -> Observation:
                 lambda error: malformed.update([str(error)])):
             statistics.add(table)
     tracks = statistics.tracks()
-    publishers = {track.publisher for track in tracks} - {NOT_RECORDED}
-    not_known = {'qos': 'the QoS and the other namespaces are not read from a bag'}
+    publishers = {*(track.publisher for track in tracks),
+                  *(publisher for publisher, _ in statistics.empty_names)} - {NOT_RECORDED}
+    nodes = {name: name for name in publishers}
+    not_known = _not_known(statistics)
+    not_known['qos'] = 'the QoS of the publishers is not read from a bag'
     if not publishers:
         not_known['nodes'] = 'the bag does not record which node has sent a message'
     if not any(track['delays'] for track in tracks):
         not_known['arrivals'] = 'there are no dynamic transforms with a time of the recording'
     path = ''.join(f'/{part}' for part in namespace.split('/') if part)
+    tf_topics = [topic.topic for topic in topics if topic.frames == frozenset()
+                 and topic.topic.removesuffix('_static').endswith('/tf')]
+    others = [topic for topic in tf_topics if topic.endswith('/tf')]
+    is_static = all(track.is_static for track in tracks)
     snapshot = Snapshot(
-        tracks, (f'{path}/tf', f'{path}/tf_static'), nodes={name: name for name in publishers},
-        headers=[Headers(topic.topic, topic.frames) for topic in topics
-                 if topic.frames is not None],
-        empty_names=statistics.empty_names, not_known=not_known, has_record_times=True)
+        tracks, (f'{path}/tf', f'{path}/tf_static'), nodes=nodes,
+        headers=headers_of(path, [Headers(topic.topic, topic.frames) for topic in topics
+                                  if topic.frames], tf_topics),
+        empty_names=statistics.empty_names, not_known=not_known, has_record_times=True,
+        other_namespaces='' if not others or not is_static else (
+            f'there is no dynamic transform on {path}/tf, but there are transforms on '
+            f'{comma_list(others, _SHOWN)}: use --namespace'))
     left_out = [
         f'headers on {topic.topic}: the definition of its type {topic.msgtype} is not known'
         for topic in topics if topic.frames is None]
-    return Observation(snapshot, f'in {bag}', statistics.count,
+    return Observation(snapshot, f'in {bag}', statistics.count, _publishers(tracks, nodes),
                        [*left_out, *_not_counted(statistics, malformed)])
 
 
 # The path between two frames
 
 
-def _explain_live(ends: tuple[str, str], time: int, duration: float, ros_args: Sequence[str],
+def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: Sequence[str],
                   namespace: str) -> Explanation:
     """Listen to transforms; then explain the path between two frames."""
     from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
+    statistics = Statistics()
     with spinning_node('tf_doctor', ros_args, namespace) as node:
-        frame_listener = FrameListener(node, max(10.0, duration))
-        listen(duration, frame_listener.buffer.frame_names)
-        frames, buffer = frame_listener.frames(), frame_listener.buffer
-        return explain(frames, ends, time, buffer.why_not(*ends, time) if frames else
-                       f'No transform has been received. {frame_listener.why_no_frames()}')
+        frame_listener = FrameListener(node, max(10.0, duration) + _MARGIN)
+        buffer, listener = frame_listener.buffer, frame_listener.publisher_listener
+
+        def poll() -> None:
+            """Count what has arrived."""
+            for table in transform_tables(listener.received().messages):
+                statistics.add(table)
+
+        listen(duration, buffer.frame_names, poll)
+        tracks = statistics.tracks()
+        explanation = explain(buffer, ends, stamp, _publishers(
+            tracks, listener.names_of(track.publisher for track in tracks)))
+        if not buffer.frame_names():
+            return explanation._replace(
+                why_not=f'No transform has been received. {frame_listener.why_no_frames()}')
+        now = frame_listener.now()
+    if not now or not explanation.stamp or stamp:
+        return explanation
+    return explanation._replace(
+        age=f', {in_seconds(max(0, now - explanation.stamp)):.3f} s before the end of listening')
 
 
-def explain(frames: Iterable[Frame], ends: tuple[str, str], time: int, why_not: str
-            ) -> Explanation:
+def explain(buffer: 'BufferCore | MessageBufferCore', ends: tuple[str, str], stamp: int,
+            publishers: Mapping[str, str]) -> Explanation:
     """
     Explain the path between two frames.
 
-    :param frames: the frames that have a parent.
+    :param buffer: the buffer with the transforms.
     :param ends: the two frames.
-    :param time: time of the transform (ns); 0: the latest time for which every edge has data.
-    :param why_not: why there is no transform at this time; '': there is one.
+    :param stamp: time of the transform (ns); 0: the latest time for which every edge has data.
+    :param publishers: by child: the names of the nodes that publish it.
     :returns: the path: from the first frame up to the frame where the two meet, then down to the
         second frame. If the two frames are in different trees, the path goes up to both roots.
     """
-    by_name = {frame.name: frame for frame in frames}
-    upwards: list[list[Frame]] = []
-    roots = []
+    why_not = buffer.why_not(*ends, stamp)
+    frames = {frame.name: frame._replace(authority=publishers.get(frame.name, frame.authority))
+              for frame in buffer.frames()}
+    path, roots = _path(frames, ends)
+    stamp = stamp or min((frame.latest for frame in path if frame.latest), default=0)
+    # The parents at this time, which may have been others.
+    for frame in buffer.frames(stamp):
+        frames[frame.name] = frames[frame.name]._replace(parent=frame.parent)
+    path, roots = _path(frames, ends)
+    return Explanation(ends, stamp, [Edge(frame, _refusal(frame, stamp)) for frame in path], roots,
+                       why_not)
+
+
+def _path(frames: Mapping[str, Frame], ends: tuple[str, str]
+          ) -> tuple[list[Frame], tuple[str, str]]:
+    """
+    Return the path between two frames, and its roots.
+
+    :returns: the edges, as in `explain`; and the roots above the two frames. If the frames meet,
+        both are the frame where they meet.
+    """
+    chains: list[dict[str, None]] = []
     for name in ends:
-        chain: dict[str, Frame] = {}
-        while name in by_name and name not in chain:
-            chain[name] = by_name[name]
-            name = by_name[name].parent
-        upwards.append([*chain.values()])
-        roots.append(name)
-    first, second = upwards
-    while first and second and first[-1] == second[-1]:
-        first.pop()
-        second.pop()
-    path = [*first, *second[::-1]]
-    time = time or min((frame.latest for frame in path if not frame.is_static), default=0)
-    return Explanation(ends, time, [Edge(frame, _refusal(frame, time)) for frame in path],
-                       (roots[0], roots[1]), why_not)
+        chain = {name: None}
+        while name in frames and (name := frames[name].parent) not in chain:
+            chain[name] = None
+        chains.append(chain)
+    first, second = ({name: i for i, name in enumerate(chain)} for chain in chains)
+    # If there is a loop, several frames are in both chains.
+    meeting = min(first.keys() & second.keys(), key=lambda name: first[name] + second[name],
+                  default='')
+    edges = [[frames[name] for name in takewhile(meeting.__ne__, chain) if name in frames]
+             for chain in chains]
+    return [*edges[0], *edges[1][::-1]], (
+        meeting or [*first][-1], meeting or [*second][-1])
 
 
-def _refusal(frame: Frame, time: int) -> str:
+def _refusal(frame: Frame, stamp: int) -> str:
     """Return why an edge has no pose at a time; '' if it has one."""
-    if frame.is_static or frame.oldest <= time <= frame.latest:
+    if frame.is_static or frame.oldest <= stamp <= frame.latest:
         return ''
-    if time > frame.latest:
-        return (f'its newest transform is {in_seconds(time - frame.latest):.3f} s older than '
-                f'{display_time(time)}: the pose at that time has not arrived yet, or its '
+    if stamp > frame.latest:
+        return (f'its newest transform is {in_seconds(stamp - frame.latest):.3f} s older than '
+                f'{display_time(stamp)}: the pose at that time has not arrived yet, or its '
                 'publisher has stopped')
-    return (f'its oldest transform is {in_seconds(frame.oldest - time):.3f} s newer than '
-            f'{display_time(time)}: the pose at that time was never received, or is no longer '
+    return (f'its oldest transform is {in_seconds(frame.oldest - stamp):.3f} s newer than '
+            f'{display_time(stamp)}: the pose at that time was never received, or is no longer '
             'kept')
 
 
@@ -416,7 +500,7 @@ def format_explanation(explanation: Explanation) -> list[str]:
     for row, edge in zip(rows, explanation.edges):
         lines.append('  '.join(map(padded, row, widths)).rstrip())
         if edge.refusal:
-            lines += wrapped(f'This edge refuses: {edge.refusal}.', '    ')
+            lines += wrapped(f'No pose at that time: {edge.refusal}.', '    ')
     if lines:
         what = f'The path from {first} to {second}'
         if explanation.roots[0] != explanation.roots[1]:
@@ -424,9 +508,9 @@ def format_explanation(explanation: Explanation) -> list[str]:
             lines += ['', f'No edge connects {" and ".join(map(shortened, explanation.roots))}.']
         lines = [*wrapped(f'{what}, with the rate, the oldest and the newest stamp, and the '
                           'publisher of each edge:'), '', *lines, '']
-    when = f'at {display_time(explanation.time)}' if explanation.time else 'at all times'
+    when = f'at {display_time(explanation.stamp)}' if explanation.stamp else 'at all times'
     if not explanation.why_not:
-        return [*lines, f'The transform from {second} to {first} exists {when}.']
+        return [*lines, f'The transform from {second} to {first} exists {when}{explanation.age}.']
     return [*lines, *wrapped(visible(
         f'There is no transform from {second} to {first}: {explanation.why_not}'))]
 
@@ -470,9 +554,13 @@ def format_findings(observation: Observation, findings: Sequence[Finding],
     found = ', '.join(f'{count} {severity}{"s" if count > 1 else ""}'
                       for severity, count in counts.items() if count)
     snapshot = observation.snapshot
-    return [*lines, *[''][:len(left_out)], visible(
-        f'{found or "healthy"}: {observation.total} transforms of {len(snapshot.tree_of)} frames '
-        f'{observation.where}')]
+    return [*lines, *([''] if left_out else []), visible(
+        f'{found or "healthy"}: {_count(observation.total, "transform")} of '
+        f'{_count(len(snapshot.tree_of), "frame")} {observation.where}')]
+
+
+def _count(number: int, noun: str) -> str:
+    return f'{number} {noun}{"s" if number != 1 else ""}'
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

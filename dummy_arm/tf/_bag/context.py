@@ -25,6 +25,10 @@ _SHOWN = 10
 _MAX_TOPICS = 10_000
 #: An error text that is longer than this (characters) is abbreviated.
 _LONGEST_ERROR = 500
+#: An annotation in an .idl file, which may have texts in parentheses.
+_ANNOTATION = re.compile(r'@\w+\s*(\((?:[^()"]|"(?:\\.|[^"\\])*")*\))?')
+#: The beginning of a constant in a .msg file.
+_CONSTANT = re.compile(r'\S+\s+\w+\s*=')
 #: The number of messages of a topic other than TF whose headers are read.
 HEADERS = 10
 
@@ -122,7 +126,7 @@ class HeaderStream:
         """
         if self.is_wanted:
             self._count += 1
-            with suppress(struct.error, UnicodeDecodeError):  # a damaged message
+            with suppress(struct.error):  # a damaged message
                 self.frames.add(self._encoding.header_frame(data))
 
 
@@ -148,9 +152,11 @@ class BagContext:
         :param with_headers: True: read also the headers of other topics.
         """
         self._path = path
-        self._with_headers = with_headers
+        self.with_headers = with_headers
         #: The topics that are not TF, and whose messages begin with a header; by name.
         self.header_streams: dict[str, HeaderStream] = {}
+        #: The types of further topics with TF messages; by the name of the topic.
+        self.other_tf: dict[str, str] = {}
         #: The types of other topics whose definition is not known; by the name of the topic.
         self.unknown_types: dict[str, str] = {}
         self._namespace = ''.join(f'/{part}' for part in namespace.split('/') if part)
@@ -185,14 +191,17 @@ class BagContext:
         if len(self._types) < _MAX_TOPICS or is_static is not None:
             self._types[topic] = msgtype
         if msgtype in _TYPES:
-            return None if is_static is None else Stream(is_static, publisher, encoding)
-        if not self._with_headers or len(self.header_streams) >= _MAX_TOPICS:
+            if is_static is not None:
+                return Stream(is_static, publisher, encoding)
+            self.other_tf[topic] = msgtype
             return None
-        is_known = _begins_with_header(msgtype, definition)
-        if is_known is None:
+        if not self.with_headers or len(self.header_streams) >= _MAX_TOPICS:
+            return None
+        has_header = _begins_with_header(msgtype, definition)
+        if has_header is None:
             self.unknown_types[topic] = msgtype
         return self.header_streams.setdefault(
-            topic, HeaderStream(topic, msgtype, encoding)) if is_known else None
+            topic, HeaderStream(topic, msgtype, encoding)) if has_header else None
 
     def start_file(self, number: int, count: int) -> None:
         """
@@ -297,15 +306,19 @@ def _begins_with_header(msgtype: str, definition: str) -> Optional[bool]:
         except (ImportError, KeyError):
             return None
         return bool(fields) and fields[0][1][1] == 'std_msgs/msg/Header'
-    if match := re.search(rf'struct {re.escape(msgtype.rpartition("/")[2])} {{(.*)', definition,
-                          re.DOTALL):
-        return bool(re.match(r'\s*(@[^\n]*\s+)*std_msgs::msg::Header\s', match[1]))
+    idl = _ANNOTATION.sub('', definition)
+    if match := re.search(
+            rf'\bstruct\s+{re.escape(msgtype.rpartition("/")[2])}\s*{{\s*([\w:]+)', idl):
+        return match[1] == 'std_msgs::msg::Header'
+    if re.search(r'\bmodule\s+\w+\s*{', idl):
+        return None
     for line in definition.splitlines():
         line = line.partition('#')[0].strip()
         if line.startswith('==='):  # the definitions of other types follow
             return False
-        if line and '=' not in line:  # a constant is not sent
-            return line.split()[0] in ('std_msgs/Header', 'std_msgs/msg/Header', 'Header')
+        if line and not _CONSTANT.match(line):  # a constant is not sent
+            return line.split()[0] in ('std_msgs/Header', 'std_msgs/msg/Header', 'Header',
+                                       'roslib/Header')
     return False
 
 

@@ -535,9 +535,9 @@ class _McapReader:
             return
         channel = Channel.read(ReadDataStream(BytesIO(record)))
         msgtype, definition = self._types.get(channel.schema_id, ('', ''))
+        encoded = _encoded(msgtype, channel.message_encoding)
         stream = self._context.stream(
-            channel.topic, _encoded(msgtype, channel.message_encoding), NOT_RECORDED, cdr,
-            definition)
+            channel.topic, encoded, NOT_RECORDED, cdr, definition if encoded == msgtype else '')
         self._streams[channel.id] = stream
         if not stream and channel.schema_id in self._types:
             self._unwanted_channels.add(channel.id)
@@ -603,9 +603,10 @@ class _McapReader:
             start = starts[i]
             _, length = _unpack_head(data, start - 9)
             stream = self._streams[_unpack_message(data, start)[0]]
-            message = self._message(data[start + _MESSAGE_HEAD:start + length])
-            if stream and message is not None:
-                yield stream, times[i], message
+            if stream and stream.is_wanted:
+                message = self._message(data[start + _MESSAGE_HEAD:start + length])
+                if message is not None:
+                    yield stream, times[i], message
 
     def _message(self, data: Buffer) -> Optional[bytes]:
         """
@@ -645,8 +646,8 @@ def _encoded(msgtype: str, encoding: str) -> str:
     """
     Append the encoding to a message type, if the encoding is another one than CDR.
 
-    A type with an appended encoding is not a type of TF messages, so that `BagContext.stream`
-    returns None for it.
+    A type with an appended encoding is no known type, so that `BagContext.stream` returns None for
+    it.
     """
     return msgtype if encoding in ('cdr', '') else f'{msgtype} in {encoding}'
 
@@ -774,9 +775,11 @@ class _SqliteReader:
             raise ValueError(f'it is not a database of rosbag2, missing tables: '
                              f'{", ".join(sorted(missing))}')
         definitions: dict[str, str] = {}
-        if 'message_definitions' in tables:
-            definitions = dict(self._database.execute(
-                'SELECT topic_type, encoded_message_definition FROM message_definitions'))
+        if self._context.with_headers and 'message_definitions' in tables:
+            with suppress(sqlite3.DatabaseError):  # the table is damaged, or has other columns
+                definitions = dict(self._database.execute(
+                    'SELECT topic_type, encoded_message_definition FROM message_definitions'))
+            self._context.tick()
         streams = {int(key): self._context.stream(
             str(topic), _encoded(str(msgtype), str(encoding)), NOT_RECORDED, cdr,
             str(definitions.get(msgtype) or ''))
@@ -789,14 +792,12 @@ class _SqliteReader:
         if self._context.partial:
             rows = self._recover(query)
         else:
-            all_of = ', '.join(
+            tf_topics = ', '.join(
                 str(key) for key, stream in streams.items() if isinstance(stream, Stream))
-            some_of = ''.join(
-                f' OR id IN (SELECT id FROM messages WHERE topic_id = {key} '
-                f'ORDER BY timestamp, id LIMIT {HEADERS})'
-                for key, stream in streams.items() if isinstance(stream, HeaderStream))
-            rows = self._database.execute(
-                f'{query} WHERE topic_id IN ({all_of}){some_of} ORDER BY timestamp, id')
+            ids = ', '.join(map(str, self._ids_of_headers(
+                [key for key, stream in streams.items() if isinstance(stream, HeaderStream)])))
+            rows = self._database.execute(f'{query} WHERE topic_id IN ({tf_topics}) '
+                                          f'OR id IN ({ids}) ORDER BY timestamp, id')
         first, count = self._ids()
         max_bytes, is_plain = self._max_bytes, not self._is_compressed
         for number, (key, topic, time, length, data) in enumerate(rows):
@@ -809,6 +810,20 @@ class _SqliteReader:
                     yield stream, time, data
                 elif (message := self._message(length, data)) is not None:
                     yield stream, time, message
+
+    def _ids_of_headers(self, topics: list[int]) -> Iterator[int]:
+        """Yield the ids of the messages whose headers are read: the first ones of each topic."""
+        left = dict.fromkeys(topics, HEADERS)
+        for key, topic in self._database.execute(
+                'SELECT id, topic_id FROM messages WHERE topic_id IN '
+                f'({", ".join(map(str, topics))}) ORDER BY timestamp, id'):
+            if not left:
+                return
+            if topic in left:
+                yield key
+                left[topic] -= 1
+                if not left[topic]:
+                    del left[topic]
 
     def _must_stop(self) -> bool:
         """
