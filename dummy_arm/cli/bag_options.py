@@ -80,4 +80,4 @@ def bag_progress(bag: str) -> Iterator[Callable[[float], object]]:
     except BagError as error:
         raise CommandError(str(error)) from None
     except OSError as error:
-        raise CommandError(f'cannot read {bag}: {error.strerror}') from None
+        raise CommandError(f'cannot read {bag}: {error.strerror or error}') from None

@@ -31,14 +31,14 @@ def whole_file(path: Path) -> Iterator[Path]:
     :returns: a context manager; the target of `as` is the path of a temporary file in the same
         directory, which the block writes. At the end of the block, the temporary file replaces the
         file; if the block raises an exception, it is deleted.
-    :raises CommandError: if the file cannot be written.
+    :raises CommandError: if the file cannot be written, or if the block raises an OSError.
     """
     part = path.with_name(f'.{path.name}.{os.getpid()}')
     try:
         yield part
         part.replace(path)
     except OSError as error:
-        raise CommandError(f'cannot write {path}: {error.strerror}') from None
+        raise CommandError(f'cannot write {path}: {error.strerror or error}') from None
     finally:
         with suppress(OSError):
             part.unlink()

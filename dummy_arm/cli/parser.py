@@ -114,6 +114,25 @@ def seconds(text: str) -> int:
     return int(time)
 
 
+#: How long the commands listen by default, and at most (s).
+DEFAULT_TIME, _LONGEST_TIME = 5.0, 1e9
+
+
+def listening_time(given: Optional[float]) -> float:
+    """
+    Return how long a command listens.
+
+    :param given: the time that the user has given (s); None: the default.
+    :returns: the time (s).
+    :raises UsageError: if the time is out of range.
+    """
+    time = DEFAULT_TIME if given is None else given
+    if not 0.0 < time <= _LONGEST_TIME:
+        raise UsageError(f'the time to listen must be more than 0 s, and at most '
+                         f'{_LONGEST_TIME:g} s, got {time:g}')
+    return time
+
+
 def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         args: Optional[Sequence[str]] = None, interrupted: int = 0) -> int:
     """

@@ -10,7 +10,15 @@ import time
 from typing import Any, NamedTuple, Optional, TYPE_CHECKING
 
 from dummy_arm.cli.bag_options import add_bag_options, bag_progress, read_bag
-from dummy_arm.cli.parser import number, Parser, run, seconds, UsageError
+from dummy_arm.cli.parser import (
+    DEFAULT_TIME,
+    listening_time,
+    number,
+    Parser,
+    run,
+    seconds,
+    UsageError,
+)
 from dummy_arm.cli.progress import listen
 from dummy_arm.inspection.diagnosis import (
     CHECKS,
@@ -46,8 +54,6 @@ if TYPE_CHECKING:
 
     from dummy_arm.tf import MessageBufferCore
 
-#: How long the command listens by default, and at most (s).
-DEFAULT_TIME, _LONGEST = 5.0, 86_400.0
 #: For the path between two frames, the buffer keeps transforms for this time more than the command
 #: listens (s).
 _MARGIN = 5.0
@@ -125,10 +131,7 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
         raise UsageError('--time is for listening: leave it out with --bag')
     if bag is None and partial:
         raise UsageError('--partial needs --bag')
-    seconds = DEFAULT_TIME if duration is None else duration
-    if not 0.0 < seconds <= _LONGEST:
-        raise UsageError(f'the time to listen must be more than 0 s, and at most {_LONGEST:g} s, '
-                         f'got {seconds:g}')
+    duration = listening_time(duration)
     if list_codes:
         print('\n'.join(format_codes()))
         return 0
@@ -138,7 +141,7 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
             explanation = explain(
                 buffer, (a, b), t, _observe_bag(bag, namespace, partial).publishers)
         else:
-            explanation = _explain_live((a, b), t, seconds, ros_args, namespace)
+            explanation = _explain_live((a, b), t, duration, ros_args, namespace)
         text, has_error = format_explanation(explanation), bool(explanation.why_not)
         data: Any = {
             'frames': explanation.ends, 'time': explanation.stamp, 'roots': explanation.roots,
@@ -146,7 +149,7 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
             'path': [{**edge.frame._asdict(), 'refusal': edge.refusal}
                      for edge in explanation.edges]}
     else:
-        observation = (_observe_live(seconds, ros_args, namespace) if bag is None else
+        observation = (_observe_live(duration, ros_args, namespace) if bag is None else
                        _observe_bag(bag, namespace, partial))
         findings = diagnose(observation.snapshot, ignore)
         left_out = [*not_checked(observation.snapshot, ignore), *observation.not_checked]

@@ -16,7 +16,15 @@ from numpy.typing import NDArray
 
 from dummy_arm.cli.bag_options import add_bag_options, read_bag
 from dummy_arm.cli.files import check_writable, whole_file
-from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
+from dummy_arm.cli.parser import (
+    CommandError,
+    DEFAULT_TIME,
+    listening_time,
+    number,
+    Parser,
+    run,
+    UsageError,
+)
 from dummy_arm.cli.progress import listen, progress
 from dummy_arm.cli.signals import check_signals, forget_signals
 from dummy_arm.tf import BufferCore, TransformException
@@ -33,8 +41,6 @@ TWIST_INTERVAL = SECOND // 10
 MAX_ROWS = 10_000_000
 #: The largest number of rows in a drawing. Of more rows, every second, third and so on is drawn.
 MAX_DRAWN = 20_000
-#: The default and the largest time to listen (s).
-DEFAULT_TIME, _LONGEST = 5.0, 1e9
 #: The buffer keeps transforms for this time more than the command listens (s).
 _MARGIN = 5.0
 #: The number of rows that are looked up before they are written.
@@ -95,8 +101,9 @@ class Trajectory:
             yield self._part(times)
             self.on_progress(begin + len(times))
         if not self.count:
-            raise CommandError(f'none of {self.left_out} rows has a transform; the first, at '
-                               f'{_seconds(self.first_left_out)} s: {self.reason}')
+            raise CommandError(f'no row has a transform{" and a velocity" * self.has_twist}; the '
+                               f'first of {self.left_out}, at {_seconds(self.first_left_out)} s: '
+                               f'{self.reason}')
 
     def rows(self) -> Iterator[Rows]:
         """
@@ -141,7 +148,8 @@ class Trajectory:
     def _why_not(self, time: int) -> str:
         """Return why the row of a time (ns) is left out."""
         if not time:
-            return 'a lookup for time 0 returns the latest transform'
+            return ('the stamp is 0, and a lookup for time 0 returns the latest transform: set '
+                    'the stamps')
         if why := self._buffer.why_not(self.target, self.source, time):
             return why
         if self.has_twist:
@@ -204,10 +212,7 @@ def command(target_frame: str, source_frame: str, output: Optional[str] = None,
         raise UsageError('a frame must have a name')
     if seconds is not None and bag is not None:
         raise UsageError('--time is for listening: leave it out with --bag')
-    seconds = DEFAULT_TIME if seconds is None else seconds
-    if not 0.0 < seconds <= _LONGEST:
-        raise UsageError(f'the time to listen must be more than 0 s, and at most {_LONGEST:g} s, '
-                         f'got {seconds:g}')
+    seconds = listening_time(seconds)
     if every is not None and not 1 <= every * SECOND < 2**63:
         raise UsageError(f'--every must be at least 1e-09 s, and less than 9.2e+09 s, got '
                          f'{every:g}')
@@ -229,16 +234,18 @@ def command(target_frame: str, source_frame: str, output: Optional[str] = None,
             part = stack.enter_context(whole_file(path))
             _write(part, path.suffix.lower(), trajectory, step)
             check_signals()
-    some = f', one of {step} stamps' if step > 1 else ''
-    summary = (f'{trajectory.count} rows from {_seconds(trajectory.begin)} s to '
-               f'{_seconds(trajectory.end)} s{some}')
+    some = f', of {len(times)} rows one of {step}' if step > 1 else ''
+    rows = '1 row' if trajectory.count == 1 else f'{trajectory.count} rows'
+    summary = (f'{rows} from {_seconds(trajectory.begin)} s to {_seconds(trajectory.end)} s'
+               f'{some}')
     if path is None:
         print(f'tf_trajectory: {summary}', file=sys.stderr)
     else:
         print(f'wrote {visible(str(path))}: {summary}')
     if trajectory.left_out:
-        print(f'tf_trajectory: left out {trajectory.left_out} of {len(trajectory.times)} rows '
-              f'without a transform{" or a velocity" if twist else ""}; the first, at '
+        left_out, all_rows = trajectory.left_out, len(trajectory.times)
+        print(f'tf_trajectory: {left_out} of {all_rows} rows {"are" if left_out > 1 else "is"} '
+              f'left out, without a transform{" or a velocity" if twist else ""}; the first, at '
               f'{_seconds(trajectory.first_left_out)} s: {visible(trajectory.reason)}',
               file=sys.stderr)
     return 0
@@ -303,8 +310,9 @@ def _times(buffer: AnyBuffer, target: str, source: str, every: Optional[float]
     except TransformException as error:
         raise CommandError(str(error)) from None
     if not len(stamps):
-        raise CommandError(f'{source!r} never moves in {target!r}: there is no dynamic transform '
-                           'between them. tf2_echo prints the pose')
+        raise CommandError('both frames are the same' if target == source else
+                           f'{source!r} never moves in {target!r}: there is no dynamic transform '
+                           'between them. Print its pose with tf2_echo')
     if every is None:
         return stamps
     first, last = int(stamps[0]), int(stamps[-1])
@@ -318,7 +326,7 @@ def _times(buffer: AnyBuffer, target: str, source: str, every: Optional[float]
 
 def _seconds(stamp: int) -> str:
     """
-    Write a time (ns) in s, without rounding.
+    Format a time (ns) in s, without rounding.
 
     >>> _seconds(1_700_000_000_000_000_001), _seconds(-1_500_000_000)
     ('1700000000.000000001', '-1.500000000')

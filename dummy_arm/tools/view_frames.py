@@ -8,7 +8,15 @@ from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.cli.bag_options import add_bag_options, read_bag
 from dummy_arm.cli.files import check_writable, whole_file
-from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
+from dummy_arm.cli.parser import (
+    CommandError,
+    DEFAULT_TIME,
+    listening_time,
+    number,
+    Parser,
+    run,
+    UsageError,
+)
 from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import check_signals, sleep
 from dummy_arm.inspection.forest import Forest, frequency
@@ -28,8 +36,6 @@ OTHER_FORMATS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
 #: The largest number of frames in a drawing. A drawing of more frames is not legible, and can
 #: take minutes to compute.
 MAX_FRAMES = 2000
-#: The default and the largest time to listen (s).
-DEFAULT_WAIT, _LONGEST = 5.0, 1e9
 #: The interval at which --watch prints the tree (s).
 _REFRESH = 1.0
 
@@ -87,10 +93,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     if bag is not None and (watch or wait_time is not None):
         raise UsageError(
             '--watch and --wait-time (-t) are for listening: leave them out with --bag')
-    seconds = DEFAULT_WAIT if wait_time is None else wait_time
-    if not 0.0 < seconds <= _LONGEST:
-        raise UsageError(f'the time to listen must be more than 0 s, and at most {_LONGEST:g} s, '
-                         f'got {seconds:g}')
+    seconds = listening_time(wait_time)
     root = root if root is None else root.removeprefix('/')
     if root == '':
         raise UsageError('--root needs the name of a frame')
@@ -265,7 +268,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '          view_frames --watch --root base_link\n'
         '          view_frames --bag robot.mcap')
     parser.add_argument('-t', '--wait-time', type=number, metavar='SECONDS',
-                        help=f'how long to listen (s; default: {DEFAULT_WAIT:g})')
+                        help=f'how long to listen (s; default: {DEFAULT_TIME:g})')
     parser.add_argument('-o', '--output', default='frames', metavar='NAME',
                         help='the file of the drawing, in the format .pdf, .svg or .png; to a '
                              'name without a format, .pdf is added (default: %(default)s)')

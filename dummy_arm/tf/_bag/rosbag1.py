@@ -44,7 +44,7 @@ class _CutOff(EOFError):
 
 def records(path: Path, context: BagContext) -> _Records:
     """
-    Yield the TF messages of a bag, in the order of the file.
+    Yield the wanted messages of a bag, in the order of the file.
 
     :param path: the path of the .bag file.
     :param context: the context of the bag; topics, progress and damage are reported to it.
@@ -116,9 +116,9 @@ class _Reader:
         """
         Read the next record.
 
-        Only chunks, connections and TF messages are read; other records are skipped.
+        Only chunks, connections and wanted messages are read; other records are skipped.
 
-        :returns: the TF messages in the record.
+        :returns: the wanted messages in the record.
         :raises Exception: if the record cannot be read; the exception can be of many types. Damage
             inside a chunk is reported to the context instead.
         """
@@ -151,7 +151,7 @@ class _Reader:
 
     def _chunk(self, fields: _Fields, data: Buffer, is_complete: bool) -> _Records:
         """
-        Yield the TF messages of a chunk; keep the streams of its connections.
+        Yield the wanted messages of a chunk; keep the streams of its connections.
 
         :param fields: the fields of the header of the chunk.
         :param data: the data of the chunk, which may be compressed.

@@ -13,7 +13,7 @@ The order of the messages:
 - Files are read one after the other, in the order in which `metadata.yaml` lists them. If
   `BagContext.partial` is True, files are read in the order of the numbers in their names.
 - An mcap file is normally read with the index at its end. Messages are then ordered by log time,
-  and chunks that certainly have no TF messages are not decompressed.
+  and chunks that certainly have no wanted messages are not decompressed.
 - An mcap file is read sequentially if its index is missing or lists no chunks, if the file is
   compressed as a whole, or if `BagContext.partial` is True. Chunks, and messages outside chunks,
   are then read in the order of the file. The messages in a chunk are ordered by log time.
@@ -92,7 +92,7 @@ class _CutOff(EOFError):
 
 def records(path: Path, context: BagContext) -> _Records:
     """
-    Yield the TF messages of a bag.
+    Yield the wanted messages of a bag: those of TF, and the first ones of topics with headers.
 
     :param path: the path of a bag's directory, or of a storage file.
     :param context: the context of the bag; topics, progress and damage are reported to it.
@@ -115,7 +115,7 @@ def records(path: Path, context: BagContext) -> _Records:
 
 def _records_of_file(path: Path, context: BagContext, is_compressed: Optional[bool]) -> _Records:
     """
-    Yield the TF messages of a storage file.
+    Yield the wanted messages of a storage file.
 
     :param is_compressed: whether `metadata.yaml` says that each message is compressed separately;
         None if `metadata.yaml` has not been read.
@@ -436,7 +436,7 @@ class _McapReader:
 
     def indexed(self, chunks: list[tuple[int, int, frozenset[int]]]) -> _Records:
         """
-        Yield the TF messages of indexed chunks, ordered by log time.
+        Yield the wanted messages of indexed chunks, ordered by log time.
 
         The time ranges of chunks may overlap. A message therefore waits until no unread chunk can
         have a message with an earlier log time. If the waiting messages together take more than
@@ -476,7 +476,7 @@ class _McapReader:
         return self._chunk(length)
 
     def sequential(self) -> _Records:
-        """Read the file from its beginning; yield its TF messages."""
+        """Read the file from its beginning; yield its wanted messages."""
         source, number = self._source, 0
         while True:
             self._context.tick()
@@ -500,7 +500,7 @@ class _McapReader:
                 return
 
     def _record(self, kind: int, length: int) -> _Records:
-        """Yield the TF messages of a record; `sequential` skips what is left of the record."""
+        """Yield the wanted messages of a record; `sequential` skips what is left of the record."""
         if length < _SHORTEST_RECORD.get(kind, 0):
             raise ValueError('a record ends too early')
         if kind == _CHUNK:
@@ -544,7 +544,7 @@ class _McapReader:
 
     def _chunk(self, length: int) -> _Records:
         """
-        Read a chunk; yield its TF messages in the order of their log times.
+        Read a chunk; yield its wanted messages in the order of their log times.
 
         :param length: the length of the chunk's record (bytes).
         """
@@ -573,7 +573,7 @@ class _McapReader:
 
     def _messages(self, data: Buffer, is_complete: bool) -> _Records:
         """
-        Yield the TF messages of a chunk in the order of their log times.
+        Yield the wanted messages of a chunk in the order of their log times.
 
         :param data: the decompressed records of the chunk.
         :param is_complete: False if the file ends in the middle of the chunk.
@@ -667,8 +667,8 @@ def _decompressed(data: Buffer, path: Path, context: BagContext) -> Optional[byt
 _LARGEST_ID = 2**63 - 1
 #: A row of the query `_ROWS`: the id of a message, the id of the topic, the time of the recording
 #: (ns), the length of the message (bytes), and the data of the message. The data are None in three
-#: cases: they are NULL in the database, they are longer than `max_bytes`, or the topic has no TF
-#: messages.
+#: cases: they are NULL in the database, they are longer than `max_bytes`, or the topic has no
+#: wanted messages.
 _Row = tuple[int, int, Any, Optional[int], Optional[bytes]]
 _ROWS = ('SELECT id, topic_id, timestamp, length(data), CASE WHEN topic_id IN ({topics}) AND '
          'length(data) <= {max_bytes} THEN CAST(data AS BLOB) END FROM messages')
@@ -678,7 +678,7 @@ _SMALLEST_LIMIT = 2**20
 def _records_of_sqlite(path: Path, whole: Path, context: BagContext, is_compressed: Optional[bool]
                        ) -> _Records:
     """
-    Yield the TF messages of a database.
+    Yield the wanted messages of a database.
 
     :param path: the path of the storage file.
     :param whole: the path of the decompressed database; equal to `path` if the storage file is not
@@ -764,7 +764,7 @@ class _SqliteReader:
 
     def records(self) -> _Records:
         """
-        Yield the TF messages.
+        Yield the wanted messages.
 
         :raises sqlite3.Error: if the file is damaged.
         :raises ValueError: if the database does not have the tables of rosbag2.

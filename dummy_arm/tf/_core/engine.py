@@ -554,7 +554,7 @@ class Engine:
         :param interval: the length of the interval (ns, or a duration of ROS).
         :returns: the linear velocity of the origin of the source frame (m/s) and the angular
             velocity of the source frame (rad/s), both in the axes of the target frame.
-        :raises TransformException: if there is no transform at the begin or at the end of the
+        :raises TransformException: if there is no transform at the beginning or the end of the
             interval; the type of the exception says why.
         :raises TypeError: if a frame is not a str, or the time or the interval has a wrong type.
         :raises ValueError: if the interval is not longer than 0.

@@ -27,8 +27,8 @@ def twist(lookups: Lookups, target: str, source: str, time: int, interval: int) 
         ends after this time, it is moved so that it ends at this time.
     :returns: the velocity of the origin of the source frame (m/s), and the angular velocity of the
         source frame (rad/s).
-    :raises TransformException: if there is no pose at the begin or at the end of the interval; the
-        class of the error says why.
+    :raises TransformException: if there is no pose at the beginning or the end of the interval;
+        the class of the error says why.
     :raises ValueError: if the interval is not positive.
     """
     if interval <= 0:
