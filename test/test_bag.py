@@ -142,6 +142,7 @@ def test_types_of_rosbags(tmp_path):
         assert len(read(path).frames()) == 2
 
 
+@pytest.mark.soak
 def test_many_topics_with_headers(tmp_path):
     """There may be thousands of topics with headers in a database."""
     path = bags.make(tmp_path, 'db3', [*bags.walk(), *(

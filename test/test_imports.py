@@ -118,7 +118,8 @@ def test_most_modules_need_no_ros():
     assert len(WITHOUT) > len(NAMES) / 2
     assert {'dummy_arm.arm', 'dummy_arm.tf', 'dummy_arm.tf.bag', 'dummy_arm.tf.buffer_core',
             'dummy_arm.tf.exceptions', 'dummy_arm.tf.rotations', 'dummy_arm.tf.formatting',
-            'dummy_arm.tf.transform', 'dummy_arm.tools.tf2_echo', 'dummy_arm.tools.tf_trajectory',
+            'dummy_arm.tf.transform', 'dummy_arm.tf.transform_table', 'dummy_arm.tools.tf2_echo',
+            'dummy_arm.tools.tf_doctor', 'dummy_arm.tools.tf_trajectory',
             'dummy_arm.tools.view_frames', 'dummy_arm.tools.web_view',
             'dummy_arm.view.source'} <= {*WITHOUT}
     assert 'dummy_arm.tf.buffer' not in WITHOUT

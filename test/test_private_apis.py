@@ -25,7 +25,7 @@ PRIVATE = {
     'view/viser_private.py': {'_gui_input_handle_from_uuid', '_websock_connection',
                               'viser._messages'}}
 #: Names with an underscore that the documentation of Python has.
-PUBLIC = {'_thread', '_replace', '_make'}
+PUBLIC = {'_thread', '_asdict', '_replace', '_make'}
 
 
 def is_private(name):

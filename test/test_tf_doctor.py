@@ -112,6 +112,7 @@ def test_malformed_headers(start, ros):
     assert codes(data) == {'unknown_frame'}
 
 
+@pytest.mark.soak
 def test_latched_and_volatile_publishers(start, ros):
     """The frames of latched messages are read, also if the topic has other publishers."""
     StaticTransformBroadcaster(ros.node).sendTransform(transform('map', 'odom', 0))
@@ -125,6 +126,7 @@ def test_latched_and_volatile_publishers(start, ros):
     assert [finding['frames'] for finding in data['findings']] == [['lost']]
 
 
+@pytest.mark.soak
 def test_headers_of_another_robot(start, ros):
     """The headers in a namespace with transforms of its own are not judged by other transforms."""
     static = StaticTransformBroadcaster(ros.node)
@@ -160,6 +162,7 @@ def test_another_namespace(start, ros):
         assert data['verdict'].startswith('healthy')
 
 
+@pytest.mark.soak
 def test_sim_time(start, ros):
     """With use_sim_time, stamps are compared with /clock; without it, they seem to be wrong."""
     clock = ros.node.create_publisher(Clock, '/clock', 10)
@@ -178,6 +181,7 @@ def test_sim_time(start, ros):
         assert examine(ros, start, '--time', '2')[1]['findings'][0]['code'] == 'other_clock'
 
 
+@pytest.mark.soak
 def test_without_a_clock(start):
     """With use_sim_time and no /clock, what depends on the time is listed as not checked."""
     start(*ARM)
@@ -187,6 +191,7 @@ def test_without_a_clock(start):
             in process.output)
 
 
+@pytest.mark.soak
 def test_publishers_one_after_the_other(start, ros):
     """A publisher that begins when another one has ended is no second publisher."""
     process = start(*tool('tf_doctor', '--json', '--time', '4'))
@@ -275,8 +280,9 @@ def healthy_wheels(start, ros):
         for name in ('fl', 'fr', 'rl', 'rr')]))
 
 
-@pytest.mark.parametrize('begin', [
-    healthy_arm, healthy_lab, healthy_frames, healthy_wheels])
+@pytest.mark.parametrize('begin', [healthy_arm, *(
+    pytest.param(begin, marks=pytest.mark.soak)
+    for begin in (healthy_lab, healthy_frames, healthy_wheels))])
 def test_healthy(start, ros, begin):
     """Nothing is found where nothing is wrong."""
     begin(start, ros)

@@ -475,7 +475,8 @@ def test_where_nothing_can_be_written(failed, tmp_path, ending):
         assert line.endswith(f'{why}\n')
 
 
-@pytest.mark.parametrize('ending', ['csv', 'tum', 'npz', 'svg'])
+@pytest.mark.parametrize('ending', ['csv', *(
+    pytest.param(ending, marks=pytest.mark.soak) for ending in ('tum', 'npz', 'svg'))])
 def test_a_file_is_written_whole_or_not_at_all(tmp_path, arm_bag, ending):
     """On a full disk, there is no partial file, and an old file stays."""
     if ending == 'svg':
@@ -595,6 +596,7 @@ def test_a_signal_ends_the_recording(recording, tmp_path, signal_number):
     assert (tmp_path / 'base.tum').read_text().count('\n') == 20
 
 
+@pytest.mark.soak
 def test_another_signal_ends_the_writing(recording, tmp_path):
     """The first one has ended the recording. No file is left."""
     process = recording('-c', SLOW)
@@ -606,6 +608,7 @@ def test_another_signal_ends_the_writing(recording, tmp_path):
     assert not [*tmp_path.iterdir()]
 
 
+@pytest.mark.soak
 def test_nothing_is_received(start, tmp_path):
     """The error says what to check, also if a signal ends the recording."""
     process = start(*tool('tf_trajectory', *FRAMES, '--time', '1.5', '-o', 'arm.csv'),
@@ -616,6 +619,7 @@ def test_nothing_is_received(start, tmp_path):
     assert not [*tmp_path.iterdir()]
 
 
+@pytest.mark.soak
 def test_a_namespace(start, ros):
     """The topics of the namespace are used."""
     from dummy_arm.tf import TransformBroadcaster

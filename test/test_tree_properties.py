@@ -223,7 +223,7 @@ def sampled_trees(draw):
         between | st.sampled_from(stamps) | st.just(0) | clocks[0] | clocks[1], max_size=8))
 
 
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(sampled_trees(), st.data())
 def test_many_at_once_are_single_lookups(tree, data):
     """lookup_transforms returns what lookup_transform returns for each of the times."""
@@ -242,7 +242,7 @@ def test_many_at_once_are_single_lookups(tree, data):
             assert rotation == pytest.approx(one.rotation, rel=0, abs=1e-12)
 
 
-@settings(max_examples=500)
+@settings(max_examples=200)
 @given(any_rotations, st.tuples(*[st.floats(-1.0, 1.0)] * 3), st.floats(-6.0, 0.5))
 def test_many_at_once_are_exact(rotation, axis, exponent):
     """Interpolated rotations equal slerp in extended precision, for all angles above 1e-6 rad."""
