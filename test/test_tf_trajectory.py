@@ -1,5 +1,6 @@
 """The command `tf_trajectory`: poses over time out of bags and live, compared with the arm's."""
 
+import contextlib
 import csv
 from math import pi
 import os
@@ -67,6 +68,13 @@ def rows_of(*edges):
         for x, stamp in enumerate(stamps or [0.0]):
             yield '/tf_static' if stamps is None else '/tf', 100 * S + x, [
                 bags.row(round(stamp * S), parent, child, (float(x), *STILL[1:]))]
+
+
+@pytest.fixture(autouse=True, scope='module')
+def font_cache():
+    """Build the font cache of matplotlib; a command that did it would print a warning."""
+    with contextlib.suppress(ImportError):
+        import matplotlib.font_manager  # noqa: F401
 
 
 @pytest.fixture
