@@ -841,16 +841,20 @@ def test_random_delays_against_a_slow_implementation(ros, targets, queue_size, t
 
 @pytest.mark.soak
 def test_a_thousand_messages_a_second(ros, start):
-    """All 10 000 are passed on in order, though their transforms arrive 5 ms after them."""
+    """
+    All are passed on in order, though their transforms arrive 5 ms after them.
+
+    There are not more of them than DDS keeps, as this process may have to wait for others.
+    """
     buffer = Buffer(node=ros.node)
     listener = TransformListener(buffer, ros.node)
     message_filter = MessageFilter((PointStamped, 'points', 1000), buffer, 'map', 100, ros.node)
     numbers: list[int] = []
     message_filter.registerCallback(lambda message: numbers.append(int(message.point.x)))
     bench = Path(__file__).parent.parent / 'bench'
-    sender = start(str(bench / 'filtering.py'), 'send', '1000', '10')
+    sender = start(str(bench / 'filtering.py'), 'send', '1000', '1')
     ros.until(lambda: 'sent' in sender.output, 3 * TIMEOUT)
-    ros.until(lambda: len(numbers) == 10_000)
+    ros.until(lambda: len(numbers) == 1000)
     assert numbers == sorted({*numbers})
     assert message_filter.dropped == NO_DROPS
     listener.unregister()
