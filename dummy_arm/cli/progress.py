@@ -9,8 +9,9 @@ from typing import Any
 from dummy_arm.cli.signals import wait_until
 
 _BAR = '{desc} {bar} {n:.1f} of {total:g} s'
-#: How long `listen` waits for the first transform (s). Discovery can take this long.
-_DISCOVERY = 3.0
+#: How long `listen` waits at least for the first transform (s). On a busy computer, discovery can
+#: take this long: Fast DDS announces a participant every 3 s.
+_DISCOVERY = 7.0
 
 
 @contextmanager
@@ -75,16 +76,17 @@ def listen(seconds: float, has_received: Callable[[], object],
 
     Ctrl-C or SIGTERM ends the wait early.
 
-    :param seconds: how long to wait after the first transform (s). If none is received within 3 s,
-        the time begins then.
+    :param seconds: how long to wait after the first transform (s). If none is received within this
+        time, or within 7 s if this is longer, the wait ends.
     :param has_received: a function that returns whether a transform has been received.
     :param poll: a function that is called every 0.05 s, and once more at the end.
-    :returns: how long this function has waited after the first transform (s).
+    :returns: how long this function has waited after the first transform, or at all (s).
     """
     start = time.monotonic()
     with suppress(KeyboardInterrupt):
-        wait(_DISCOVERY, 'waiting for transforms', has_received)
-        start = time.monotonic()
-        wait(seconds, 'listening', lambda: poll() and False)
+        if wait(max(_DISCOVERY, seconds), 'waiting for transforms',
+                lambda: poll() or has_received()):
+            start = time.monotonic()
+            wait(seconds, 'listening', lambda: poll() and False)
     poll()
     return time.monotonic() - start
