@@ -29,9 +29,12 @@ from hypothesis import HealthCheck, settings
 from imports import of_ros, reached, ROS
 import pytest
 
+from dummy_arm.tf._bag.context import Stream
 from dummy_arm.tf._core.pose import BatchOrRows, Row
+from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.cdr import Fields
 from dummy_arm.tf._wire.streams import MessageReader
+from dummy_arm.tf.bag import BagMessage
 
 TIMEOUT = 20.0  # s; most waits take well under a second, unless the machine is overloaded
 _GRACE = 3.0  # s; a process normally ends within 0.2 s
@@ -164,6 +167,12 @@ class ArrivedMessages:
 
     def wake(self) -> None:
         """Do nothing, since no thread waits for messages."""
+
+
+def recorded(time: int, data: bytes, is_static: bool = False, publisher: str = '',
+             encoding: Any = cdr) -> BagMessage:
+    """Return a message as `bag.messages` returns it; the time in ns."""
+    return BagMessage(Stream(is_static, publisher, encoding), time, data)
 
 
 def golden_fields(case: dict[str, Any]) -> list[Fields]:

@@ -6,9 +6,8 @@ from math import nan
 import re
 import subprocess
 import sys
-from typing import Any, NamedTuple
 
-from conftest import tool_without_ros
+from conftest import recorded, tool_without_ros
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -561,20 +560,6 @@ def reference(content):
         'greatest_delay': max([delay for delay, _ in known], default=None)}
 
 
-class Message(NamedTuple):
-    """A message with one transform."""
-
-    time: int
-    data: bytes
-    is_static: bool = False
-    publisher: str = '/robot'
-    encoding: Any = cdr
-
-    def rows(self):
-        """Return the transform."""
-        return cdr.unpack(self.data)
-
-
 TENTHS = st.integers(0, 30).map(lambda tenth: tenth * S // 10)
 
 
@@ -589,7 +574,7 @@ def test_statistics(content, ends):
     begin = 0
     for end in [*sorted(ends), len(content)]:
         for table in transform_tables(
-                Message(arrival, cdr.pack([Row(stamp, 'map', 'odom', pose)]))
+                recorded(arrival, cdr.pack([Row(stamp, 'map', 'odom', pose)]))
                 for arrival, stamp, pose in content[begin:end]):
             statistics.add(table)
         begin = max(begin, end)
@@ -619,6 +604,6 @@ def test_too_many_frames():
     """Frames beyond the limit are counted as such, and memory is bounded."""
     statistics = Statistics()
     rows = [Row(T, 'map', f'frame_{i}', bags.STILL) for i in range(10_010)]
-    for table in transform_tables([Message(T, cdr.pack(rows))]):
+    for table in transform_tables([recorded(T, cdr.pack(rows))]):
         statistics.add(table)
     assert (statistics.count, statistics.not_counted) == (10_000, 10)

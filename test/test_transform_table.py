@@ -2,8 +2,8 @@
 
 from collections import defaultdict
 import struct
-from typing import Any, NamedTuple
 
+from conftest import recorded
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -19,20 +19,6 @@ FLOATS = st.floats(-10, 10) | st.just(float('nan'))
 ROWS = st.lists(st.builds(
     Row, st.integers(0, 4 * S), st.sampled_from(NAMES), st.sampled_from(NAMES),
     st.tuples(*[FLOATS] * 7)), max_size=3)
-
-
-class Message(NamedTuple):
-    """A message as the functions of the package return it."""
-
-    time: int
-    data: bytes
-    is_static: bool = False
-    publisher: str = ''
-    encoding: Any = cdr
-
-    def rows(self):
-        """Return the transforms."""
-        return self.encoding.unpack(self.data)
 
 
 def packed(rows, encoding=cdr, order='<'):
@@ -76,7 +62,7 @@ def by_child(found):
 def test_as_rows(messages, repeats, encoding):
     """Per publisher, topic and child, the transforms are those of the messages, in order."""
     contents = [
-        Message(time, packed(rows, encoding, order if encoding is cdr else '<'), is_static,
+        recorded(time, packed(rows, encoding, order if encoding is cdr else '<'), is_static,
                 publisher, encoding)
         for time, rows, is_static, publisher, order in messages * repeats]
     errors: list[ValueError] = []
@@ -97,7 +83,7 @@ def test_as_rows(messages, repeats, encoding):
 
 def test_many_messages_are_few_tables():
     """Messages with the same frames are one table, also among those with other frames."""
-    messages = [Message(i, cdr.pack([Row(i, 'map', f'frame_{i % 4}', (0.0,) * 7)]))
+    messages = [recorded(i, cdr.pack([Row(i, 'map', f'frame_{i % 4}', (0.0,) * 7)]))
                 for i in range(1000)]
     tables = [*transform_tables(messages)]
     assert [table.edges for table in tables] == [[('map', f'frame_{i}')] for i in range(4)]
@@ -112,7 +98,7 @@ def test_memory_is_bounded():
     def endless():
         while True:
             taken.append(None)
-            yield Message(1, data)
+            yield recorded(1, data)
 
     assert len(next(transform_tables(endless())).times) * len(data) < 2**21
     assert len(taken) * len(data) < 2**21
@@ -123,7 +109,7 @@ def test_malformed_messages():
     good = cdr.pack([Row(5, 'map', 'odom', (0.0,) * 7)])
     errors: list[ValueError] = []
     tables = [*transform_tables(
-        [Message(i, data) for i, data in enumerate([good, good[:-1], b'', good, b'\0\7' + good])],
+        [recorded(i, data) for i, data in enumerate([good, good[:-1], b'', good, b'\0\7' + good])],
         errors.append)]
     assert sum(len(table.times) for table in tables) == 2
     assert len(errors) == 3
@@ -131,9 +117,9 @@ def test_malformed_messages():
 
 def test_negative_stamps():
     """The seconds of a stamp are signed in ROS 2, and unsigned in ROS 1."""
-    message = Message(1, cdr.pack([Row(-3 * S + 5, 'map', 'odom', (0.0,) * 7)]))
+    message = recorded(1, cdr.pack([Row(-3 * S + 5, 'map', 'odom', (0.0,) * 7)]))
     (table,) = transform_tables([message, message])
     assert table.stamps.tolist() == [[-3 * S + 5]] * 2
-    message = Message(1, packed([Row(2**31 * S, 'map', 'odom', (0.0,) * 7)], ros1), encoding=ros1)
+    message = recorded(1, packed([Row(2**31 * S, 'map', 'odom', (0.0,) * 7)], ros1), encoding=ros1)
     (table,) = transform_tables([message, message])
     assert table.stamps.tolist() == [[2**31 * S]] * 2

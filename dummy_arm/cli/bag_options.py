@@ -41,12 +41,23 @@ def read_bag(bag: Optional[str], namespace: str, partial: bool) -> Optional[Buff
     :raises CommandError: if the bag cannot be read.
     :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received; see `dummy_arm.cli.signals`.
     """
+    check_partial(bag, partial)
     if bag is None:
-        if partial:
-            raise UsageError('--partial needs --bag')
         return None
     with bag_progress(bag) as on_progress:
         return read(bag, namespace=namespace, partial=partial, on_progress=on_progress)
+
+
+def check_partial(bag: Optional[str], partial: bool) -> None:
+    """
+    Check that the option `--partial` is given with a bag only.
+
+    :param bag: path of the bag; None: no bag was given.
+    :param partial: True if the option was given.
+    :raises UsageError: if `partial` is set without a bag.
+    """
+    if partial and bag is None:
+        raise UsageError('--partial needs --bag')
 
 
 @contextmanager

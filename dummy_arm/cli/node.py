@@ -16,6 +16,7 @@ from rclpy.validate_namespace import validate_namespace
 from dummy_arm.cli.fast_dds import destroy
 from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
 from dummy_arm.cli.signals import begin_cleanup, signal_received
+from dummy_arm.tf.formatting import namespace_path
 
 #: The timeout of `spin_once` (s). A signal is noticed only after `spin_once` has returned, because
 #: the signal handler only records the signal.
@@ -122,7 +123,7 @@ def _namespace_args(namespace: str) -> list[str]:
     :param namespace: the namespace, with or without slashes at its ends; '': none.
     :raises UsageError: if the namespace is invalid.
     """
-    path = ''.join(f'/{part}' for part in namespace.split('/') if part)
+    path = namespace_path(namespace)
     if not path:
         return []
     if '__' in path:

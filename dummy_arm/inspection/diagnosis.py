@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import cached_property
 from itertools import chain, combinations, pairwise
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 import re
 from typing import NamedTuple, Optional
 
@@ -186,6 +186,15 @@ class Snapshot:
         """By frame: the index of its tree in `trees`."""
         return {name: i for i, tree in enumerate(self.trees) for name in tree}
 
+    @cached_property
+    def topics_of(self) -> dict[str, list[str]]:
+        """By the frame of headers, in alphabetical order: the topics with these headers."""
+        topics: dict[str, list[str]] = {}
+        for headers in self.headers:
+            for frame in headers.frames:
+                topics.setdefault(frame, []).append(headers.topic)
+        return dict(sorted(topics.items()))
+
     def roots(self, tree: list[str]) -> list[str]:
         """
         Return the frames of a tree that have no parent.
@@ -207,15 +216,15 @@ class Snapshot:
             found[name] = None
         return [*found]
 
-    def by_publisher(self, tracks: Iterable[Track]) -> list[list[Track]]:
+    def by_publisher(self, is_wanted: Callable[[Track], object]) -> list[list[Track]]:
         """
-        Group tracks.
+        Group the tracks that meet a condition.
 
-        :param tracks: the tracks.
+        :param is_wanted: a function that returns whether a track meets the condition.
         :returns: the tracks of each publisher on each topic.
         """
         groups: dict[tuple[str, bool], list[Track]] = {}
-        for track in tracks:
+        for track in filter(is_wanted, self.tracks):
             groups.setdefault((track.publisher, track.is_static), []).append(track)
         return [*groups.values()]
 
@@ -420,18 +429,14 @@ def _loop(snapshot: Snapshot) -> Iterator[_Fault]:
         'Publish a transform to this frame, or correct the name in the program that sends the '
         'messages.', 'headers')
 def _unknown_frame(snapshot: Snapshot) -> Iterator[_Fault]:
-    topics: dict[str, list[str]] = {}
-    for headers in snapshot.headers:
-        for frame in headers.frames:
-            if frame.strip('/') and frame.removeprefix('/') not in snapshot.tree_of:
-                topics.setdefault(frame, []).append(headers.topic)
     known = tuple(snapshot.tree_of)
-    for frame, names in sorted(topics.items()):
-        static = '' if any(track.is_static for track in snapshot.tracks) else (
-            f' (there are no transforms on {snapshot.topics[1]})')
-        yield _Fault([frame], f'{quoted(frame)} is in the headers on {_names(names)}, but not '
-                     f'among the {len(known)} frames of the transforms{static}. '
-                     f'{suggest_names(frame, known)}', topics=names)
+    static = '' if any(track.is_static for track in snapshot.tracks) else (
+        f' (there are no transforms on {snapshot.topics[1]})')
+    for frame, topics in snapshot.topics_of.items():
+        if frame.strip('/') and frame.removeprefix('/') not in snapshot.tree_of:
+            yield _Fault([frame], f'{quoted(frame)} is in the headers on {_names(topics)}, but '
+                         f'not among the {len(known)} frames of the transforms{static}. '
+                         f'{suggest_names(frame, known)}', topics=topics)
 
 
 @_check('disconnected', ERROR,
@@ -499,8 +504,7 @@ def _not_a_number(snapshot: Snapshot) -> Iterator[_Fault]:
         'Normalise the quaternion before it is sent; all zeros often mean that it was never set: '
         'set w = 1.')
 def _unnormalized(snapshot: Snapshot) -> Iterator[_Fault]:
-    for tracks in snapshot.by_publisher(
-            track for track in snapshot.tracks if track['unnormalized']):
+    for tracks in snapshot.by_publisher(itemgetter('unnormalized')):
         worst = max(tracks, key=lambda track: abs(track['worst_norm'] - 1.0))
         yield _Fault([track.child for track in tracks],
                      f'{_share(tracks, "unnormalized")} with a quaternion of a wrong norm; the '
@@ -508,10 +512,9 @@ def _unnormalized(snapshot: Snapshot) -> Iterator[_Fault]:
 
 
 def _counted(snapshot: Snapshot, field: str, what: str,
-             is_fault: Callable[[Track], bool] = lambda track: True) -> Iterator[_Fault]:
+             is_fault: Callable[[Track], object] = lambda track: True) -> Iterator[_Fault]:
     """Yield a fault for each publisher with transforms that are counted in a field."""
-    for tracks in snapshot.by_publisher(
-            track for track in snapshot.tracks if track[field] and is_fault(track)):
+    for tracks in snapshot.by_publisher(lambda track: track[field] and is_fault(track)):
         yield _Fault([track.child for track in tracks], f'{_share(tracks, field)} {what}', tracks)
 
 
@@ -534,7 +537,7 @@ def _other_clock(snapshot: Snapshot) -> Iterator[_Fault]:
     if snapshot.clock:
         yield from _other_clock_than(snapshot, snapshot.clock)
         return
-    for tracks in snapshot.by_publisher(track for track in snapshot.tracks if track['foreign']):
+    for tracks in snapshot.by_publisher(itemgetter('foreign')):
         worst = max(tracks, key=lambda track: max(-track['least_delay'], track['greatest_delay']))
         is_before = worst['greatest_delay'] > -worst['least_delay']
         delay = worst['greatest_delay' if is_before else 'least_delay']
@@ -581,7 +584,7 @@ def _zero_stamp(snapshot: Snapshot) -> Iterator[_Fault]:
         'Look at the node that publishes the frame: has it stopped, is it busy, does it lose '
         'input, or does it publish only when something happens?')
 def _gap(snapshot: Snapshot) -> Iterator[_Fault]:
-    for tracks in snapshot.by_publisher(track for track in snapshot.tracks if _has_gap(track)):
+    for tracks in snapshot.by_publisher(_has_gap):
         worst = max(tracks, key=itemgetter('largest_step'))
         beyond = worst.steps_beyond(_GAP * max(worst.period, _SHORTEST_PERIOD))
         before = display_time(int(worst['largest_step_at']))
@@ -593,10 +596,10 @@ def _gap(snapshot: Snapshot) -> Iterator[_Fault]:
             tracks)
     end = max((track['last_time'] for track in snapshot.tracks if not track.is_static), default=0)
     end = max(end, snapshot.end)
-    ended = [track for tracks in snapshot.by_child.values()
+    ended = {track for tracks in snapshot.by_child.values()
              if (track := max(tracks, key=itemgetter('last_time')))['steps'].sum() >= _FEWEST
-             and end - track['last_time'] > max(_GAP * track.period, _SHORTEST_GAP)]
-    for tracks in snapshot.by_publisher(ended):
+             and end - track['last_time'] > max(_GAP * track.period, _SHORTEST_GAP)}
+    for tracks in snapshot.by_publisher(ended.__contains__):
         silence = max(end - track['last_time'] for track in tracks)
         yield _Fault([track.child for track in tracks],
                      f'nothing was received of {_names(track.child for track in tracks)} in the '
@@ -617,8 +620,7 @@ def _has_gap(track: Track) -> bool:
         'Look at the node that publishes the frame and at the network: one of them is too slow, '
         'or the clocks of two computers differ.', 'arrivals')
 def _late(snapshot: Snapshot) -> Iterator[_Fault]:
-    for tracks in snapshot.by_publisher(
-            track for track in snapshot.tracks if _is_frequent(track, 'late')):
+    for tracks in snapshot.by_publisher(lambda track: _is_frequent(track, 'late')):
         worst = max(tracks, key=itemgetter('greatest_delay'))
         yield _Fault([track.child for track in tracks],
                      f'{_share(tracks, "late")} arrived more than {LATE / SECOND:g} s after their '
@@ -637,8 +639,7 @@ def _is_frequent(track: Track, field: str) -> bool:
         'Synchronise the clocks of the computers; some localisation nodes date their transforms '
         'into the future on purpose (transform_tolerance).', 'arrivals')
 def _future(snapshot: Snapshot) -> Iterator[_Fault]:
-    for tracks in snapshot.by_publisher(
-            track for track in snapshot.tracks if _is_frequent(track, 'future')):
+    for tracks in snapshot.by_publisher(lambda track: _is_frequent(track, 'future')):
         worst = min(tracks, key=itemgetter('least_delay'))
         yield _Fault([track.child for track in tracks],
                      f'{_share(tracks, "future")} with a stamp more than {FUTURE / SECOND:g} s '
@@ -651,7 +652,7 @@ def _future(snapshot: Snapshot) -> Iterator[_Fault]:
         'Send the transforms of a frame in the order of their stamps; if a simulation or a bag '
         'was started again, restart the listeners, too.')
 def _time_goes_back(snapshot: Snapshot) -> Iterator[_Fault]:
-    for tracks in snapshot.by_publisher(track for track in snapshot.tracks if track['backwards']):
+    for tracks in snapshot.by_publisher(itemgetter('backwards')):
         worst = max(tracks, key=itemgetter('step_back'))
         yield _Fault([track.child for track in tracks],
                      f'{_share(tracks, "backwards")} with an earlier stamp than the one before; '
@@ -665,11 +666,8 @@ def _time_goes_back(snapshot: Snapshot) -> Iterator[_Fault]:
         'Set the stamp of each transform to its own time; if two nodes publish the frame, stop '
         'one of them.')
 def _same_stamp(snapshot: Snapshot) -> Iterator[_Fault]:
-    for tracks in snapshot.by_publisher(
-            track for track in snapshot.tracks if track['changes'] and not track.is_static):
-        yield _Fault([track.child for track in tracks],
-                     f'{_share(tracks, "changes")} with the stamp of the one before, and another '
-                     'pose', tracks)
+    yield from _counted(snapshot, 'changes', 'with the stamp of the one before, and another pose',
+                        lambda track: not track.is_static)
 
 
 @_check('leading_slash', WARNING,
@@ -677,17 +675,14 @@ def _same_stamp(snapshot: Snapshot) -> Iterator[_Fault]:
         'name.',
         'Leave out the slash.')
 def _leading_slash(snapshot: Snapshot) -> Iterator[_Fault]:
-    for tracks in snapshot.by_publisher(track for track in snapshot.tracks if track.slashed):
+    for tracks in snapshot.by_publisher(attrgetter('slashed')):
         names = sorted({name for track in tracks for name in track.slashed})
         yield _Fault(names, f'{len(names)} {"names begin" if len(names) > 1 else "name begins"} '
                      f'with a slash in transforms: {_names(names)}', tracks)
-    topics: dict[str, list[str]] = {}
-    for headers in snapshot.headers:
-        for frame in headers.frames:
-            if frame.startswith('/'):
-                topics.setdefault(frame, []).append(headers.topic)
-    for frame, on in sorted(topics.items()):
-        yield _Fault([frame], f'the headers on {_names(on)} name {quoted(frame)}', topics=on)
+    for frame, topics in snapshot.topics_of.items():
+        if frame.startswith('/'):
+            yield _Fault([frame], f'the headers on {_names(topics)} name {quoted(frame)}',
+                         topics=topics)
 
 
 @_check('empty_name', WARNING,
@@ -776,11 +771,8 @@ def _several_trees(snapshot: Snapshot) -> Iterator[_Fault]:
         'times.',
         'Publish a transform that changes on /tf.')
 def _static_changes(snapshot: Snapshot) -> Iterator[_Fault]:
-    for tracks in snapshot.by_publisher(
-            track for track in snapshot.tracks if track['changes'] and track.is_static):
-        yield _Fault([track.child for track in tracks],
-                     f'{_share(tracks, "changes")} with another pose than the one before',
-                     tracks)
+    yield from _counted(snapshot, 'changes', 'with another pose than the one before',
+                        attrgetter('is_static'))
 
 
 @_check('rep_105', INFO,

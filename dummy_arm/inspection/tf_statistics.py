@@ -171,9 +171,14 @@ class Statistics:
         numbers = np.array([columns[i] for i in kept])
         stamps, poses = table.stamps[:, kept], table.poses[:, kept]
         values = self._values[numbers]
-        _add_poses(values, stamps, poses, table.is_static)
+        is_new = values['count'] == 0
+        before = np.concatenate([np.where(is_new, stamps[0], values['stamp'])[None], stamps[:-1]])
+        is_compared = np.ones_like(stamps, np.bool_) if table.is_static else (
+            (stamps == before) & (stamps != 0))
+        is_compared[0] &= ~is_new
+        _add_poses(values, poses, is_compared)
         if not table.is_static:
-            _add_stamps(values, stamps)
+            _add_stamps(values, stamps, before)
         is_timed = table.times != 0
         if is_timed.any():
             times = table.times[is_timed] + (offset or 0)
@@ -211,14 +216,12 @@ class Statistics:
 # Each of these functions changes the statistics of n tracks: an array (n,) of _FIELDS.
 
 
-def _add_poses(values: Any, stamps: NDArray[np.int64], poses: NDArray[np.float64],
-               is_static: bool) -> None:
+def _add_poses(values: Any, poses: NDArray[np.float64], is_compared: NDArray[np.bool_]) -> None:
     """
     Count invalid and changed poses.
 
-    :param stamps: (m, n) stamps (ns).
     :param poses: (m, n, 7) poses.
-    :param is_static: True: count each change. False: count a change only if the stamp is equal.
+    :param is_compared: (m, n) True where a change from the pose before is counted.
     """
     is_valid = np.isfinite(poses).all(axis=2)
     values['invalid'] += (~is_valid).sum(axis=0)
@@ -227,13 +230,9 @@ def _add_poses(values: Any, stamps: NDArray[np.int64], poses: NDArray[np.float64
     deviations = np.abs(norms - 1.0)
     values['unnormalized'] += (deviations > NORM_TOLERANCE).sum(axis=0)
     worst = np.take_along_axis(norms, deviations.argmax(axis=0)[None], 0)[0]
-    is_new = values['count'] == 0
     values['worst_norm'] = np.where(
-        is_new | (np.abs(worst - 1.0) > np.abs(values['worst_norm'] - 1.0)),
+        (values['count'] == 0) | (np.abs(worst - 1.0) > np.abs(values['worst_norm'] - 1.0)),
         worst, values['worst_norm'])
-    before = np.concatenate([np.where(is_new, stamps[0], values['stamp'])[None], stamps[:-1]])
-    is_compared = np.ones_like(is_valid) if is_static else (stamps == before) & (stamps != 0)
-    is_compared[0] &= ~is_new
     if is_compared.any():
         poses_before = np.concatenate([values['pose'][None], poses[:-1]])
         values['changes'] += (is_compared & _differ(poses, poses_before)).sum(axis=0)
@@ -249,11 +248,12 @@ def _differ(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[
         return np.asarray(is_moved | (cosine < largest * (1.0 - _SAME_ROTATION)))
 
 
-def _add_stamps(values: Any, stamps: NDArray[np.int64]) -> None:
+def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64]) -> None:
     """
     Count stamps of zero, and the steps between other stamps.
 
     :param stamps: (m, n) stamps (ns).
+    :param before: (m, n) the stamps before them; of the first one, itself.
     """
     is_zero = stamps == 0
     values['zero_stamps'] += is_zero.sum(axis=0)
@@ -263,8 +263,6 @@ def _add_stamps(values: Any, stamps: NDArray[np.int64]) -> None:
     values['oldest'] = np.where(oldest == largest, values['oldest'], np.where(
         known, np.minimum(oldest, values['oldest']), oldest))
     values['latest'] = np.where(known, np.maximum(latest, values['latest']), latest)
-    before = np.concatenate([
-        np.where(values['count'] == 0, stamps[0], values['stamp'])[None], stamps[:-1]])
     steps = np.where(is_zero | (before == 0), 0, stamps - before)
     values['backwards'] += (steps < 0).sum(axis=0)
     values['step_back'] = np.maximum(values['step_back'], -steps.min(axis=0))

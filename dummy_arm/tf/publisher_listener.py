@@ -17,6 +17,7 @@ from rclpy.node import Node
 
 from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf._core.pose import BatchOrRows, Row
+from dummy_arm.tf._core.texts import full_name
 from dummy_arm.tf._ros.rclpy_private import GID_SIZE, rcl_take, RCLError, Taker
 from dummy_arm.tf._ros.subscription import SubscriptionSource
 from dummy_arm.tf._wire import cdr
@@ -135,7 +136,7 @@ class _NodeNames:
                 gid = bytes(info.endpoint_gid[:GID_SIZE]).hex()
                 present.add(gid)
                 if info.node_name != _UNKNOWN_NODE:
-                    self._names[gid] = f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+                    self._names[gid] = full_name(info.node_namespace, info.node_name)
         self.present = frozenset(present)
         if (surplus := len(self._names) - _MOST_NAMES) > 0:
             gone = [gid for gid in tuple(self._names) if gid not in present]

@@ -24,7 +24,7 @@ from typing import NamedTuple, Optional, TYPE_CHECKING
 from unicodedata import normalize
 import warnings
 
-from dummy_arm.cli.bag_options import add_bag_options, bag_progress
+from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_partial
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import begin_cleanup, sleep, wait_until
@@ -698,8 +698,7 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None, bag: Opt
                          '--frames')
     if namespace and (files or frames):
         raise UsageError('--namespace is for --bag and for the arm that is running')
-    if partial and bag is None:
-        raise UsageError('--partial needs --bag')
+    check_partial(bag, partial)
     if (table is not None or jobs is not None) and not files:
         raise UsageError('--csv and --jobs need the files of programs')
     if jobs is not None and not 1 <= jobs <= len(_DOMAINS):

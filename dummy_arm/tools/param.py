@@ -17,7 +17,7 @@ from dummy_arm.cli.node import spinning_node
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import sleep
-from dummy_arm.tf.formatting import suggest_names
+from dummy_arm.tf.formatting import full_name, suggest_names
 
 #: The timeout (s) of each wait: for the node, for its services, and for each response.
 PATIENCE = 5.0
@@ -43,7 +43,7 @@ class Parameters:
         own = node.get_fully_qualified_name()
 
         def names() -> tuple[str, ...]:
-            return tuple(f'{space.rstrip("/")}/{name}' for name, space
+            return tuple(full_name(space, name) for name, space
                          in node.get_node_names_and_namespaces() if not name.startswith('_'))
 
         if not wait(PATIENCE, f'looking for {remote}', lambda: remote in names()):

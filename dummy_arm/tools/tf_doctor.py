@@ -1,7 +1,7 @@
 """The command `tf_doctor`: find faults in transforms, or explain the path between two frames."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
 from itertools import takewhile
@@ -9,7 +9,7 @@ import json
 import time
 from typing import Any, NamedTuple, Optional, TYPE_CHECKING
 
-from dummy_arm.cli.bag_options import add_bag_options, bag_progress, read_bag
+from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_partial, read_bag
 from dummy_arm.cli.parser import (
     DEFAULT_TIME,
     listening_time,
@@ -40,7 +40,9 @@ from dummy_arm.tf.bag import HEADERS, messages, NOT_RECORDED, TopicHeaders
 from dummy_arm.tf.formatting import (
     comma_list,
     display_time,
+    full_name,
     in_seconds,
+    namespace_path,
     SECOND,
     shortened,
     suggest_names,
@@ -129,8 +131,7 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
                 f'unknown code {code!r}. {suggest_names(code, tuple(CHECKS), "codes")}')
     if bag is not None and duration is not None:
         raise UsageError('--time is for listening: leave it out with --bag')
-    if bag is None and partial:
-        raise UsageError('--partial needs --bag')
+    check_partial(bag, partial)
     duration = listening_time(duration)
     if list_codes:
         print('\n'.join(format_codes()))
@@ -139,7 +140,7 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
         a, b = ends
         if bag is not None and (buffer := read_bag(bag, namespace, partial)):
             explanation = explain(
-                buffer, (a, b), t, _observe_bag(bag, namespace, partial).publishers)
+                buffer, (a, b), t, _publishers_in(bag, namespace, partial, buffer))
         else:
             explanation = _explain_live((a, b), t, duration, ros_args, namespace)
         text, has_error = format_explanation(explanation), bool(explanation.why_not)
@@ -210,12 +211,11 @@ class _HeaderSampler:
         # A best-effort, volatile subscription matches all publishers. But latched messages of the
         # past are sent only to a reliable, transient-local one.
         latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+        other = ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE
         offered = [(info.qos_profile.reliability, info.qos_profile.durability)
                    for info in self._node.get_publishers_info_by_topic(topic)]
-        wanted = [latched] if latched in offered else []
-        if len(wanted) == 0 or any(each != latched for each in offered):
-            wanted.append((ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE))
-        for reliability, durability in wanted:
+        for reliability, durability in {
+                latched if each == latched else other for each in offered} or {other}:
             self._read_headers(topic, message_type, QoSProfile(
                 depth=HEADERS, reliability=reliability, durability=durability))
 
@@ -339,7 +339,7 @@ def _endpoints(node: 'Node', topics: Sequence[str]) -> Iterator[Endpoint]:
 
 
 def _full_name(info: Any) -> str:
-    return f'{info.node_namespace.rstrip("/")}/{info.node_name}'
+    return full_name(info.node_namespace, info.node_name)
 
 
 def _observe_bag(bag: str, namespace: str, partial: bool) -> Observation:
@@ -349,14 +349,10 @@ def _observe_bag(bag: str, namespace: str, partial: bool) -> Observation:
     :raises UsageError: if the path is empty.
     :raises CommandError: if the bag cannot be read.
     """
-    statistics, malformed = Statistics(), Counter[str]()
+    malformed = Counter[str]()
     topics: list[TopicHeaders] = []
-    with bag_progress(bag) as on_progress:
-        for table in transform_tables(
-                messages(bag, namespace=namespace, partial=partial, on_progress=on_progress,
-                         on_headers=topics.extend),
-                lambda error: malformed.update([str(error)])):
-            statistics.add(table)
+    statistics = _count_bag(bag, namespace, partial, topics.extend,
+                            lambda error: malformed.update([str(error)]))
     tracks = statistics.tracks()
     publishers = {*(track.publisher for track in tracks),
                   *(publisher for publisher, _ in statistics.empty_names)} - {NOT_RECORDED}
@@ -367,7 +363,7 @@ def _observe_bag(bag: str, namespace: str, partial: bool) -> Observation:
         not_known['nodes'] = 'the bag does not record which node has sent a message'
     if not any(track['delays'] for track in tracks):
         not_known['arrivals'] = 'there are no dynamic transforms with a time of the recording'
-    path = ''.join(f'/{part}' for part in namespace.split('/') if part)
+    path = namespace_path(namespace)
     tf_topics = [topic.topic for topic in topics if topic.frames == frozenset()
                  and topic.topic.removesuffix('_static').endswith('/tf')]
     others = [topic for topic in tf_topics if topic.endswith('/tf')]
@@ -387,7 +383,31 @@ def _observe_bag(bag: str, namespace: str, partial: bool) -> Observation:
                        [*left_out, *_not_counted(statistics, malformed)])
 
 
+def _count_bag(bag: str, namespace: str, partial: bool,
+               on_headers: Optional[Callable[[list[TopicHeaders]], object]] = None,
+               on_malformed: Callable[[ValueError], object] = lambda error: None) -> Statistics:
+    """Count the transforms of a bag; the last two arguments are those of the functions called."""
+    statistics = Statistics()
+    with bag_progress(bag) as on_progress:
+        for table in transform_tables(
+                messages(bag, namespace=namespace, partial=partial, on_progress=on_progress,
+                         on_headers=on_headers), on_malformed):
+            statistics.add(table)
+    return statistics
+
+
 # The path between two frames
+
+
+def _publishers_in(bag: str, namespace: str, partial: bool, buffer: BufferCore) -> dict[str, str]:
+    """
+    Return the names of the nodes that publish each child, if the bag records them.
+
+    The buffer of the bag knows only the last publisher of a frame, so the bag is read once more.
+    """
+    if all(frame.authority == NOT_RECORDED for frame in buffer.frames()):
+        return {}
+    return _publishers(_count_bag(bag, namespace, partial).tracks(), {})
 
 
 def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: Sequence[str],

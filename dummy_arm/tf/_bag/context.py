@@ -12,7 +12,7 @@ import struct
 from typing import NamedTuple, Optional, Union
 
 from dummy_arm.tf._bag.decompression import ZSTD
-from dummy_arm.tf._core.texts import abbreviated, comma_list, logged, visible
+from dummy_arm.tf._core.texts import abbreviated, comma_list, logged, namespace_path, visible
 from dummy_arm.tf._wire.streams import Encoding
 
 #: The publisher of a stream if the bag does not record the publisher. Bags of rosbag2 never record
@@ -159,7 +159,7 @@ class BagContext:
         self.other_tf: dict[str, str] = {}
         #: The types of other topics whose definition is not known; by the name of the topic.
         self.unknown_types: dict[str, str] = {}
-        self._namespace = ''.join(f'/{part}' for part in namespace.split('/') if part)
+        self._namespace = namespace_path(namespace)
         self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
         self._types: dict[str, str] = {}
         self._on_progress = on_progress

@@ -179,6 +179,33 @@ def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = s
     return f'{", ".join(map(write, texts[:shown]))}{more}'
 
 
+def namespace_path(namespace: str) -> str:
+    """
+    Return a namespace as the beginning of the name of a topic.
+
+    :param namespace: the namespace, with or without slashes at its ends.
+    :returns: the namespace with a slash at its beginning only; '' for none.
+
+    >>> namespace_path('robot/'), namespace_path('/')
+    ('/robot', '')
+    """
+    return ''.join(f'/{part}' for part in namespace.split('/') if part)
+
+
+def full_name(namespace: str, name: str) -> str:
+    """
+    Return the full name of a node.
+
+    :param namespace: the namespace of the node, which begins with a slash.
+    :param name: the name of the node.
+    :returns: the full name.
+
+    >>> full_name('/', 'arm'), full_name('/robot', 'arm')
+    ('/arm', '/robot/arm')
+    """
+    return f'{namespace.rstrip("/")}/{name}'
+
+
 def roots_hint(target: str, target_root: str, source: str, source_root: str) -> str:
     """
     Return the hint for two frames that are in different trees.
