@@ -2,11 +2,15 @@
 
 from decimal import Decimal
 import math
+import time
 import warnings
 
 from geometry_msgs.msg import TransformStamped
 import numpy as np
 import pytest
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 
@@ -33,6 +37,28 @@ def received(ros):
     messages = []
     ros.node.create_subscription(TFMessage, '/tf', lambda m: messages.append(m.transforms), 100)
     return messages
+
+
+@pytest.mark.parametrize(('broadcaster', 'qos', 'policy'), [
+    (TransformBroadcaster, LATCHED, 'DURABILITY'),
+    (StaticTransformBroadcaster, QoSProfile(depth=1, deadline=Duration(seconds=1)), 'DEADLINE')])
+def test_incompatible_subscriptions_are_logged_once_a_second(
+        ros, monkeypatch, broadcaster, qos, policy):
+    """The first of many is logged in the words of rclpy, those in the second after it are not."""
+    lines = []
+    monkeypatch.setattr(
+        RcutilsLogger, 'log', lambda self, message, severity, **_: lines.append(message))
+    topic, begin = broadcaster(ros.node).pub_tf.topic_name, time.monotonic()
+    for _ in range(20):
+        ros.node.create_subscription(
+            TFMessage, topic, print, qos,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+        ros.executor.spin_once(timeout_sec=0.05)
+    ros.until(lambda: lines)
+    assert len(lines) <= 1 + time.monotonic() - begin
+    assert lines[0] == (
+        f"New subscription discovered on topic '{topic}', requesting incompatible QoS. No "
+        f'messages will be sent to it. Last incompatible policy: {policy}')
 
 
 @pytest.mark.parametrize(('broadcaster', 'topic', 'durability'), [

@@ -8,8 +8,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from dummy_arm.tf._ros.messages import TFMessage
-from dummy_arm.tf._ros.qos import profile
+from dummy_arm.tf._ros.qos import create_publisher, profile
 from dummy_arm.tf._ros.transform_stamped import as_list, explain_bad_fields, fields_to_send
 from dummy_arm.tf._wire import cdr
 
@@ -34,9 +33,8 @@ class StaticTransformBroadcaster:
             local profile. None means the same as the int 1.
         :param tf_static_topic: the name of the topic.
         """
-        self.pub_tf = node.create_publisher(
-            TFMessage, tf_static_topic,
-            profile(qos, 1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self.pub_tf = create_publisher(
+            node, tf_static_topic, profile(qos, 1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self._sent: dict[str, cdr.Fields] = {}
         self._lock = Lock()
 

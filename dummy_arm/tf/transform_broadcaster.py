@@ -11,7 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from dummy_arm.tf._core.times import nanoseconds_or_int
-from dummy_arm.tf._ros.messages import TFMessage
+from dummy_arm.tf._ros.qos import create_publisher, profile
 from dummy_arm.tf._ros.transform_stamped import (
     as_list,
     check_edge,
@@ -40,8 +40,7 @@ class TransformBroadcaster:
             profile. None means the same as the int 100.
         :param tf_topic: the name of the topic.
         """
-        self.pub_tf = node.create_publisher(
-            TFMessage, tf_topic, QoSProfile(depth=100) if qos is None else qos)
+        self.pub_tf = create_publisher(node, tf_topic, profile(qos, 100))
 
     def sendTransform(  # noqa: N802
             self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:

@@ -221,6 +221,7 @@ class _HeaderSampler:
 
     def _read_headers(self, topic: str, message_type: Any, profile: 'QoSProfile') -> None:
         """Read the headers of some messages, then unsubscribe."""
+        from rclpy.event_handler import SubscriptionEventCallbacks
         count = 0
         subscription: Any = None
 
@@ -239,7 +240,8 @@ class _HeaderSampler:
                 self._node.destroy_subscription(subscription)
 
         subscription = self._node.create_subscription(
-            message_type, topic, read, profile, raw=True)
+            message_type, topic, read, profile, raw=True,
+            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
 
 
 def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:

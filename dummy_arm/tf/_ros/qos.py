@@ -1,8 +1,14 @@
-"""The QoS arguments of publishers and subscriptions."""
+"""The QoS arguments of publishers and subscriptions, and publishers with these arguments."""
 
 from typing import Any, Optional, Union
 
-from rclpy.qos import QoSProfile
+from rclpy.event_handler import PublisherEventCallbacks
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.qos import qos_policy_name_from_kind, QoSProfile
+
+from dummy_arm.tf._core.texts import ThrottledLog
+from dummy_arm.tf._ros.messages import TFMessage
 
 
 def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) -> QoSProfile:
@@ -17,3 +23,33 @@ def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) 
     if qos is None or isinstance(qos, int):
         return QoSProfile(depth=depth if qos is None else qos, **policies)
     return qos
+
+
+def create_publisher(node: Node, topic: str, qos: QoSProfile) -> Publisher:
+    """
+    Create a publisher of TFMessages that warns of incompatible subscriptions.
+
+    The text of the warning is that of rclpy. But rclpy would warn of each such subscription, and
+    this publisher warns at most once a second, as the listener does of incompatible publishers.
+
+    :param node: the node that publishes; its remappings apply.
+    :param topic: the name of the topic.
+    :param qos: the profile of the publisher.
+    :returns: the publisher.
+    """
+    log, name = ThrottledLog(), node.resolve_topic_name(topic)
+
+    def warn(event: Any) -> None:
+        """
+        Warn of the newest incompatible subscription, unless a warning was logged just before.
+
+        :param event: what rclpy reports about the incompatible subscriptions.
+        """
+        if log.is_due('QoS', 1.0):
+            node.get_logger().warning(
+                f"New subscription discovered on topic '{name}', requesting incompatible QoS. "
+                'No messages will be sent to it. Last incompatible policy: '
+                f'{qos_policy_name_from_kind(event.last_policy_kind)}')
+
+    return node.create_publisher(
+        TFMessage, topic, qos, event_callbacks=PublisherEventCallbacks(incompatible_qos=warn))
