@@ -8,6 +8,7 @@ from pathlib import Path
 import re
 import signal
 import socket
+import subprocess
 import sys
 import time
 
@@ -322,6 +323,40 @@ def test_a_table_that_cannot_be_written(failed, tmp_path):
     code, error = failed(main, 'a.py', '--csv', str(table))
     assert code == 1
     assert error == f'check_arm: cannot write {table}: No such file or directory\n'
+
+
+@pytest.mark.usefixtures('domain_id')
+def test_a_table_does_not_replace_a_pipe_or_a_link(failed, tmp_path):
+    """A link stays, too; its file is written."""
+    os.mkfifo(tmp_path / 'pipe.csv')
+    code, error = failed(main, '--csv', str(tmp_path / 'pipe.csv'), 'a.py')
+    assert code == 1
+    assert error == f'check_arm: cannot write {tmp_path}/pipe.csv: it is not a regular file\n'
+    (tmp_path / 'link.csv').symlink_to('table.csv')
+    main(['--csv', str(tmp_path / 'link.csv'), str(tmp_path / 'a.py')])
+    assert (tmp_path / 'link.csv').is_symlink()
+    assert (tmp_path / 'table.csv').read_text().startswith('file,')
+
+
+@pytest.mark.usefixtures('domain_id')
+def test_a_table_on_a_full_disk(tmp_path):
+    """The error names the file; an old table stays, and there is no partial one."""
+    code = """if True:
+        import resource, signal, sys
+        from dummy_arm.tools.check_arm import main
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+        sys.exit(main())
+    """
+    there = tmp_path / 'there'
+    there.mkdir()
+    (there / 'grades.csv').write_text('old')
+    done = subprocess.run([sys.executable, '-c', code, 'a.py', '--csv', 'grades.csv'], cwd=there,
+                          text=True, capture_output=True, check=False)
+    assert done.returncode == 1
+    assert done.stderr == 'check_arm: cannot write grades.csv: File too large\n'
+    assert [path.name for path in there.iterdir()] == ['grades.csv']
+    assert (there / 'grades.csv').read_text() == 'old'
 
 
 # Drawings

@@ -27,16 +27,20 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     Write a file completely, or leave it unchanged.
 
-    :param path: path of the file.
+    :param path: path of the file; a symbolic link stays, and the file that it names is written.
     :returns: a context manager; the target of `as` is the path of a temporary file in the same
         directory, which the block writes. At the end of the block, the temporary file replaces the
         file; if the block raises an exception, it is deleted.
-    :raises CommandError: if the file cannot be written, or if the block raises an OSError.
+    :raises CommandError: if the file cannot be written, if it is a device or a pipe, or if the
+        block raises an OSError.
     """
-    part = path.with_name(f'.{path.name}.{os.getpid()}')
+    if path.exists() and not path.is_file():  # it must not be replaced
+        raise CommandError(f'cannot write {path}: it is not a regular file')
+    target = path.resolve()
+    part = target.with_name(f'.{target.name}.{os.getpid()}')
     try:
         yield part
-        part.replace(path)
+        part.replace(target)
     except OSError as error:
         raise CommandError(f'cannot write {path}: {error.strerror or error}') from None
     finally:

@@ -25,6 +25,7 @@ from unicodedata import normalize
 import warnings
 
 from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_partial
+from dummy_arm.cli.files import whole_file
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import wait
 from dummy_arm.cli.signals import begin_cleanup, sleep, wait_until
@@ -428,7 +429,7 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
     with ExitStack() as stack:
         stack.enter_context(warnings.catch_warnings())
         warnings.simplefilter('ignore')  # what the compiler thinks of the programs
-        add_row = stack.enter_context(_csv_file(table)) if table else None
+        add_row = _csv_file(table) if table else None
         pool = ThreadPoolExecutor(jobs)
         stack.callback(pool.shutdown, cancel_futures=True)
         futures = deque(pool.submit(grade, file, seconds, ros_args) for file in files)
@@ -461,26 +462,34 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
     return 0 if is_passed else 1
 
 
-@contextmanager
-def _csv_file(path: str) -> Iterator[Callable[[Grade], object]]:
+def _csv_file(path: str) -> Callable[[Grade], None]:
     """
     Write a table in CSV, with a column for each requirement and each good practice.
 
-    :returns: a context manager; the target of `as` is a function that adds the row of a grade.
-    :raises CommandError: if the file cannot be opened.
+    For each new row, the whole file is written again, so that it never has a part of a row.
+
+    :param path: path of the file.
+    :returns: a function that adds the row of a grade. It raises a CommandError, too.
+    :raises CommandError: if the file cannot be written.
     """
-    try:
-        file = open(path, 'w', newline='', encoding='utf-8', buffering=1)  # noqa: SIM115
-    except OSError as error:
-        raise CommandError(f'cannot write {path}: {error.strerror}') from None
-    with file:
-        writer, nothing = csv.writer(file), check([])
-        writer.writerow(['file', 'verdict', 'reason', *(
-            line.requirement for line in (*nothing.lines, *nothing.advice))])
-        yield lambda grade: writer.writerow([
-            grade.file, NOT_OK if grade.reason else OK, grade.reason,
-            *((line.verdict for line in (*grade.report.lines, *grade.report.advice))
-              if grade.report else ())])
+    nothing = check([])
+    rows = [['file', 'verdict', 'reason', *(
+        line.requirement for line in (*nothing.lines, *nothing.advice))]]
+
+    def write() -> None:
+        """Write the file."""
+        with whole_file(Path(path)) as part, part.open('w', newline='', encoding='utf-8') as file:
+            csv.writer(file).writerows(rows)
+
+    def add_row(grade: Grade) -> None:
+        """Add the row of a grade."""
+        rows.append([grade.file, NOT_OK if grade.reason else OK, grade.reason, *(
+            (line.verdict for line in (*grade.report.lines, *grade.report.advice))
+            if grade.report else ())])
+        write()
+
+    write()
+    return add_row
 
 
 # The arm that is running, and a bag

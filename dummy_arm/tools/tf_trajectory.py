@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, suppress
+from io import BytesIO
 from math import pi, tau
 from pathlib import Path
 from shutil import copyfileobj
@@ -439,9 +440,12 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     some = f', one of {step} rows' if step > 1 else ''
     figure.suptitle(f'{shortened(trajectory.source)} in {shortened(trajectory.target)}{some}',
                     parse_math=False)
+    # Where a file cannot be written, the PDF backend raises other errors than OSError.
+    drawing = BytesIO()
     with warnings.catch_warnings():
         warnings.simplefilter('ignore')  # names may have characters that the font does not have
-        figure.savefig(path, format=ending[1:], dpi=110)
+        figure.savefig(drawing, format=ending[1:], dpi=110)
+    path.write_bytes(drawing.getvalue())
 
 
 def _without_jumps(times: NDArray[np.float64], angles: NDArray[np.float64]
