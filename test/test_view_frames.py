@@ -333,6 +333,14 @@ def test_an_svg_is_well_formed(tmp_path):
     assert ElementTree.parse(path).getroot().tag.endswith('svg')
 
 
+def test_each_frame_is_a_node_of_its_own():
+    """This holds for names that look like escaped names, or like graphviz's own."""
+    pygraphviz = pytest.importorskip('pygraphviz')
+    names = ['a\n', r"'a\n'", '%3', "'%3'", '"a"', 'a']
+    graph = pygraphviz.AGraph(string=as_dot(Forest([static(name, 'map') for name in names]), 0))
+    assert len({*graph.nodes()}) == len({*graph.edges()}) + 1 == len(names) + 1
+
+
 def test_without_pygraphviz(tmp_path, monkeypatch):
     """The .gv file is written, and the error has the remedy; tf2 exits with code 0."""
     monkeypatch.setitem(sys.modules, 'pygraphviz', None)

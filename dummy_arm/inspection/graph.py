@@ -60,9 +60,12 @@ def _id(name: str) -> str:
     Return the DOT identifier of a frame.
 
     Control characters in the name are escaped: graphviz copies the identifier into an SVG file,
-    and an SVG file must not contain control characters.
+    and an SVG file must not contain control characters. A name that begins with a quote is escaped
+    as well, so that it differs from every escaped name; and a name that begins with a percent
+    sign, since graphviz takes it for a node without a name.
     """
-    return dot_quoted(name if name.isprintable() else repr(name))
+    is_plain = name.isprintable() and not name.startswith(("'", '"', '%'))
+    return dot_quoted(name if is_plain else repr(name))
 
 
 def _edge_label(frame: Frame) -> str:

@@ -12,6 +12,8 @@ from dummy_arm.tf._core.times import display_time, in_seconds
 _SHORTEST_SPAN = 100_000
 #: Matches only names that YAML reads as strings even if they are not quoted.
 _PLAIN = re.compile(r'(?!(?i:true|false|yes|no|on|off|null|y|n)$)[A-Za-z_][\w/.-]*', re.ASCII)
+#: A YAML key of this length (characters) or more must be an explicit one.
+_LONGEST_KEY = 1024
 
 
 class Frame(NamedTuple):
@@ -60,7 +62,7 @@ def as_yaml(frames: Iterable[Frame]) -> str:
     :returns: the YAML; '' if there are no frames.
     """
     return ''.join(
-        f'{_yaml_key(frame.name)}: \n'
+        f'{_yaml_key(frame.name)}\n'
         f'  parent: {_yaml_value(frame.parent)}\n'
         f'  broadcaster: {_yaml_value(frame.authority)}\n'
         f'  rate: {frame.rate:.3f}\n'
@@ -71,15 +73,20 @@ def as_yaml(frames: Iterable[Frame]) -> str:
 
 
 def _yaml_key(name: str) -> str:
-    """
-    Write a name as a YAML key, in quotes if YAML might misread the unquoted name.
+    r"""
+    Write a name as a YAML key and a colon, in quotes if YAML might misread the unquoted name.
 
-    >>> print(_yaml_key('base_link'))
-    base_link
-    >>> print(_yaml_key('on'))  # a boolean, if it were not quoted
-    "on"
+    A key that is too long for one line is written as an explicit key.
+
+    >>> _yaml_key('base_link')
+    'base_link: '
+    >>> _yaml_key('on')  # a boolean, if it were not quoted
+    '"on": '
+    >>> _yaml_key('x' * 1024) == '? ' + 'x' * 1024 + '\n: '
+    True
     """
-    return name if _PLAIN.fullmatch(name) else _double_quoted(name)
+    key = name if _PLAIN.fullmatch(name) else _double_quoted(name)
+    return f'{key}: ' if len(key) < _LONGEST_KEY else f'? {key}\n: '
 
 
 def _yaml_value(text: str) -> str:
