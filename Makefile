@@ -12,7 +12,8 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: demo listen test test-all test-desktop test-no-ros lint bench pictures clean
+.PHONY: demo listen test test-all test-desktop test-no-ros attack fuzz soak lint bench pictures
+.PHONY: clean
 
 # Ctrl-C and SIGTERM end both.
 demo: $(INSTALLED)
@@ -24,7 +25,8 @@ listen: $(INSTALLED)
 	@$(VENV)/bin/python docs/examples/listen.py
 
 # Soaks do a thing at every place, a hundred times or for long; without them, it is done at some.
-test: SELECTED = -m 'not soak'
+test: SELECTED = -m 'not soak and not attack'
+test-all: SELECTED = -m 'not attack'
 test: SAID = The soaks were left out ("deselected"); make test-all runs them, too.
 test-all: SAID = The soaks were run, too.
 test test-all: $(INSTALLED)
@@ -40,11 +42,24 @@ test test-all: $(INSTALLED)
 # As on a Jazzy desktop: with stand-ins for tf2_msgs and for the pytest plugins of launch.
 test-desktop: $(INSTALLED)
 	PYTHONPATH=$(CURDIR)/test/desktop $(VENV)/bin/python -m pytest -p launch_stand_in \
-	    $(PARALLEL) -m 'not soak' $(PYTEST_ARGS) test
+	    $(PARALLEL) -m 'not soak and not attack' $(PYTEST_ARGS) test
 
 # The tests that need no ROS, where there is none.
 test-no-ros: $(NO_ROS)/installed
-	$(NO_ROS)/bin/python -m pytest $(PARALLEL) -m 'no_ros and not soak' $(PYTEST_ARGS) test
+	$(NO_ROS)/bin/python -m pytest $(PARALLEL) -m 'no_ros and not soak and not attack' $(PYTEST_ARGS) test
+
+# Bad peers, faults of processes, two hosts: one test at a time, so that each has both cores.
+attack: $(INSTALLED)-fuzz
+	$(VENV)/bin/python -m pytest -m attack -v $(PYTEST_ARGS) test
+
+# Each target for TIME seconds, two at a time.
+TIME ?= 600
+fuzz: $(INSTALLED)-fuzz
+	$(VENV)/bin/python test/fuzz.py $(TIME)
+
+HOURS ?= 1
+soak: $(INSTALLED)
+	$(VENV)/bin/python bench/soak.py $(HOURS)
 
 lint: $(INSTALLED)
 	$(VENV)/bin/ruff check

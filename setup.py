@@ -23,6 +23,7 @@ setup(
         'bag': ['backports.zstd; python_version < "3.14"', 'lz4', 'matplotlib', 'mcap',
                 'pygraphviz', 'pypdf', 'rosbags', 'ruamel.yaml', 'tqdm'],
         'bench': ['matplotlib', 'transform-tree==0.0.9; sys_platform == "linux"'],
+        'fuzz': ['atheris>=3,<4; sys_platform == "linux" and python_version >= "3.11"'],
         'pictures': ['matplotlib', 'pillow', 'pypdfium2'],
         'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'playwright', 'pypdf', 'pytest',
                  'pytest-xdist', 'ruff', 'wheel'],

@@ -246,6 +246,11 @@ class Process:
             self._lines.put(line)
         self._lines.put('')
 
+    @property
+    def pid(self) -> int:
+        """The id of the process."""
+        return self._popen.pid
+
     def line(self) -> str:
         """Wait for the next line of output and return it; '' means the end of the output."""
         return self._lines.get(timeout=TIMEOUT)
@@ -406,6 +411,16 @@ def logs() -> Iterator[list[logging.LogRecord]]:
     logger.addHandler(handler)
     yield records
     logger.removeHandler(handler)
+
+
+@pytest.fixture
+def show(capsys: pytest.CaptureFixture[str]) -> Callable[[str], None]:
+    """Print a figure that a test has measured, by `show(text)`, also if the test passes."""
+    def print_line(text: str) -> None:
+        with capsys.disabled():
+            print(f'\n    {text}', end=' ', flush=True)
+
+    return print_line
 
 
 @pytest.fixture
