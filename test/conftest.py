@@ -187,8 +187,7 @@ def golden_rows(case: dict[str, Any]) -> list[Row]:
             for sec, nanosec, parent, child, pose in golden_fields(case)]
 
 
-@pytest.fixture
-def domain_id() -> Iterator[int]:
+def reserved_domain() -> Iterator[int]:
     """
     Reserve a ROS domain id, so that tests that run at the same time are separated.
 
@@ -207,6 +206,12 @@ def domain_id() -> Iterator[int]:
             yield domain
             return
     pytest.fail('no free ROS domain id')
+
+
+@pytest.fixture
+def domain_id() -> Iterator[int]:
+    """The ROS domain id of a test."""
+    yield from reserved_domain()
 
 
 class Process:

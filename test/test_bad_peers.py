@@ -9,7 +9,6 @@ import json
 from math import cos, dist, hypot, sin
 import os
 from pathlib import Path
-import random
 import re
 import signal
 import socket
@@ -22,7 +21,7 @@ from urllib.request import urlopen
 
 from arms import Arm
 from bad_peers import ATTACKS, WRONG_PLACE
-from conftest import ARM, TIMEOUT, tool
+from conftest import ARM, reserved_domain, TIMEOUT, tool
 import pytest
 from test_viewers import Viewer
 
@@ -334,16 +333,8 @@ def slowest(lookups):
 
 @pytest.fixture(scope='module')
 def domain_id():
-    """Reserve a ROS domain id for all tests of this module."""
-    with socket.socket() as reservation:
-        for domain in random.sample(range(1, 101), 100):
-            try:
-                reservation.bind(('127.0.0.1', 23400 + domain))
-            except OSError:
-                continue
-            yield domain
-            return
-    pytest.fail('no free ROS domain id')
+    """The ROS domain id of all tests of this module."""
+    yield from reserved_domain()
 
 
 @pytest.fixture(scope='module')
