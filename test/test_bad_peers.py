@@ -36,14 +36,20 @@ SENT = {'garbage': 2000, 'other_type': 200, 'flood': 40_000, 'time_jumps': 500, 
         'volatile_static': 50, 'long_names': 10, 'parents': 100, 'names': 300}
 #: These attacks leave so many frames that the programs are started anew before them.
 FRESH = 'parents', 'names'
+#: In these attacks, the listener is one with QoS "best effort". Where packets are lost, a reliable
+#: subscription (the default, as in tf2) receives nothing of a publisher until Fast DDS sends the
+#: lost packet again, which takes up to 3 s.
+BEST_EFFORT = 'flood',
 #: A lookup at a time that has yet to come waits at most this long (s).
 WAIT = 0.6
 
 LISTENER = f"""
 import json
+import sys
 import time
 import rclpy
 from rclpy.duration import Duration
+from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rclpy.signals import SignalHandlerOptions
 from rclpy.time import Time
 from dummy_arm.tf import Buffer, TransformListener
@@ -51,7 +57,8 @@ from dummy_arm.tf import Buffer, TransformListener
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 node = rclpy.create_node('listener')
 buffer = Buffer(node=node)
-TransformListener(buffer, node)
+TransformListener(buffer, node, qos=QoSProfile(
+    depth=100, reliability=ReliabilityPolicy.BEST_EFFORT) if 'best effort' in sys.argv else None)
 
 def look_up(frame, time_ns=0, wait=0.0):
     begin, answer, error, gap = time.monotonic(), [], '', 0
@@ -152,12 +159,17 @@ class Victims:
         with socket.socket() as free:
             free.bind(('127.0.0.1', 0))
             self._port = free.getsockname()[1]
-        self.begin = 0  # not started
+        self.begin, self.listens = 0, ''
 
-    def start(self):
-        """Start all, and wait until each of them shows the arm."""
+    def start(self, listens):
+        """
+        Start all, and wait until each of them shows the arm.
+
+        :param listens: the QoS of the listener: 'reliable' or 'best effort'.
+        """
+        self.listens = listens
         commands = {
-            'listener': ('-c', LISTENER), 'dummy_arm': ARM,
+            'listener': ('-c', LISTENER, listens), 'dummy_arm': ARM,
             'tf2_echo': tool('tf2_echo', 'map', 'end_effector', '5', '-p', '9'),
             'tf2_monitor': tool('tf2_monitor'), 'view_frames': tool('view_frames', '--watch'),
             'web_view': tool('web_view', '--port', str(self._port))}
@@ -337,9 +349,10 @@ def running(domain_id, tmp_path_factory):
 def victims(running, request):
     """The running programs: started anew if one has ended, or if an attack needs it."""
     attack = request.node.callspec.params['attack']
-    if not running.begin or running.ended() or attack in FRESH:
+    listens = 'best effort' if attack in BEST_EFFORT else 'reliable'
+    if running.ended() or running.listens != listens or attack in FRESH:
         running.end()
-        running.start()
+        running.start(listens)
     return running
 
 
