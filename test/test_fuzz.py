@@ -43,6 +43,7 @@ def _ended():
         sys.modules['fuzz_surfaces'].close_page()
 
 
+@pytest.mark.soak
 @names
 def test_seeds_pass(name):
     """A target finds no fault in its seeds, nor in an empty input."""
