@@ -10,17 +10,12 @@ import sys
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', '97')
 
+from measure import resident
 import rclpy
 
 from dummy_arm.tf import TFMessage
 from dummy_arm.tf._core.pose import IDENTITY, Row
 from dummy_arm.tf._ros.transform_stamped import message_of
-
-
-def resident() -> float:
-    """Return the resident memory of this process (MiB)."""
-    with open('/proc/self/statm') as statm:
-        return int(statm.read().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 2**20
 
 
 def main(count: int = 1_000_000) -> None:

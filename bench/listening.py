@@ -8,8 +8,7 @@ import subprocess
 import sys
 from timeit import timeit
 
-from leak import resident
-from measure import cost, has_real_tf2, Row
+from measure import cost, has_real_tf2, resident, Row
 import numpy as np
 from numpy.typing import NDArray
 

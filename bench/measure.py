@@ -53,6 +53,12 @@ def imports() -> Iterator[Row]:
         yield f'`{code}`', f'{time * 1e3:.0f} ms', '', f'{time / seconds[0]:.2f}'
 
 
+def resident(pid: object = 'self') -> float:
+    """Return the resident memory of a process (MiB)."""
+    with open(f'/proc/{pid}/statm') as statm:
+        return int(statm.read().split()[1]) * os.sysconf('SC_PAGE_SIZE') / 2**20
+
+
 def cpu_seconds(pid: int) -> float:
     """Return the sum of the user and system time of a process (s)."""
     with open(f'/proc/{pid}/stat') as stat:

@@ -27,7 +27,7 @@ from typing import Any, NoReturn
 os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
 os.environ.setdefault('ROS_DOMAIN_ID', '97')
 
-from measure import cpu_seconds
+from measure import cpu_seconds, resident
 import numpy as np
 
 S = 10**9
@@ -146,12 +146,6 @@ class Lookups:
             time.sleep(max(0.0, due - now))
 
 
-def memory(pid: int) -> float:
-    """Return the resident memory of a process (MiB)."""
-    return int(Path(f'/proc/{pid}/statm').read_text().split()[1]) * os.sysconf(
-        'SC_PAGE_SIZE') / 2**20
-
-
 def descendants(pid: int) -> list[int]:
     """Return the ids of the processes that a process has started, directly or not."""
     found = [pid]
@@ -204,11 +198,11 @@ class Soak:
         """Note the CPU time and the memory of each process and of those that it has started."""
         now = time.monotonic()
         for name, process in self._processes.items():
-            cpu = resident = 0.0
+            cpu = size = 0.0
             for pid in (process.pid, *descendants(process.pid)):
                 with suppress(OSError, IndexError):  # it has ended
-                    cpu, resident = cpu + cpu_seconds(pid), resident + memory(pid)
-            self.samples.setdefault(name, []).append((now, cpu, resident))
+                    cpu, size = cpu + cpu_seconds(pid), size + resident(pid)
+            self.samples.setdefault(name, []).append((now, cpu, size))
 
     def ended(self) -> list[str]:
         """Return the names of the processes that have ended."""
@@ -238,9 +232,9 @@ def report(soak: Soak) -> bool:
     half = times > times[-1] / 2
     print(f'\nAfter {times[-1] / 60:.0f} minutes:\n\n| process | CPU (% of a core) | memory (MiB) '
           '| growth in the second half (MiB/h) |\n|---|---|---|---|')
-    for name, (_, cpu, resident) in zip(names, table.transpose(0, 2, 1)):
-        growth = np.polyfit(times[half] / 3600.0, resident[half], 1)[0]
-        print(f'| {name} | {100 * (cpu[-1] - cpu[0]) / times[-1]:.1f} | {resident[-1]:.0f} '
+    for name, (_, cpu, sizes) in zip(names, table.transpose(0, 2, 1)):
+        growth = np.polyfit(times[half] / 3600.0, sizes[half], 1)[0]
+        print(f'| {name} | {100 * (cpu[-1] - cpu[0]) / times[-1]:.1f} | {sizes[-1]:.0f} '
               f'| {growth:+.2f} |')
         if name in JUDGED and times[-1] / 2 >= JUDGED_FROM and growth >= GROWTH:
             problems.append(f'the memory of {name} grows by {growth:.1f} MiB/h; {GROWTH:g} is the '

@@ -123,6 +123,27 @@ def code_without(modules: Iterable[str]) -> str:
         'sys.meta_path.insert(0, Blocked())\n')
 
 
+def run_on_full_disk(name: str, largest: int, *arguments: str, directory: Path
+                     ) -> 'subprocess.CompletedProcess[str]':
+    """
+    Run a command whose files cannot get large, as where a disk is full.
+
+    :param name: the name of the command, and of its module.
+    :param largest: the largest size of a file (bytes).
+    :param arguments: the command line.
+    :param directory: the working directory.
+    """
+    code = f"""if True:
+        import resource, signal, sys
+        from dummy_arm.tools.{name} import main
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, ({largest}, {largest}))
+        sys.exit(main())
+    """
+    return subprocess.run([sys.executable, '-c', code, *arguments], cwd=directory, text=True,
+                          capture_output=True, check=False)
+
+
 WITHOUT_ROS = code_without(ROS)
 
 

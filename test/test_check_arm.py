@@ -8,12 +8,18 @@ from pathlib import Path
 import re
 import signal
 import socket
-import subprocess
 import sys
 import time
 
 from arms import Arm, changed, RIGHT, S, WRONG
-from conftest import code_without, is_running, TIMEOUT, tool, tool_without_ros
+from conftest import (
+    code_without,
+    is_running,
+    run_on_full_disk,
+    TIMEOUT,
+    tool,
+    tool_without_ros,
+)
 from hypothesis import assume, given
 from hypothesis import strategies as st
 import numpy as np
@@ -341,18 +347,10 @@ def test_a_table_does_not_replace_a_pipe_or_a_link(failed, tmp_path):
 @pytest.mark.usefixtures('domain_id')
 def test_a_table_on_a_full_disk(tmp_path):
     """The error names the file; an old table stays, and there is no partial one."""
-    code = """if True:
-        import resource, signal, sys
-        from dummy_arm.tools.check_arm import main
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
-        sys.exit(main())
-    """
     there = tmp_path / 'there'
     there.mkdir()
     (there / 'grades.csv').write_text('old')
-    done = subprocess.run([sys.executable, '-c', code, 'a.py', '--csv', 'grades.csv'], cwd=there,
-                          text=True, capture_output=True, check=False)
+    done = run_on_full_disk('check_arm', 100, 'a.py', '--csv', 'grades.csv', directory=there)
     assert done.returncode == 1
     assert done.stderr == 'check_arm: cannot write grades.csv: File too large\n'
     assert [path.name for path in there.iterdir()] == ['grades.csv']

@@ -51,7 +51,7 @@ class Watch:
 
     def __init__(self, start, begins):
         """Start it; `begins` has the time of t = 0 of each arm (ns), and may grow."""
-        self.process, self._begins, self._read = start(PROGRAM, 'watch'), begins, 0
+        self.process, self._begins = start(PROGRAM, 'watch'), begins
         self.process.line_with('ready')
 
     def fresh(self, after):

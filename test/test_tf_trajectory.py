@@ -13,7 +13,7 @@ import tracemalloc
 from xml.etree import ElementTree
 
 from arms import Arm, BEGIN, hand
-from conftest import ARM, run_in_terminal, tool, tool_without_ros
+from conftest import ARM, run_in_terminal, run_on_full_disk, tool, tool_without_ros
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -487,18 +487,11 @@ def test_a_file_is_written_whole_or_not_at_all(tmp_path, arm_bag, ending):
     """On a full disk, there is no partial file, and an old file stays."""
     if ending in ('pdf', 'svg'):
         pytest.importorskip('matplotlib')
-    code = """if True:
-        import resource, signal, sys
-        from dummy_arm.tools.tf_trajectory import main
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (3000, 3000))
-        sys.exit(main())
-    """
     there = tmp_path / 'there'
     there.mkdir()
     (there / f'arm.{ending}').write_text('old')
-    done = subprocess.run([sys.executable, '-c', code, '--bag', arm_bag, *FRAMES, '-o',
-                           f'arm.{ending}'], cwd=there, text=True, capture_output=True)
+    done = run_on_full_disk('tf_trajectory', 3000, '--bag', arm_bag, *FRAMES, '-o',
+                            f'arm.{ending}', directory=there)
     assert done.returncode == 1
     assert done.stderr == f'tf_trajectory: cannot write arm.{ending}: File too large\n'
     assert [path.name for path in there.iterdir()] == [f'arm.{ending}']

@@ -5,24 +5,21 @@ The namespaces have no route to any other network. Each has a /dev/shm of its ow
 that Fast DDS cannot use shared memory between them. This needs root and iproute2.
 """
 
+from functools import partial
 from itertools import count
 import os
-from pathlib import Path
 import re
 import shutil
 import signal
 import subprocess
 import time
 
-from arms import hand
 from conftest import ARM
-from endings import without_library_lines
 import pytest
+from test_process_faults import begin_of, Watch
 
 pytestmark = pytest.mark.attack
 
-PROGRAM = str(Path(__file__).parent / 'attacked.py')
-S = 10**9
 ADDRESSES = '10.77.0.1', '10.77.0.2'
 #: How long the link is down (s).
 OUTAGE = 10.0
@@ -118,61 +115,35 @@ def on_host(hosts, start):
     return start_on_host
 
 
-def begin_of(arm):
-    """Return the time of t = 0 of an arm (ns), from its log."""
-    found = re.search(r't = 0 at (\d+) ns', arm.line_with('t = 0 at'))
-    assert found is not None
-    return int(found[1])
-
-
-def fresh(watch, begin, after):
-    """
-    Wait for a pose of the hand that is newer than a time (ns), and check all poses up to it.
-
-    :returns: how long after that time it was there (s).
-    """
-    stamp = 0
-    while stamp <= after:
-        if not (line := without_library_lines(watch.line())):
-            continue
-        first, *numbers = line.split()
-        stamp = int(first)
-        x, y, z, _, _, yaw = hand([stamp], begin)[0]
-        assert [float(number) for number in numbers] == pytest.approx([x, y, z, yaw], abs=1e-6)
-    return (time.time_ns() - after) / S
-
-
 def test_a_late_joiner_gets_the_arm(on_host, show):
     """A listener that starts on the other host later gets /tf_static, and fresh /tf."""
     begin = begin_of(on_host(0, 'SUBNET', *ARM))
     time.sleep(LATER)
     began = time.time_ns()
-    late = on_host(1, 'SUBNET', PROGRAM, 'watch')
-    late.line_with('ready')
-    show(f'first pose: {fresh(late, begin, began):.2f} s after the start of the listener')
+    late = Watch(partial(on_host, 1, 'SUBNET'), [begin])
+    show(f'first pose: {late.fresh(began):.2f} s after the start of the listener')
 
 
 def test_an_outage_of_the_link(hosts, on_host, show):
     """After ten seconds without the link, the first fresh transform comes within two."""
     begin = begin_of(on_host(0, 'SUBNET', *ARM))
-    watch = on_host(1, 'SUBNET', PROGRAM, 'watch')
-    watch.line_with('ready')
-    fresh(watch, begin, time.time_ns())
+    watch = Watch(partial(on_host, 1, 'SUBNET'), [begin])
+    watch.fresh(time.time_ns())
     hosts[0].ip('link', 'set', 'eth', 'down')
     time.sleep(LATER)
-    before = watch.output
+    before = watch.process.output
     time.sleep(OUTAGE - LATER)
-    assert watch.output == before, 'the link was not down'
+    assert watch.process.output == before, 'the link was not down'
     hosts[0].ip('link', 'set', 'eth', 'up')
-    seconds = fresh(watch, begin, time.time_ns())
+    seconds = watch.fresh(time.time_ns())
     show(f'first fresh pose: {seconds:.2f} s after the link was up again')
     assert seconds <= RECOVERY
 
 
 def test_with_localhost_nothing_leaves_the_host(hosts, on_host, show):
     """An arm with LOCALHOST sends nothing to the other host; one with SUBNET is received there."""
-    watch = on_host(1, 'SUBNET', PROGRAM, 'watch')
-    watch.line_with('ready')
+    begins: list[int] = []
+    watch = Watch(partial(on_host, 1, 'SUBNET'), begins)
     before = hosts[0].sent()
     arm = on_host(0, 'LOCALHOST', *ARM)
     begin_of(arm)
@@ -180,9 +151,9 @@ def test_with_localhost_nothing_leaves_the_host(hosts, on_host, show):
     assert not arm.has_ended()
     arm.end(signal.SIGINT)
     between = hosts[0].sent()
-    assert watch.output == 'ready\n'
-    begin = begin_of(on_host(0, 'SUBNET', *ARM))
-    fresh(watch, begin, begin)
+    assert watch.process.output == 'ready\n'
+    begins.append(begin_of(on_host(0, 'SUBNET', *ARM)))
+    watch.fresh(begins[0])
     for discovery_range, first, last in (
             ('LOCALHOST', before, between), ('SUBNET', between, hosts[0].sent())):
         show(f'{discovery_range}: {last[0] - first[0]} packets, {last[1] - first[1]} bytes')

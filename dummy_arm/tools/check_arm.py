@@ -482,7 +482,11 @@ def _csv_file(path: str) -> Callable[[Grade], None]:
             csv.writer(file).writerows(rows)
 
     def add_row(grade: Grade) -> None:
-        """Add the row of a grade."""
+        """
+        Add the row of a grade.
+
+        :param grade: the grade.
+        """
         rows.append([grade.file, NOT_OK if grade.reason else OK, grade.reason, *(
             (line.verdict for line in (*grade.report.lines, *grade.report.advice))
             if grade.report else ())])
