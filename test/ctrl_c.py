@@ -54,6 +54,8 @@ def _interrupted(work: Callable[[], object], number: int, files: tuple[str, ...]
         frame.f_trace_opcodes = True
         if event == 'call':
             last[id(frame)] = 'start', None
+        if event == 'exception':  # the last call has not returned: no signal is handled after it
+            last[id(frame)] = 'raised', None
         if event == 'opcode':
             now = dis.opname[frame.f_code.co_code[frame.f_lasti]]
             handler = _handler(frame.f_code, frame.f_lasti)

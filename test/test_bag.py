@@ -1,20 +1,17 @@
 """TF read from bags: of every kind, with the oddities of real ones, damaged, and without TF."""
 
 from contextlib import closing
-import fcntl
 from itertools import count
 import os
 from pathlib import Path
-import pty
 import random
 import re
 import shutil
 import sqlite3
-import struct
 import subprocess
 import sys
-import termios
 
+from conftest import on_linux, on_unix, open_terminal
 import pytest
 
 from dummy_arm.tf import bag
@@ -460,6 +457,7 @@ READ = ('import sys; from dummy_arm.cli.bag_options import read_bag; '
         'read_bag(sys.argv[1], "", False)')
 
 
+@on_unix
 def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path):
     """The progress bar is written to stderr if that is a terminal, and only goes forward."""
     *_, (topic, time, rows) = bags.walk()
@@ -468,8 +466,7 @@ def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path):
     done = subprocess.run([sys.executable, '-c', READ, path], capture_output=True, check=True,
                           timeout=60)
     assert not done.stdout + done.stderr
-    ours, theirs = pty.openpty()
-    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack('HHHH', 24, 100, 0, 0))
+    ours, theirs = open_terminal(100)
     subprocess.run([sys.executable, '-c', READ, path], stderr=theirs, check=True, timeout=60)
     os.close(theirs)
     shown = os.read(ours, 100_000).decode()
@@ -517,6 +514,7 @@ def test_what_the_callback_raises_ends_the_reading(tmp_path, kind):
                 assert raised.value is error
 
 
+@on_unix
 @pytest.mark.parametrize('partial', [False, True])
 @pytest.mark.parametrize('kind', ['mcap', 'bag'])
 def test_ctrl_c_ends_a_command_that_reads(tmp_path, kind, partial):
@@ -581,7 +579,9 @@ def test_several_damaged_files(tmp_path, logs):
     assert f'Read {count + 3} TF messages' in messages(logs)
 
 
-@pytest.mark.parametrize('name', ['odd#name', 'pct%20name', 'what?', 'ctrl\nname'])
+@pytest.mark.parametrize('name', [
+    'odd#name', 'pct%20name', pytest.param('what?', marks=on_unix),
+    pytest.param('ctrl\nname', marks=on_unix)])
 def test_odd_paths(tmp_path, name):
     """The characters of a path are taken literally, also those that are special in a URI."""
     for kind in PLAIN:
@@ -591,6 +591,7 @@ def test_odd_paths(tmp_path, name):
         assert len(read(path, partial=True).frames()) == 2
 
 
+@on_unix
 def test_a_pipe_is_no_bag(tmp_path):
     """A pipe is refused, since reading it might never end."""
     os.mkfifo(tmp_path / 'pipe')
@@ -606,6 +607,7 @@ def test_two_publishers_of_one_frame_and_a_short_cache(tmp_path, logs):
     assert not logs
 
 
+@on_linux
 def test_memory_does_not_grow_with_other_messages(tmp_path):
     """ROS 1 bags are read without rosbags' index, which lists the messages of all topics."""
     text = (5).to_bytes(4, 'little') + b'text\0'

@@ -5,6 +5,7 @@ import math
 import time
 import warnings
 
+from conftest import ignore
 from geometry_msgs.msg import TransformStamped
 import numpy as np
 import pytest
@@ -51,7 +52,7 @@ def test_incompatible_subscriptions_are_logged_once_a_second(
     topic, begin = broadcaster(ros.node).pub_tf.topic_name, time.monotonic()
     for _ in range(20):
         ros.node.create_subscription(
-            TFMessage, topic, print, qos,
+            TFMessage, topic, ignore, qos,
             event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
         ros.executor.spin_once(timeout_sec=0.05)
     ros.until(lambda: lines)

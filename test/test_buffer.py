@@ -293,8 +293,8 @@ def test_a_lookup_waits_no_longer_than_its_timeout():
     buffer.set_transform(stamped('map', 'base'), 'test')
     began = time.monotonic()
     with pytest.raises(ConnectivityException):
-        buffer.lookup_transform('map', 'tool', T, timeout=Duration(seconds=0.3))
-    assert 0.3 <= time.monotonic() - began < 10.0
+        buffer.lookup_transform('map', 'tool', T, timeout=Duration(seconds=2.0))
+    assert 2.0 <= time.monotonic() - began < 12.0
     assert not buffer.can_transform('map', 'tool', T, SOON)
     timer.join()
 

@@ -14,7 +14,7 @@ from time import monotonic
 import tracemalloc
 import weakref
 
-from conftest import ArrivedMessages
+from conftest import ArrivedMessages, on_unix
 from ctrl_c import interruptions
 from model import Model
 import numpy as np
@@ -736,6 +736,7 @@ def test_ctrl_c_in_an_update_does_not_hide_the_insertion_from_waiting_lookups():
         assert buffer.can_transform('map', 'tool', T)
 
 
+@on_unix
 def test_a_signal_handler_does_not_wait(monkeypatch):
     """It may have interrupted the call that would insert the data, so it would wait in vain."""
     buffer = BufferCore()

@@ -1,6 +1,5 @@
 """check_arm: right and wrong arms, from messages, from bags, live and as programs; drawings."""
 
-import contextlib
 import csv
 from itertools import pairwise
 import os
@@ -15,6 +14,7 @@ from arms import Arm, changed, RIGHT, S, WRONG
 from conftest import (
     code_without,
     is_running,
+    on_unix,
     run_on_full_disk,
     TIMEOUT,
     tool,
@@ -241,6 +241,14 @@ def test_names_of_others_cannot_harm_the_terminal():
     assert 'end_effector\\x1b[2J' in ' '.join(texts)
 
 
+def test_the_measured_values():
+    """They are those of the arm."""
+    assert line_of(check(received(changed(hertz=8))), 'at least 10').measured == '8.0 Hz'
+    line = line_of(check(received(WRONG['full angle'][0])), 'joint_1 stays')
+    assert line.measured == '-90.0° to 90.0°'
+    assert line.text.startswith('The limit is exceeded by 45.0°: the angle is twice as large')
+
+
 # Bags
 
 @pytest.mark.parametrize('kind', ['mcap', 'db3', 'bag'])
@@ -396,6 +404,7 @@ def test_a_drawing_of_tf2(tmp_path, capsys, edges, in_pdf, in_gv):
         assert output.startswith(f'{tmp_path / name}: {"" if code == 0 else "not ok: "}{expected}')
 
 
+@on_unix
 def test_drawings_that_cannot_be_read(tmp_path, capsys, monkeypatch):
     """Several files can be checked at once; each gets its line with the reason."""
     pytest.importorskip('pypdf')
@@ -445,7 +454,7 @@ def test_the_arm_that_is_running(start):
     """Our arm passes, ten times as fast so that the test is short; in a namespace, too."""
     arm = start(*tool('dummy_arm', '--namespace', 'robot', '--ros-args', *FAST))
     arm.line_with('t = 0')
-    process = start(*tool('check_arm', '--time', '4', '--namespace', 'robot'))
+    process = start(*tool('check_arm', '--time', '12', '--namespace', 'robot'))
     assert process.exit_code(60.0) == 0, process.output
     assert 'base_link reaches a late listener             received\n' in process.output
     assert process.output.endswith('passed: 24 ok\n')
@@ -491,18 +500,19 @@ def program(*changes):
 FASTER = [("'joint_1', (0.0, 0.0, 0.3), 0.3,", "'joint_1', (0.0, 0.0, 0.3), 3.0,"),
           ("'joint_2', (0.4, 0.0, 0.0), 0.5,", "'joint_2', (0.4, 0.0, 0.0), 5.0,"),
           ("'joint_3', (0.3, 0.0, 0.0), 0.7,", "'joint_3', (0.3, 0.0, 0.0), 7.0,")]
-#: By file: the program, and the line that is printed.
+#: By file: the program, and the line that is printed, with # for each measured number, since these
+#: depend on the load of the machine. test_the_measured_values checks the numbers.
 PROGRAMS = {
     'model.py': (program(), 'ok'),
     'only_main.py': (program(("\n\nif __name__ == '__main__':\n    main()\n", '\n'),
                              ('create_timer(0.02', 'create_timer(0.2'),
                              ('\n\nclass', '\nimport sys\nname = __name__\nif sys.path:\n'
                                            '    sys.path.append("")\n\nclass')),
-                     'ok; advice: at least 10 messages per second (5.0 Hz)'),
+                     'ok; advice: at least 10 messages per second (# Hz)'),
     'full_angle.py': (program(('sin(angle / 2)', 'sin(angle)'), ('cos(angle / 2)', 'cos(angle)')),
-                      'not ok: joint_1 stays within ±45° (-90.0° to 90.0°). The limit is exceeded '
-                      'by 45.0°: the angle is twice as large as it should be. In the quaternion, '
-                      'use the half angle: z = sin(angle / 2), w = cos(angle / 2). (2 more)'),
+                      'not ok: joint_1 stays within ±45° (#° to #°). The limit is exceeded by #°: '
+                      'the angle is twice as large as it should be. In the quaternion, use the '
+                      'half angle: z = sin(angle / 2), w = cos(angle / 2). (2 more)'),
     'base_on_tf.py': (program(('self.static_broadcaster.sendTransform(self.transform(',
                                'self.create_timer(0.1, lambda: self.broadcaster.sendTransform('
                                'self.transform('),
@@ -551,10 +561,12 @@ PROGRAMS = {
 LONG = {'only_main.py', 'fails_often.py', 'slow_traceback.py', 'silent.py'}
 
 
-@pytest.mark.parametrize('left_out', [LONG, pytest.param(set(), marks=pytest.mark.soak)])
-def test_programs(start, tmp_path, left_out):
+@pytest.mark.parametrize('names', [
+    {*PROGRAMS} - LONG,
+    pytest.param(LONG | {'model.py', 'full_angle.py'}, marks=pytest.mark.soak)])
+def test_programs(start, tmp_path, names):
     """Each program gets its line, in the order of the arguments, and a row of the table."""
-    programs = {name: each for name, each in PROGRAMS.items() if name not in left_out}
+    programs = {name: each for name, each in PROGRAMS.items() if name in names}
     for name, (code, _) in programs.items():
         if code is not None:
             (tmp_path / name).write_text(code)
@@ -564,7 +576,7 @@ def test_programs(start, tmp_path, left_out):
     lines = process.output.splitlines()
     assert len(lines) == len(programs), process.output
     for line, (name, (_, expected)) in zip(lines, programs.items()):
-        assert line.startswith(f'{name}: {expected}'), line
+        assert re.sub(r'-?\d+\.\d+', '#', line).startswith(f'{name}: {expected}'), line
     assert not process.has_left_processes()
     with (tmp_path / 'grades.csv').open(newline='') as file:
         rows = list(csv.DictReader(file))
@@ -634,12 +646,12 @@ def test_a_killed_check_arm_leaves_no_program(start, tmp_path):
 def test_busy_domains_are_waited_for(start, tmp_path):
     """If all domains are in use, no program fails for it."""
     (tmp_path / 'fast.py').write_text('')
-    with contextlib.ExitStack() as stack:
-        for domain in range(215, 232):
-            with contextlib.suppress(OSError):  # another test grades programs
-                reservation = stack.enter_context(socket.socket(socket.AF_UNIX))
-                reservation.bind(f'\0dummy_arm.check_arm.{domain}')
-        process = start(*tool('check_arm', 'fast.py'), cwd=tmp_path)
+    # A domain of its own, since other tests use those of the command, and free them at any time.
+    option, code, *arguments = tool('check_arm', 'fast.py')
+    own_domain = 'import dummy_arm.tools.check_arm as c; c._DOMAINS = range(232, 233); '
+    with socket.socket(socket.AF_UNIX) as reservation:
+        reservation.bind('\0dummy_arm.check_arm.232')
+        process = start(option, own_domain + code, *arguments, cwd=tmp_path)
         time.sleep(3.0)
         assert not process.has_ended()
     assert process.line_with('fast.py: not ok: It ended by itself')

@@ -60,7 +60,9 @@ print('done')
 
 AS_OF_THE_FORK = NO_ROS + """
 reading, writing = os.pipe()
+forked, forking = os.pipe()
 def look():
+    os.write(forking, b'.')
     os.read(reading, 1)  # returns after the parent has inserted a sample
     assert x() == 0.0
     buffer.insert(3, 'map', 'tool', (3.0, *STILL[1:]))
@@ -72,9 +74,10 @@ def look():
     else:
         raise AssertionError
 def more():
+    os.read(forked, 1)
     buffer.insert(2, 'map', 'tool', (2.0, *STILL[1:]))
     os.write(writing, b'.')
-threading.Timer(0.2, more).start()
+threading.Thread(target=more).start()
 in_child(look)
 assert x() == 2.0
 print('done')

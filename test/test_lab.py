@@ -65,7 +65,7 @@ def test_steps_2_to_4_dynamic_transform(ros, start):
     """The frame moves on a circle; each kind of rotation can be set while it runs."""
     process = start(*tool('dynamic_tf_publisher'))
     stamps, points, rotations = receive(ros, 15)
-    assert np.median(np.diff(stamps)) == pytest.approx(0.1, rel=0.1)
+    assert np.median(np.diff(stamps)) == pytest.approx(0.1, rel=0.3)
     angles = np.unwrap(np.arctan2(points[:, 1], points[:, 0]))
     np.testing.assert_allclose(np.diff(angles), 0.1, atol=1e-9)
     np.testing.assert_allclose(np.hypot(points[:, 0], points[:, 1]), 1.0, atol=1e-9)

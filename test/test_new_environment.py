@@ -36,7 +36,7 @@ def test_programs_and_evo(tmp_path):
     for path in 'dummy_arm', 'compat', 'launch', 'resource', 'rviz':
         shutil.copytree(ROOT / path, tmp_path / path,
                         ignore=shutil.ignore_patterns('*.egg-info', 'build'))
-    for name in 'package.xml', 'setup.cfg', 'setup.py':
+    for name in 'README.md', 'package.xml', 'setup.cfg', 'setup.py':
         shutil.copy(ROOT / name, tmp_path)
     directory = tmp_path / 'environment' / 'bin'
     variables = {name: value for name, value in os.environ.items()

@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 from conftest import tool, tool_without_ros
 import pytest
 
+from dummy_arm import tf
 from dummy_arm.cli import entry_points
 
 ROOT = Path(__file__).parent.parent
@@ -35,6 +36,16 @@ def test_the_changelog_has_this_version():
     changelog = (ROOT / 'CHANGELOG.rst').read_text()
     heading = rf'^({re.escape(version)} \(\d{{4}}-\d\d-\d\d\)|Forthcoming)\n-+\n\* '
     assert re.search(heading, changelog, re.MULTILINE)
+
+
+def test_the_reference_has_all_public_modules():
+    """Each module that has names beside those of dummy_arm.tf is in it; Sphinx looks for names."""
+    pages = (ROOT / 'docs' / 'reference').glob('*.rst')
+    reference = ''.join(page.read_text() for page in pages)
+    modules = {path.stem for path in (ROOT / 'dummy_arm' / 'tf').glob('[a-z]*.py')}
+    assert {'bag', 'geometry', 'rotations'} < modules - tf._PUBLIC_MODULES
+    for module in modules - tf._PUBLIC_MODULES:
+        assert f'.. automodule:: dummy_arm.tf.{module}\n' in reference
 
 
 COMMANDS = [name for name, thing in vars(entry_points).items()
@@ -72,7 +83,6 @@ def test_a_command_that_needs_ros_says_so(start, command):
 
 def test_names_of_tf_are_listed_and_unknown_ones_are_not_there():
     """Names that are imported late appear in dir(); other names raise AttributeError."""
-    from dummy_arm import tf
     assert {'TFMessage', 'TransformBroadcaster', 'StaticTransformBroadcaster'} <= set(dir(tf))
     with pytest.raises(AttributeError, match="no attribute 'Nonsense'"):
         _ = tf.Nonsense

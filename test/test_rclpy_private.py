@@ -7,7 +7,7 @@ import threading
 import time
 
 from builtin_interfaces.msg import Time
-from conftest import made_at_run_time
+from conftest import ignore, made_at_run_time
 from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
 import pytest
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -43,7 +43,7 @@ CONVERSIONS = (
 @pytest.fixture
 def strings(ros):
     """A publisher of String, and a subscription that is connected to it."""
-    subscription = subscribe(ros.node, String, 'text', print, QoSProfile(depth=10),
+    subscription = subscribe(ros.node, String, 'text', ignore, QoSProfile(depth=10),
                              ros.node.default_callback_group)
     publisher = ros.node.create_publisher(String, 'text', 10)
     ros.until(lambda: publisher.get_subscription_count() == 1)
@@ -131,7 +131,7 @@ def test_subscribe_makes_a_subscription_that_no_executor_sees(ros, strings):
 def test_incompatible_qos_counts_publishers_that_do_not_fit(ros):
     """The event reports such a publisher once, with the policy that does not fit."""
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-    subscription = subscribe(ros.node, String, 'text', print, latched,
+    subscription = subscribe(ros.node, String, 'text', ignore, latched,
                              ros.node.default_callback_group)
     event = incompatible_qos(subscription)
     assert event.take_event().total_count_change == 0

@@ -279,19 +279,19 @@ def test_the_arm(start):
     chain = start(*tool('tf2_monitor', 'map', '/joint_2'))
     every.line_with('RESULTS: for all frames, over the last 10 s')
     for process in every, chain:
-        while not re.search(r'  joint_2  +\d+\.\d Hz', process.output):
+        while not re.search(r'  joint_2  +\d+\.\d Hz.*/dummy_arm\n', process.output):
             assert process.line(), process.output
-        process.line_with('All Broadcasters:')
-        process.line_with('RESULTS')
+        for _ in range(3):  # the first rates are of few messages
+            process.line_with('RESULTS')
         assert re.search(r'  base_link  +static  +/dummy_arm\n', process.output)
         rates = [float(rate) for rate in re.findall(
-            r'  joint_2  +(\d+\.\d) Hz +0\.\d{6} s +0\.\d{6} s  /dummy_arm\n', process.output)]
+            r'  joint_2  +(\d+\.\d) Hz +-?0\.\d{6} s +0\.\d{6} s  /dummy_arm\n', process.output)]
         assert 25.0 < rates[-1] < 60.0  # the rate is 50 Hz, less on a busy machine
-        assert re.search(r'\n +\d+\.\d Hz +0\.\d{6} s +0\.\d{6} s  /dummy_arm\n', process.output)
+        assert re.search(r'\n +\d+\.\d Hz +-?0\.\d{6} s +0\.\d{6} s  /dummy_arm\n', process.output)
     assert '  end_effector ' in every.output
     assert '  end_effector ' not in chain.output.partition('Chain is')[2]
     assert 'Chain is: map -> base_link -> joint_1 -> joint_2\n' in chain.output
-    assert re.search(r'Net delay     avg = 0\.\d{6} s: max = 0\.\d{6} s\n', chain.output)
+    assert re.search(r'Net delay     avg = -?0\.\d{6} s: max = 0\.\d{6} s\n', chain.output)
     for process in every, chain:
         process.end(signal.SIGINT)
         assert process.exit_code() == 0
@@ -406,8 +406,8 @@ def test_without_a_clock(start):
         *tool('tf2_monitor', 'map', 'joint_1', '--ros-args', '-p', 'use_sim_time:=true'))
     process.line_with('Warning: use_sim_time is set, but no message has arrived on /clock')
     process.line_with('Net delay     none: all transforms are static, or the time is not known')
-    process.line_with('joint_1 ')
-    assert re.search(r'  joint_1 +/dummy_arm\n', process.output)
+    while not re.fullmatch(r'  joint_1 +/dummy_arm\n', process.line_with('joint_1 ')):
+        pass
 
 
 def test_messages_that_arrive_too_fast_are_reported(start):

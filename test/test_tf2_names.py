@@ -253,12 +253,13 @@ except ImportError as error:
 
 
 def test_the_versions_are_equal():
-    """One release has both distributions, and each of them names the version."""
+    """One release has both distributions, each with the version and the licence."""
     version = re.search(r"version='(.*)'", (ROOT / 'setup.py').read_text())
     project = (COMPAT / 'pyproject.toml').read_text()
     assert version is not None
     assert f"version = '{version[1]}'" in project
     assert f"'dummy_arm=={version[1]}'" in project
+    assert (COMPAT / 'LICENSE').read_text() == (ROOT / 'LICENSE').read_text()
 
 
 @pytest.mark.soak
@@ -268,8 +269,8 @@ def test_the_wheel(tmp_path):
     shutil.copytree(COMPAT, tmp_path / 'compat',
                     ignore=shutil.ignore_patterns('*.egg-info', 'build'))
     pip = [sys.executable, '-m', 'pip', '--quiet', '--disable-pip-version-check']
-    subprocess.run([*pip, 'wheel', '--no-deps', '--no-build-isolation', '--wheel-dir', wheels,
-                    tmp_path / 'compat'], check=True, timeout=120)
+    subprocess.run([*pip, 'wheel', '--no-deps', '--wheel-dir', wheels, tmp_path / 'compat'],
+                   check=True, timeout=120)
     wheel, = wheels.iterdir()
     subprocess.run([*pip, 'install', '--no-deps', '--target', installed, wheel], check=True,
                    timeout=120)
@@ -279,5 +280,5 @@ def test_the_wheel(tmp_path):
         'print(tf2_ros.__file__)\n' + USE, env={**os.environ, 'PYTHONPATH': str(installed)}
     ) == f'{installed / "tf2_ros" / "__init__.py"}\n'
     assert sorted(path.name for path in installed.iterdir() if not path.name.startswith('_')) == [
-        'dummy_arm_tf2-0.1.0.dist-info', 'tf2_geometry_msgs', 'tf2_msgs', 'tf2_py', 'tf2_ros',
+        'dummy_arm_tf2-0.2.0.dist-info', 'tf2_geometry_msgs', 'tf2_msgs', 'tf2_py', 'tf2_ros',
         'tf2_sensor_msgs', 'tf_transformations']

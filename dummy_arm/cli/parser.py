@@ -152,7 +152,10 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
     handlers = record_signals()
     try:
-        options = parser.parse_args(_without_ros_args(arguments)[1:])
+        given = _without_ros_args(arguments)[1:]
+        if given.count('--') > 1:  # before Python 3.12.7, argparse drops more (gh-81691)
+            parser.error('-- can be given only once')
+        options = parser.parse_args(given)
         _make_writable()
         return command(ros_args=arguments, **vars(options))
     except KeyboardInterrupt:

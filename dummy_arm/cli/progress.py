@@ -9,9 +9,9 @@ from typing import Any
 from dummy_arm.cli.signals import wait_until
 
 _BAR = '{desc} {bar} {n:.1f} of {total:g} s'
-#: How long `listen` waits at least for the first transform (s). On a busy computer, discovery can
-#: take this long: Fast DDS announces a participant every 3 s.
-_DISCOVERY = 7.0
+#: How long to wait at least for another process (s). On a busy computer, discovery can take this
+#: long: Fast DDS announces a participant every 3 s.
+DISCOVERY = 7.0
 
 
 @contextmanager
@@ -84,7 +84,7 @@ def listen(seconds: float, has_received: Callable[[], object],
     """
     start = time.monotonic()
     with suppress(KeyboardInterrupt):
-        if wait(max(_DISCOVERY, seconds), 'waiting for transforms',
+        if wait(max(DISCOVERY, seconds), 'waiting for transforms',
                 lambda: poll() or has_received()):
             start = time.monotonic()
             wait(seconds, 'listening', lambda: poll() and False)

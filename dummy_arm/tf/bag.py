@@ -40,13 +40,20 @@ _LONG = 2**22
 class BagMessage(NamedTuple):
     """A message of a bag on the topic `/tf` or `/tf_static`."""
 
-    stream: Stream  #: private; see the properties below
+    #: Private; see the properties below.
+    #:
+    #: :meta private:
+    stream: Stream
     time: int  #: the time at which the message was recorded (ns); 0 if it was not recorded
     data: bytes  #: the bytes of the message
 
     @property
     def encoding(self) -> Encoding:
-        """The encoding of the bytes; private."""
+        """
+        The encoding of the bytes.
+
+        :meta private:
+        """
         return self.stream.encoding
 
     @property

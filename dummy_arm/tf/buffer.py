@@ -82,6 +82,8 @@ class Buffer(MessageBufferCore, BufferInterface):
         Drop the sources, futures, context and logger, which work in the parent process only.
 
         :param was_held: as in `Engine`: False if the data may be inconsistent.
+
+        :meta private:
         """
         super().after_fork_in_child(was_held)
         self._context = None
@@ -299,6 +301,8 @@ def create_jump_handle(clock: Clock, owner: _HasJumpCallback) -> JumpHandle:
     :param clock: the clock; it does not keep the object alive.
     :param owner: the object.
     :returns: the handle, which is unregistered when the object is deleted.
+
+    :meta private:
     """
     handle = clock.create_jump_callback(
         JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1), on_clock_change=True),

@@ -217,6 +217,8 @@ def register_default(message_type: type, transform: Callable[..., Any]) -> None:
 
     :param message_type: the type. Its objects are messages, so they need no conversion.
     :param transform: the function that transforms the objects; see `TransformRegistration.add`.
+
+    :meta private:
     """
     _transforms.setdefault(message_type, transform)
     _to_messages.setdefault(message_type, to_msg_msg)

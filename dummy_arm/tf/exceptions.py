@@ -29,6 +29,8 @@ class TransformException(Exception):
             is called in the thread that first reads the text. This can be any thread that does
             not hold the lock of the buffer.
         :returns: the error.
+
+        :meta private:
         """
         error = cls(words)
         error._hint = hint

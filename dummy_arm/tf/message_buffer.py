@@ -249,5 +249,7 @@ def message(target_frame: str, source_frame: str, answer: tuple[int, Pose]) -> T
     :param answer: the result of the lookup: the time (ns) and the pose. The pose is x, y, z (m)
         and the quaternion x, y, z, w.
     :returns: the message.
+
+    :meta private:
     """
     return message_of(Row(answer[0], target_frame, source_frame, answer[1]))

@@ -44,7 +44,10 @@ class ReceivedMessage(bytes):
     publisher = ''  #: the gid of the publisher, in hex; '' if the gid is not known
     time = 0  #: the time of arrival, on the system clock (ns)
     is_static = False  #: True if the message is from /tf_static
-    encoding: Encoding = cdr  #: the encoding of the bytes; private
+    #: The encoding of the bytes.
+    #:
+    #: :meta private:
+    encoding: Encoding = cdr
 
     @property
     def data(self) -> bytes:

@@ -652,7 +652,7 @@ def _edges_in_dot(path: Path) -> set[tuple[str, str]]:
 
     :raises OSError: if the file cannot be read.
     """
-    with path.open(errors='replace') as file:
+    with path.open(encoding='utf-8', errors='replace') as file:
         tokens = [token for token in _TOKEN.findall(file.read(_LONGEST_GRAPH))
                   if not token.startswith(('//', '/*', '#'))]
     return {(_frame(parent), _frame(child))

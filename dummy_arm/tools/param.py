@@ -15,12 +15,12 @@ from yaml import safe_load, YAMLError
 
 from dummy_arm.cli.node import spinning_node
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
-from dummy_arm.cli.progress import wait
+from dummy_arm.cli.progress import DISCOVERY, wait
 from dummy_arm.cli.signals import sleep
 from dummy_arm.tf.formatting import full_name, suggest_names
 
 #: The timeout (s) of each wait: for the node, for its services, and for each response.
-PATIENCE = 5.0
+PATIENCE = DISCOVERY
 #: How long to wait for a response before the request is sent again (s). A node that has just been
 #: discovered may not respond to the first request.
 _RETRY = 2.0

@@ -17,7 +17,7 @@ from dummy_arm.cli.parser import (
     run,
     UsageError,
 )
-from dummy_arm.cli.progress import wait
+from dummy_arm.cli.progress import DISCOVERY, wait
 from dummy_arm.cli.signals import check_signals, sleep
 from dummy_arm.inspection.forest import Forest, frequency
 from dummy_arm.inspection.graph import as_dot, draw, DrawingError
@@ -73,7 +73,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
     :param output: path of the drawing. The ending of the path gives the format: .pdf, .svg or
         .png; for other endings, see `output_path`. The graph is also written, in the DOT language,
         to a .gv file of the same name in the same directory.
-    :param wait_time: how long to listen (s); None: 5 s.
+    :param wait_time: how long to listen (s), from the first transform on; None: 5 s.
     :param text: True: print the tree instead of drawing it.
     :param watch: True: print the tree every second, until Ctrl-C.
     :param bag: path of the bag to read; None: listen. With a bag, ages are relative to the newest
@@ -123,7 +123,7 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
     """
     Listen for some time; return the frames, and the time of the node's clock (ns).
 
-    :param seconds: how long to listen (s).
+    :param seconds: how long to listen (s), from the first transform on.
     :param watch: True: print the tree every second, until Ctrl-C, and do not return.
     """
     from dummy_arm.cli.node import spinning_node
@@ -133,11 +133,12 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
         while watch:
             _show(frame_listener, root)
             sleep(_REFRESH)
+        discovery = max(DISCOVERY, seconds)
+        if not wait(discovery, 'waiting for transforms', frame_listener.buffer.frame_names):
+            raise CommandError(f'no transform was received within {discovery:g} s. '
+                               f'{frame_listener.why_no_frames()}')
         wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}')
         frames = frame_listener.frames()
-        if not frames:
-            raise CommandError(f'no transform was received within {seconds:g} s. '
-                               f'{frame_listener.why_no_frames()}')
         if hint := frame_listener.other_topics_hint():
             print(f'view_frames: warning: {visible(hint)}', file=sys.stderr)
         return frames, frame_listener.now()
@@ -268,7 +269,8 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         '          view_frames --watch --root base_link\n'
         '          view_frames --bag robot.mcap')
     parser.add_argument('-t', '--wait-time', type=number, metavar='SECONDS',
-                        help=f'how long to listen (s; default: {DEFAULT_TIME:g})')
+                        help='how long to listen, from the first transform on '
+                             f'(s; default: {DEFAULT_TIME:g})')
     parser.add_argument('-o', '--output', default='frames', metavar='NAME',
                         help='the file of the drawing, in the format .pdf, .svg or .png; to a '
                              'name without a format, .pdf is added (default: %(default)s)')

@@ -35,9 +35,9 @@ __all__ = ['VISER', 'GuardedServer', 'GuiUpdateMessage', 'SceneNodeClickMessage'
 VISER = 'viser>=1.1,<1.2'
 
 try:
+    import viser  # isort: skip  (an error is to name it, and not a library that comes with it)
     import msgspec
     import rich
-    import viser
     from viser._messages import (
         GuiUpdateMessage,
         SceneNodeClickMessage,

@@ -220,6 +220,8 @@ class Engine:
         Add a source, so that the buffer pulls from it.
 
         :param source: the source to be added.
+
+        :meta private:
         """
         with self._lock:
             self._sources += (source,)
@@ -229,6 +231,8 @@ class Engine:
         Pull from all sources, then remove a source.
 
         :param source: the source to be removed. If it was removed before, this method only pulls.
+
+        :meta private:
         """
         try:
             self.update()
@@ -256,6 +260,8 @@ class Engine:
         Insert what the sources have received.
 
         The caller must have taken the lock, and its thread must not have held the lock before.
+
+        :meta private:
         """
         for source in self._sources:
             batches = source.take()
@@ -312,6 +318,8 @@ class Engine:
 
         :param batches: objects of the types `Batch` and `Rows`, as `MessageReader.read` returns
             them.
+
+        :meta private:
         """
         self.update()
         with self._lock:
@@ -326,6 +334,8 @@ class Engine:
         Call this without holding the lock of the buffer, if possible.
 
         :returns: True if the executor that spins the node of a listener must be woken.
+
+        :meta private:
         """
         self._insertion.log.flush()
         is_urgent, error = False, None
@@ -343,6 +353,8 @@ class Engine:
         Add a waiter, which `after_insertion` then checks.
 
         :param waiter: the waiter.
+
+        :meta private:
         """
         with self._lock:
             self._waiters += (waiter,)
@@ -352,6 +364,8 @@ class Engine:
         Remove a waiter.
 
         :param waiter: the waiter; if it was removed before, nothing happens.
+
+        :meta private:
         """
         with self._lock:
             self._waiters = tuple(each for each in self._waiters if each is not waiter)
@@ -402,16 +416,26 @@ class Engine:
         Return whether this thread holds the lock, as in a block of `fetched`.
 
         :returns: True if this thread holds the lock.
+
+        :meta private:
         """
         return bool(self._lock._is_owned())
 
     @property
     def has_waiters(self) -> bool:
-        """True if a blocked lookup or a waiter waits for a transform."""
+        """
+        True if a blocked lookup or a waiter waits for a transform.
+
+        :meta private:
+        """
         return bool(self._queues) or any(waiter.is_waiting for waiter in self._waiters)
 
     def wake_sources(self) -> None:
-        """Wake the sources, so that their threads update the buffer now, and do not pause."""
+        """
+        Wake the sources, so that their threads update the buffer now, and do not pause.
+
+        :meta private:
+        """
         for source in self._sources:
             source.wake()
 
@@ -681,11 +705,17 @@ class Engine:
 
         :param timeout: how long to wait for the lock at most (s).
         :returns: False if another thread still holds the lock.
+
+        :meta private:
         """
         return bool(self._lock.acquire(timeout=timeout))
 
     def release_after_fork(self) -> None:
-        """Release the lock that `hold_for_fork` has taken."""
+        """
+        Release the lock that `hold_for_fork` has taken.
+
+        :meta private:
+        """
         self._lock.release()
 
     def after_fork_in_child(self, was_held: bool) -> None:
@@ -699,6 +729,8 @@ class Engine:
 
         :param was_held: True if the lock was taken before the fork. If it is False, another thread
             may have been changing the data, so all dynamic transforms are dropped.
+
+        :meta private:
         """
         self._sources, self._waiters = (), ()
         self._queues.clear()

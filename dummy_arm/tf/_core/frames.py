@@ -19,10 +19,10 @@ _LONGEST_KEY = 1024
 class Frame(NamedTuple):
     """The state of a frame that has a parent."""
 
-    name: str
-    parent: str
+    name: str  #: the frame
+    parent: str  #: the parent of the frame
     authority: str  #: the publisher of the transform that was inserted last
-    is_static: bool
+    is_static: bool  #: True if the transform from the parent is static
     length: int  #: the number of samples; 1 if the frame is static
     latest: int  #: the newest stamp (ns); 0 if the frame is static
     oldest: int  #: the oldest stamp (ns); 0 if the frame is static
