@@ -5,6 +5,7 @@ All programs are started once; each attack lasts five seconds, and is repeated.
 """
 
 from collections import Counter
+from itertools import pairwise
 import json
 from math import cos, dist, hypot, sin
 import os
@@ -260,9 +261,16 @@ class Victims:
         wait_until(lambda: re.search(
             r'\n  end_effector +[\d.]+ Hz +-?\d\.\d+ s +\d\.\d+ s  /dummy_arm\n',
             self.output('tf2_monitor', sizes)), 'tf2_monitor')
-        wait_until(lambda: re.search(
-            r'── end_effector +[\d.]+ Hz +-?0\.\d+ s old  /dummy_arm\n',
-            self.output('view_frames', sizes)), 'view_frames')
+
+        def drawn_anew():
+            # Trees are drawn once a second or less often: if the ages of two that follow each
+            # other differ by less, a newer transform has arrived meanwhile.
+            ages = [float(age) for age in re.findall(
+                r'── end_effector +[\d.]+ Hz +(-?\d\.\d+) s old  /dummy_arm\n',
+                self.output('view_frames', sizes))]
+            return any(later < earlier + 0.9 for earlier, later in pairwise(ages))
+
+        wait_until(drawn_anew, 'view_frames')
         page = wait_until(self._page, 'web_view')
         assert '<html' in page
         viewer = Viewer(self._port)

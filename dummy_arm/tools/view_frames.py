@@ -138,15 +138,16 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
             raise CommandError(f'no transform was received within {discovery:g} s. '
                                f'{frame_listener.why_no_frames()}')
         wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}')
-        frames = frame_listener.frames()
+        now, frames = frame_listener.now(), frame_listener.frames()
         if hint := frame_listener.other_topics_hint():
             print(f'view_frames: warning: {visible(hint)}', file=sys.stderr)
-        return frames, frame_listener.now()
+        return frames, now
 
 
 def _show(frame_listener: 'FrameListener', root: Optional[str]) -> None:
     """Show the current tree in the terminal."""
-    frames = frame_listener.frames()
+    # The time first: reading and arranging 100,000 frames takes long, and would add to the ages.
+    now, frames = frame_listener.now(), frame_listener.frames()
     if not frames:
         show(wrapped(f'No transform has been received yet. {frame_listener.why_no_frames()}'))
         return
@@ -157,8 +158,7 @@ def _show(frame_listener: 'FrameListener', root: Optional[str]) -> None:
     else:
         hint = frame_listener.other_topics_hint()
         warning = wrapped(f'Warning: {hint}') if hint else []
-        show([*warning, *format_tree(forest, frame_listener.now(), height())],
-             len(warning) + forest.line_count)
+        show([*warning, *format_tree(forest, now, height())], len(warning) + forest.line_count)
 
 
 def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
