@@ -4,7 +4,6 @@ PYTHON ?= python3
 VENV ?= .venv
 INSTALLED := $(VENV)/installed
 TEST_TOOLS := $(INSTALLED)-bag,test
-NO_ROS := .venv-no-ros
 # On two cores; the tests mostly wait. Where colcon runs them by itself, pytest-xdist is not needed.
 PARALLEL := -n 6 --dist worksteal
 
@@ -13,8 +12,7 @@ export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 unexport PYTHONPATH AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 
-.PHONY: demo listen test test-all test-desktop test-no-ros attack fuzz soak lint bench pictures
-.PHONY: clean dist docs
+.PHONY: demo listen test test-once night lint bench docs dist pictures clean
 .NOTPARALLEL:
 
 # Ctrl-C and SIGTERM end both.
@@ -26,43 +24,23 @@ demo: $(INSTALLED)
 listen: $(INSTALLED)
 	@$(VENV)/bin/python docs/examples/listen.py
 
-# Soaks do a thing at every place, a hundred times or for long; without them, it is done at some.
-test test-desktop: SELECTED = -m 'not soak and not attack'
-test-all: SELECTED = -m 'not attack'
-test: SAID = The soaks were left out ("deselected"); make test-all runs them, too.
-test-all: SAID = The soaks were run, too.
-test test-all: $(TEST_TOOLS)
+# The short suite: three minutes.
+test: $(TEST_TOOLS)
 	@rm -rf build/dummy_arm
 	$(VENV)/bin/colcon build
 	$(VENV)/bin/colcon test --event-handlers console_direct+ --return-code-on-test-failure \
-	    --pytest-args $(PARALLEL) $(SELECTED) $(PYTEST_ARGS); code=$$?; \
+	    --pytest-args $(PARALLEL) $(PYTEST_ARGS); code=$$?; \
 	    $(VENV)/bin/colcon test-result --verbose && exit $$code
 	@$(VENV)/bin/colcon test-result | awk '/^Summary:/ { ran = $$2 - $$8 } \
 	    END { if (ran < 1) { print "no test ran"; exit 1 } }'
-	@echo '$(SAID)'
 
-# As on a Jazzy desktop: with stand-ins for tf2_msgs and for the pytest plugins of launch.
-test-desktop: $(TEST_TOOLS)
-	PYTHONPATH=$(CURDIR)/test/desktop $(VENV)/bin/python -m pytest -p launch_stand_in \
-	    $(PARALLEL) $(SELECTED) $(PYTEST_ARGS) test
+# The tests that take seconds each: model answers, hand-ins, all blocks of the documentation.
+test-once: $(TEST_TOOLS)
+	$(VENV)/bin/python -m pytest $(PARALLEL) $(PYTEST_ARGS) test/once
 
-# The tests that need no ROS, where there is none.
-test-no-ros:
-	@$(MAKE) VENV=$(NO_ROS) EXTRAS=bag,view $(NO_ROS)/installed-test
-	$(NO_ROS)/bin/python -m pytest $(PARALLEL) -m 'no_ros and not soak and not attack' $(PYTEST_ARGS) test
-
-# Bad peers, faults of processes, two hosts: one test at a time, so that each has both cores.
-attack: $(TEST_TOOLS) $(INSTALLED)-fuzz
-	$(VENV)/bin/python -m pytest -m attack -v $(PYTEST_ARGS) test
-
-# Each target for TIME seconds, two at a time.
-TIME ?= 600
-fuzz: $(TEST_TOOLS) $(INSTALLED)-fuzz
-	$(VENV)/bin/python test/fuzz.py $(TIME)
-
-HOURS ?= 1
-soak: $(TEST_TOOLS)
-	$(VENV)/bin/python bench/soak.py $(HOURS)
+# The tests that take an hour together: soaks, attacks, fuzzing, other Pythons.
+night:
+	.ci/night
 
 lint: $(TEST_TOOLS)
 	$(VENV)/bin/ruff check
@@ -91,7 +69,7 @@ pictures: $(TEST_TOOLS) $(INSTALLED)-pictures
 	$(VENV)/bin/python docs/pictures.py
 
 clean:
-	rm -rf build dist install log $(VENV) $(NO_ROS) dummy_arm.egg-info compat/build compat/*.egg-info
+	rm -rf build dist install log $(VENV) .venv-* dummy_arm.egg-info compat/build compat/*.egg-info
 	rm -rf .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find * -name __pycache__ -prune -exec rm -r {} +
 

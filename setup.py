@@ -32,7 +32,7 @@ setup(
     python_requires='>=3.10',
     install_requires=['numpy>=1.26', 'setuptools', 'transforms3d>=0.4'],
     extras_require={
-        # Bounded above is what is not public and used all the same; see test/test_private_apis.py.
+        # Upper bounds: the package uses private parts of these; see test_private_apis.py.
         'ros': ['ros-jazzy-common-interfaces>=5.3,<6', 'ros-jazzy-rclpy[fastrtps]>=7.1,<7.2',
                 'pygraphviz', 'pypdf', 'pyyaml', 'tqdm'],
         'view': ['viser>=1.1,<1.2', 'websockets<17'],

@@ -1,7 +1,7 @@
 """
 Destroy a node without the hang that an error in Fast DDS 2.14 can cause.
 
-This module calls functions of Fast DDS that ROS does not expose. test/test_fast_dds.py tests
+This module calls functions of Fast DDS that ROS does not expose. test/ros/test_fast_dds.py tests
 the behaviour of these functions.
 """
 

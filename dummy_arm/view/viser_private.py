@@ -2,7 +2,7 @@
 A server of viser that checks requests and messages. It uses private parts of viser.
 
 This module is written for viser 1.1. It relies on the following facts, which
-test/test_viser_private.py checks:
+test/unit/test_viser_private.py checks:
 
 - `viser._messages` has the classes of the messages that the page sends. A message is sent as a
   msgpack map, in which `type` is the name of the class; the other keys are the fields of the

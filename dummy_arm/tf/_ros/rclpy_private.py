@@ -2,7 +2,7 @@
 The private parts of rclpy and rcl on which this package relies, as of ROS 2 Jazzy (rclpy 7.1).
 
 Each public name of this module relies on some behaviour of rclpy or rcl. A test in
-test/test_rclpy_private.py checks this behaviour, and fails if an upgrade of rclpy changes it.
+test/ros/test_rclpy_private.py checks this behaviour, and fails if an upgrade of rclpy changes it.
 """
 
 from collections.abc import Callable

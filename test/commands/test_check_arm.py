@@ -1,0 +1,75 @@
+"""The command check_arm where there is ROS: the arm that is running, no arm, the table."""
+
+from cli_runner import call
+from geometry_msgs.msg import TransformStamped
+from processes import tool
+import pytest
+
+from dummy_arm.inspection.arm_check import OK
+from dummy_arm.tf import StaticTransformBroadcaster
+from dummy_arm.tools import check_arm
+from dummy_arm.tools.check_arm import main, Observer
+
+#: Our arm, ten times as fast, so that a few seconds show its periods.
+FAST = [argument for number, speed in enumerate((3.0, 5.0, 7.0), 1)
+        for argument in ('-p', f'joint_{number}.speed:={speed}')]
+
+
+def test_the_arm_that_is_running(start, domain_id):
+    """Our arm passes, here in a namespace."""
+    start(*tool('dummy_arm', '--namespace', 'robot', '--ros-args', *FAST)).line_with('t = 0')
+    result = call(main, '--time', '5', '--namespace', 'robot', domain=domain_id)
+    assert result.code == 0, result
+    assert 'base_link reaches a late listener             received\n' in result.stdout
+    assert result.stdout.endswith('passed: 24 ok\n')
+
+
+def test_no_arm(domain_id, monkeypatch):
+    """What to check is named."""
+    monkeypatch.setattr(check_arm, '_START', 0.5)
+    result = call(main, domain=domain_id)
+    assert (result.code, result.stdout) == (1, '')
+    assert 'check_arm: no transform was received within 0.5 s. ' in result.stderr
+    assert f'ROS_DOMAIN_ID (here: {domain_id})' in result.stderr
+
+
+def test_ctrl_c(arm_domain):
+    """Nothing was judged, so the exit code is 1."""
+    result = call(main, '--time', '1000', domain=arm_domain, columns=80,
+                  until=lambda text: 'observing the arm' in text)
+    assert result.code == 1
+    assert result.stderr.endswith('check_arm: interrupted: nothing was judged\r\n')
+
+
+def test_an_arm_that_is_static(ros):
+    """It is judged, and a late listener receives base_link."""
+    observer = Observer(ros.node)
+    transform = TransformStamped(child_frame_id='base_link')
+    transform.header.frame_id = 'map'
+    StaticTransformBroadcaster(ros.node).sendTransform(transform)
+    ros.until(lambda: observer.poll() or observer.messages)
+    assert not observer.has_started
+    report = observer.report()
+    assert any('nothing arrives on /tf' in line.text for line in report.lines)
+    (late,) = (line for line in report.lines if 'late listener' in line.requirement)
+    assert (late.verdict, late.measured) == (OK, 'received')
+
+
+def test_a_table_that_cannot_be_written(failed, tmp_path):
+    """No program is run, since its row could not be written."""
+    table = tmp_path / 'missing' / 'grades.csv'
+    code, error = failed(main, 'a.py', '--csv', str(table))
+    assert code == 1
+    assert error == f'check_arm: cannot write {table}: No such file or directory\n'
+
+
+@pytest.mark.parametrize('names', [['missing.py'], ['missing.py', 'other.py']])
+def test_a_table(tmp_path, monkeypatch, capsys, names):
+    """It has a row for each program; without a report, the requirements are empty."""
+    monkeypatch.chdir(tmp_path)
+    assert main([*names, '--csv', 'grades.csv']) == 1
+    reason = 'It cannot be read: No such file or directory.'
+    assert capsys.readouterr().out.splitlines() == [f'{name}: not ok: {reason}' for name in names]
+    head, *rows = (tmp_path / 'grades.csv').read_text().splitlines()
+    assert head.startswith('file,verdict,reason,all transforms are valid,the tree,')
+    assert rows == [f'{name},not ok,{reason}' for name in names]

@@ -1,0 +1,170 @@
+"""What all commands with ROS share: how nodes and commands end, by themselves and by signals."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+from cli_runner import call
+from processes import BEGUN, tool
+import pytest
+from rclpy.exceptions import InvalidHandle
+from rclpy.node import Node
+from rclpy.utilities import ok
+
+from dummy_arm.cli.node import ros_context, run_node, spinning_node
+from dummy_arm.cli.parser import Parser, run
+from dummy_arm.cli.signals import sleep
+
+
+def command_of(command):
+    """Return the `main` of a command."""
+    return lambda args: run(Parser('tool', ''), command, args)
+
+
+def fail():
+    """Fail as a callback of a node."""
+    raise ZeroDivisionError('of a callback')
+
+
+def test_a_command_ends_when_its_node_stops(domain_id):
+    """It prints one line: its further output would be out of date."""
+    def command(ros_args):
+        with spinning_node('tool', ros_args) as node:
+            node.create_timer(0.01, fail)
+            while True:
+                sleep(60)
+
+    assert call(command_of(command), domain=domain_id) == (
+        1, '', 'tool: the node stopped, because its executor raised ZeroDivisionError: '
+               'of a callback\n')
+
+
+@pytest.mark.parametrize('is_in_thread', [True, False])
+def test_ctrl_c_ends_a_node(domain_id, is_in_thread):
+    """It has the name of the command. A second signal, as make sends it, leaves nothing of it."""
+    nodes, destroyed = [], []
+
+    def prepare(node):
+        def destroy():
+            signal.raise_signal(signal.SIGTERM)
+            destroyed.append(Node.destroy_node(node))
+
+        node.destroy_node = destroy
+        node.create_timer(0.01, lambda: print(node.get_name()))
+        nodes.append(node)
+        return node
+
+    def command(ros_args):
+        if not is_in_thread:
+            return run_node(lambda: prepare(Node('tool')), ros_args)
+        with spinning_node('tool', ros_args) as node:
+            prepare(node)
+            while True:
+                sleep(60)
+
+    result = call(command_of(command), '--ros-args', '-r', '__node:=named', domain=domain_id,
+                  until=lambda text: text.count('named\n') > 2)
+    assert (result.code, result.stderr) == (0, '')
+    assert len(destroyed) == 1
+    with pytest.raises(InvalidHandle):
+        nodes[0].handle.__enter__()
+    assert not ok()
+
+
+def test_a_node_that_fails_is_destroyed(domain_id):
+    """The node is destroyed before the error is raised to the caller."""
+    nodes = []
+
+    def make():
+        nodes.append(Node('tool'))
+        nodes[0].create_timer(0.01, fail)
+        return nodes[0]
+
+    with pytest.raises(ZeroDivisionError):
+        call(command_of(lambda ros_args: run_node(make, ros_args)), domain=domain_id)
+    with pytest.raises(InvalidHandle):
+        nodes[0].handle.__enter__()
+    assert not ok()
+
+
+@pytest.mark.parametrize(('arguments', 'text'), [
+    (('--ros-args', '-p', 'use_sim_time:=7'), '.*use_sim_time.*'),
+    (('--ros-args', '-p', 'rate'), ".*'-p rate'.*"),
+    (('--ros-args', '--nonsense'), r"unknown ROS arguments: \['--nonsense'\]"),
+    (('\udcff',), r"the argument '\\udcff' must be valid Unicode")])
+def test_bad_ros_arguments(domain_id, arguments, text):
+    """The error is one line, without locations in the source code of rcl."""
+    result = call(command_of(lambda ros_args: run_node(lambda: Node('tool'), ros_args)),
+                  *arguments, domain=domain_id)
+    assert result.code == 2
+    assert re.fullmatch(f'tool: {text}\n', result.stderr)
+    assert not re.search(r'\.c(pp)?:\d', result.stderr)
+
+
+def test_a_domain_that_cannot_be(domain_id):
+    """ROS cannot be initialised."""
+    def command(ros_args):
+        with ros_context(ros_args):
+            return 0
+
+    code, _, error = call(command_of(command), domain=10**20)
+    assert code == 1
+    assert re.fullmatch(r'tool: .*ROS_DOMAIN_ID.*\n', error)
+    assert call(command_of(command), domain=domain_id).code == 0
+
+
+@pytest.mark.parametrize(('command', 'module', 'number', 'code'), [
+    ('dummy_arm', 'numpy.', signal.SIGINT, 0), ('param', 'rclpy.', signal.SIGTERM, 0),
+    ('check_arm', 'dummy_arm.tf.', signal.SIGINT, 1)])
+def test_a_signal_while_a_command_is_imported(start, command, module, number, code):
+    """No traceback is printed from within an import."""
+    process = start('-X', 'importtime', *tool(command))
+    process.line_with(f' {module}')
+    process.end(number)
+    assert process.exit_code() == code
+    assert 'Traceback' not in process.output
+
+
+@pytest.mark.parametrize(('command', 'delay', 'first'), [
+    (('dummy_arm', '--ros-args', '-p', 'rate:=1000'), 0.0, signal.SIGTERM),
+    (('tf2_monitor',), 0.01, signal.SIGINT)])
+def test_two_signals_are_a_normal_end(start, command, delay, first):
+    """Two signals of both kinds end a real process as one does."""
+    process = start(*tool(*command))
+    process.line()
+    os.kill(process.pid, first)
+    time.sleep(delay)
+    process.end(signal.SIGTERM)
+    assert process.exit_code() == 0
+    assert not re.search('Traceback|ignored', process.output)
+
+
+@pytest.mark.parametrize('delay', [0.1, 0.4])
+def test_ctrl_c_at_any_time_is_no_traceback(start, tmp_path, delay):
+    """The command may be importing, starting or listening; no file is left."""
+    option, code, *arguments = tool('view_frames', '-t', '0.5')
+    process = start(option, BEGUN + code, *arguments, cwd=tmp_path)
+    process.line_with('begun')
+    time.sleep(delay)
+    process.end(signal.SIGINT)
+    assert process.exit_code() in (0, 1)
+    assert not re.search('Traceback|ignored', process.output)
+    assert not [*tmp_path.iterdir()]
+
+
+@pytest.mark.parametrize(('command', 'code'), [('tf2_echo', 0), ('check_arm', 1)])
+def test_a_closed_pipe_is_no_error(tmp_path, command, code):
+    """Only check_arm has an exit code that would be wrong if not all is printed."""
+    bags = pytest.importorskip('bags')
+    bag = str(bags.make(tmp_path, 'bag', bags.walk(1)))
+    frames = ['map', 'odom'] if command == 'tf2_echo' else []
+    with subprocess.Popen([sys.executable, *tool(command, '--bag', bag, *frames)],
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        process.stdout.close()
+        assert process.stderr.read() == b''
+        assert process.wait() == code

@@ -1,0 +1,300 @@
+"""The node `dummy_arm`: its messages, its parameters and its ends."""
+
+from contextlib import contextmanager
+import math
+import os
+import re
+import signal
+
+from cli_runner import call
+import numpy as np
+from processes import ARM
+import pytest
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+from ros_node import command_node
+from rosgraph_msgs.msg import Clock
+
+from dummy_arm import dummy_arm
+from dummy_arm.arm import Arm
+from dummy_arm.dummy_arm import DummyArm, main
+from dummy_arm.tf import TFMessage
+
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+CHAIN = [('base_link', 'joint_1'), ('joint_1', 'joint_2'), ('joint_2', 'joint_3'),
+         ('joint_3', 'end_effector')]
+S = 10**9
+TICK = S // 50  # ns
+
+
+def ns(message):
+    """Return the stamp that all transforms of a message have (ns)."""
+    (stamp_ns,) = {Time.from_msg(t.header.stamp).nanoseconds for t in message.transforms}
+    return stamp_ns
+
+
+def edges(message):
+    """Return parent and child of each transform."""
+    return [(t.header.frame_id, t.child_frame_id) for t in message.transforms]
+
+
+def poses(message):
+    """Return the (n, 7) poses: x, y, z (m), quaternion x, y, z, w."""
+    return np.array([(t.transform.translation.x, t.transform.translation.y,
+                      t.transform.translation.z, t.transform.rotation.x, t.transform.rotation.y,
+                      t.transform.rotation.z, t.transform.rotation.w) for t in message.transforms])
+
+
+def angle(message, joint):
+    """Return the angle of joint 0, 1 or 2 (rad)."""
+    rotation = message.transforms[joint].transform.rotation
+    return 2 * math.atan2(rotation.z, rotation.w)
+
+
+def assert_waves(messages, start_ns):
+    """Check that the joints follow the formula at the stamps; t = 0 is at `start_ns`."""
+    for message in messages:
+        phases = np.array([0.3, 0.5, 0.7]) * (ns(message) - start_ns) / S
+        np.testing.assert_allclose(poses(message), Arm().poses(phases), rtol=0, atol=1e-9)
+
+
+class SimulatedArm:
+    """The arm in this process, its messages, and the time on /clock."""
+
+    def __init__(self, node, ros):
+        self.node, self._ros = node, ros
+        self.joints: list[TFMessage] = []
+        self.statics: list[TFMessage] = []
+        ros.node.create_subscription(TFMessage, '/tf', self.joints.append, 1000)
+        ros.node.create_subscription(TFMessage, '/tf_static', self.statics.append, LATCHED)
+        self._clock = ros.node.create_publisher(Clock, '/clock', 10)
+        ros.until(lambda: self.statics)
+
+    def set_time(self, time_ns):
+        """Set the time, and let the arm do what is due at it."""
+        def is_set():
+            if self.node.get_clock().now().nanoseconds == time_ns:
+                return True
+            self._clock.publish(Clock(clock=Time(nanoseconds=time_ns).to_msg()))
+            return False
+
+        self._ros.until(is_set)
+        for _ in range(10):
+            self._ros.executor.spin_once(timeout_sec=0.0)
+
+    def ticks(self, start_ns, count):
+        """Play some ticks at 50 Hz; return their messages."""
+        times = [start_ns + i * TICK for i in range(count)]
+        before = len(self.joints)
+        for time_ns in times:
+            self.set_time(time_ns)
+        self._ros.until(lambda: self.joints and ns(self.joints[-1]) == times[-1])
+        return [message for message in self.joints[before:] if ns(message) in times]
+
+    def set(self, **values):
+        """Set parameters, `__` for a dot; return the reasons of refusals ('' if accepted)."""
+        results = [self.node.set_parameters_atomically([
+            Parameter(name.replace('__', '.'), value=value)]) for name, value in values.items()]
+        assert all(result.successful == (not result.reason) for result in results)
+        return [result.reason for result in results]
+
+
+@contextmanager
+def simulated_arm(domain, *arguments):
+    """Create an arm with ROS arguments that waits for /clock."""
+    with command_node(DummyArm, domain, '--ros-args', '-p', 'use_sim_time:=true', *arguments
+                      ) as (node, ros):
+        yield SimulatedArm(node, ros)
+
+
+@pytest.fixture
+def arm(domain_id):
+    """An arm that waits for /clock."""
+    with simulated_arm(domain_id) as arm:
+        yield arm
+
+
+def test_early_and_late_subscribers_get_the_arm(ros, start):
+    """Both get the static transform; the joints follow the formula at their stamps."""
+    joints: list[TFMessage] = []
+    statics: list[TFMessage] = []
+    late: list[TFMessage] = []
+    ros.node.create_subscription(TFMessage, '/tf', joints.append, 1000)
+    ros.node.create_subscription(TFMessage, '/tf_static', statics.append, LATCHED)
+    process = start(*ARM)
+    log = re.fullmatch(
+        r'\[INFO\] .*: publishing map -> base_link on /tf_static and base_link -> joint_1 -> '
+        r'joint_2 -> joint_3 -> end_effector on /tf at 50 Hz; t = 0 at (\d+) ns\n',
+        process.line())
+    assert log is not None
+    ros.until(lambda: statics and len(joints) > 20)
+    ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
+    ros.until(lambda: late)
+    for message in (*statics, *late):
+        assert edges(message) == [('map', 'base_link')]
+        np.testing.assert_array_equal(poses(message), [[0, 0, 0, 0, 0, 0, 1]])
+    assert {*map(tuple, map(edges, joints))} == {tuple(CHAIN)}
+    assert_waves(joints, int(log[1]))
+    process.end(signal.SIGINT)
+    assert process.exit_code() == 0
+    assert process.output.count('\n') == 1
+
+
+def test_sigterm_at_a_high_rate_is_a_normal_end(start):
+    """The exit code is 0, and no traceback is printed."""
+    process = start(*ARM, '--ros-args', '-p', 'rate:=10000')
+    process.line_with('at 10000 Hz')
+    process.end(signal.SIGTERM)
+    assert process.exit_code() == 0
+    assert process.output.count('\n') == 1
+
+
+def test_a_second_signal_does_not_interrupt_the_cleanup(domain_id, monkeypatch):
+    """For example, make sends SIGTERM after Ctrl-C."""
+    steps = []
+
+    def destroy_node(self, destroy=DummyArm.destroy_node):
+        steps.append('begun')
+        os.kill(os.getpid(), signal.SIGTERM)
+        destroy(self)
+        steps.append('ended')
+
+    monkeypatch.setattr(DummyArm, 'destroy_node', destroy_node)
+    assert call(main, domain=domain_id, until=lambda text: 't = 0 at' in text).code == 0
+    assert steps == ['begun', 'ended']
+
+
+@pytest.mark.parametrize('argument', [
+    'rate:=0', 'rate:=-5.0', 'rate:=.nan', 'rate:=fast', 'joint_1.limit:=3.2',
+    'frame_prefix:=/x', 'frame_prefix:=7'])
+def test_a_bad_start_is_one_line_and_exit_code_2(domain_id, argument):
+    """The line names the parameter."""
+    code, output, error = call(main, '--ros-args', '-p', argument, domain=domain_id)
+    assert (code, output) == (2, '')
+    assert re.fullmatch(rf'dummy_arm: {argument.split(":")[0]} must be .+\n', error)
+
+
+def test_the_help_has_every_parameter(capsys, arm):
+    """Those that rclpy adds to every node are not in it."""
+    with pytest.raises(SystemExit):
+        main(['--help'])
+    text = capsys.readouterr().out
+    names = {name for name in arm.node.get_parameters_by_prefix('')
+             if not name.startswith(('start_type', 'qos'))}
+    assert len(names) > 10
+    for name in names:
+        assert f'\n  {name} ' in text
+
+
+def test_sim_time_without_a_clock_is_logged(domain_id, monkeypatch):
+    """Without the log line, the arm would seem to do nothing."""
+    monkeypatch.setattr(dummy_arm, 'CLOCK_PATIENCE', 0.05)
+    result = call(main, '--ros-args', '-p', 'use_sim_time:=true', domain=domain_id,
+                  until=lambda text: 'no message has arrived on /clock' in text)
+    assert result.code == 0
+
+
+def test_the_first_message_is_a_straight_arm(capfd, arm):
+    """The phases are zero at the first tick, whose time is logged."""
+    arm.ticks(100 * S, 1)
+    assert ns(arm.joints[0]) == 100 * S
+    assert [angle(arm.joints[0], i) for i in range(3)] == [0.0, 0.0, 0.0]
+    assert 't = 0 at 100000000000 ns' in capfd.readouterr().err
+
+
+def test_sim_time_is_followed_backwards_too(arm):
+    """Stamps and phases follow /clock, also after it has jumped back."""
+    for begin_ns in 100 * S, 40 * S:
+        arm.set_time(begin_ns - TICK)
+        messages = arm.ticks(begin_ns, 30)
+        assert [*map(ns, messages)] == [begin_ns + i * TICK for i in range(30)]
+        assert_waves(messages, 100 * S - TICK)
+
+
+def test_a_limit_stays_when_the_clock_goes_back(arm):
+    """A bag that is played in a loop does not restore the previous limit."""
+    arm.ticks(100 * S, 20)
+    assert arm.set(joint_1__limit=0.0) == ['']
+    assert {angle(message, 0) for message in arm.ticks(10 * S, 20)} == {0.0}
+
+
+def test_changes_keep_the_angle_continuous(arm):
+    """New speeds and limits cause no jump."""
+    arm.ticks(100 * S, 50)
+    assert arm.set(joint_1__speed=3.0, joint_2__limit=2.0) == ['', '']
+    arm.ticks(101 * S, 100)
+    assert arm.set(joint_1__speed=-1, joint_1__limit=1) == ['', '']
+    arm.ticks(103 * S, 100)
+    t = np.array([ns(message) - 100 * S for message in arm.joints]) / S
+    first, second, third = (np.array([angle(message, i) for message in arm.joints])
+                            for i in range(3))
+    for angles, fastest in (first, 3.0 * math.pi / 4 + 1.5), (second, 0.5 * 2.0 + 1.5 * 1.5):
+        assert np.all(np.abs(np.diff(angles)) <= fastest * np.diff(t) + 1e-9)
+        assert np.ptp(angles) > 0.3
+    # A new speed keeps the phase, and a new limit is reached within a second.
+    phases = 0.3 * 0.98 + 3.0 * 2.0 - (t[-50:] - 2.98)
+    np.testing.assert_allclose(first[-50:], np.sin(phases), atol=1e-9)
+    np.testing.assert_allclose(second[100:], 2.0 * np.sin(0.5 * t[100:]), atol=1e-9)
+    np.testing.assert_allclose(third, math.radians(60) * np.sin(0.7 * t), atol=1e-9)
+
+
+def test_a_new_rate_is_taken_at_once(domain_id):
+    """The arm does not wait for the next tick, even if ticks are ten seconds apart."""
+    with simulated_arm(domain_id, '-p', 'rate:=0.1') as arm:
+        arm.ticks(100 * S, 1)
+        arm.set_time(109 * S)
+        assert arm.set(rate=50) == ['']
+        arm.ticks(109 * S + TICK, 5)
+        assert [*map(ns, arm.joints)] == [100 * S, *(109 * S + i * TICK for i in range(1, 6))]
+
+
+def test_a_new_offset_moves_the_frame(arm):
+    """The frame moves along the previous link."""
+    assert arm.set(joint_2__offset=1.5) == ['']
+    (message,) = arm.ticks(100 * S, 1)
+    assert [*poses(message)[1, :3]] == [1.5, 0.0, 0.0]
+
+
+def test_nonsense_is_refused_with_a_reason(arm):
+    """The arm continues to publish, with the old values."""
+    before = arm.node.get_parameters_by_prefix('')
+    for name, value, reason in (
+            ('rate', 0, 'rate must be a number from 0.1 to 10000 Hz, got 0'),
+            ('rate', 0.0, 'rate out of range'), ('rate', math.nan, 'rate out of range'),
+            ('rate', 'fast', "rate must be a number from 0.1 to 10000 Hz, got 'fast'"),
+            ('rate', True, 'rate must be a number'), ('rate', None, 'rate must be a number'),
+            ('joint_1__limit', 3.2, 'joint_1.limit out of range'),
+            ('joint_1__limit', 4, 'joint_1.limit must be a number from 0 to 3.14159 rad, got 4'),
+            ('joint_3__speed', math.inf, 'joint_3.speed out of range'),
+            ('frame_prefix', 'x/', 'read-only')):
+        (returned,) = arm.set(**{name: value})
+        assert reason in returned
+    after = arm.node.get_parameters_by_prefix('')
+    assert {name: each.value for name, each in before.items()} == {
+        name: each.value for name, each in after.items()}
+    assert_waves(arm.ticks(100 * S, 5), 100 * S)
+
+
+def test_parameters_are_described(arm):
+    """Each parameter has a description; those that are numbers have a range."""
+    rate, limit, prefix = arm.node.describe_parameters(['rate', 'joint_2.limit', 'frame_prefix'])
+    assert 'Hz' in rate.description
+    assert rate.floating_point_range[0].to_value == 10000.0
+    assert 'rad' in limit.description
+    assert limit.floating_point_range[0].to_value == math.pi
+    assert prefix.read_only
+    assert 'map' in prefix.description
+
+
+def test_parameters_at_the_start(domain_id):
+    """Speeds, limits and the prefix can be set on the command line; integers are accepted."""
+    with simulated_arm(domain_id, '-p', 'joint_1.speed:=2', '-p', 'joint_1.limit:=0.25', '-p',
+                       'joint_1.offset:=1', '-p', 'frame_prefix:=robot1/') as arm:
+        messages = arm.ticks(100 * S, 20)
+        assert edges(arm.statics[0]) == [('map', 'robot1/base_link')]
+    for message in messages:
+        assert edges(message) == [(f'robot1/{a}', f'robot1/{b}') for a, b in CHAIN]
+        assert message.transforms[0].transform.translation.z == 1.0
+        t = (ns(message) - 100 * S) / S
+        assert angle(message, 0) == pytest.approx(0.25 * math.sin(2 * t), abs=1e-9)

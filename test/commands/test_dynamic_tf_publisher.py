@@ -1,0 +1,40 @@
+"""The command `dynamic_tf_publisher`; test_lab.py tests what it publishes."""
+
+from cli_runner import call
+import pytest
+from rclpy.parameter import Parameter
+from ros_node import command_node
+
+from dummy_arm.tools.dynamic_tf_publisher import DynamicTfPublisher, main
+
+
+@pytest.mark.parametrize(('argument', 'message'), [
+    ('rotation:=x', "rotation must be one of identity, quaternion, euler, got 'x'"),
+    ('rotation:=1', 'rotation must be one of identity, quaternion, euler, got 1'),
+    ('roll:=.nan', 'roll must be a finite number (rad), got nan'),
+    ('yaw:=left', "yaw must be a finite number (rad), got 'left'"),
+    ('yaw:=true', 'yaw must be a finite number (rad), got True'),
+])
+def test_a_bad_start_is_one_line_and_exit_code_2(domain_id, argument, message):
+    """The line names the parameter and the values that are allowed."""
+    assert call(main, '--ros-args', '-p', argument, domain=domain_id) == (
+        2, '', f'dynamic_tf_publisher: {message}\n')
+
+
+def test_it_says_what_it_publishes_until_a_signal(domain_id):
+    """An integer is accepted as an angle."""
+    code, output, error = call(
+        main, '--ros-args', '-p', 'rotation:=euler', '-p', 'roll:=1', domain=domain_id,
+        until=lambda text: 'publishing map -> moving_frame at 10 Hz, rotation: euler\n' in text)
+    assert (code, output, error.count('\n')) == (0, '', 1)
+
+
+def test_bad_values_are_refused_while_it_runs(domain_id):
+    """After a refusal, the parameters keep their values."""
+    with command_node(DynamicTfPublisher, domain_id) as (node, _):
+        for name, value in ('rotation', 'euler angles'), ('pitch', 'up'), ('roll', float('inf')):
+            result = node.set_parameters_atomically([Parameter(name, value=value)])
+            assert not result.successful
+            assert result.reason.startswith(f'{name} must be ')
+            assert node.get_parameter(name).value == ('identity' if name == 'rotation' else 0.0)
+        assert node.set_parameters_atomically([Parameter('rotation', value='euler')]).successful

@@ -1,0 +1,52 @@
+"""The helpers of these tests: isolated domains, processes that end, commands that are called."""
+
+import os
+import signal
+import subprocess
+import sys
+
+from cli_runner import call
+from processes import ARM, is_running, Process
+import pytest
+from ros_node import Ros
+from rosgraph_msgs.msg import Clock
+
+from dummy_arm.dummy_arm import main
+
+
+def test_another_process_that_publishes_in_the_domain_is_named(ros):
+    """Otherwise, a test could mistake messages of a process that was left behind for its own."""
+    with subprocess.Popen(
+            [sys.executable, *ARM], stderr=subprocess.DEVNULL,
+            env={**os.environ, 'ROS_DOMAIN_ID': str(ros.context.get_domain_id())}) as arm:
+        try:
+            named = [f'/dummy_arm of process {arm.pid & 0xffff}']
+            ros.until(lambda: ros.foreign_publishers() == named)
+            with pytest.raises(AssertionError, match=r'in vain; in the domain \d+ of this test, '):
+                ros.until(lambda: False, 0.1)
+        finally:
+            arm.send_signal(signal.SIGINT)
+    ros.until(lambda: not ros.foreign_publishers())
+
+
+def test_what_a_process_has_left_behind_is_ended(domain_id):
+    """For example, a launch file may leave the arm running."""
+    process = Process(domain_id, '-c', (
+        'import subprocess, sys\n'
+        'child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(600)"])\n'
+        'print(child.pid)\n'))
+    child = int(process.line())
+    assert is_running(child)
+    process.close()
+    assert not process.has_left_processes()
+    assert not is_running(child)
+
+
+def test_a_command_that_is_called_leaves_the_node_of_the_test_its_discovery(ros):
+    """The command detaches the discovery listener of its own participant only."""
+    domain = ros.context.get_domain_id()
+    assert call(main, domain=domain, until=lambda text: 't = 0' in text).code == 0
+    other = Ros(domain)
+    other.node.create_publisher(Clock, '/clock', 1)
+    ros.until(lambda: ros.node.count_publishers('/clock'))
+    other.close()

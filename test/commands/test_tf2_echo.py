@@ -1,0 +1,147 @@
+"""The command `tf2_echo`: transforms of what is published now, and what is missing."""
+
+import re
+import signal
+
+import bags
+from cli_runner import call
+from processes import Process, tool, tool_without_ros
+import pytest
+from ros_node import stamped
+
+from dummy_arm.cli.signals import sleep
+from dummy_arm.inspection import frame_listener
+from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
+from dummy_arm.tools import tf2_echo
+from dummy_arm.tools.tf2_echo import main
+
+S = 10**9
+LATER = 1795204940_123456789  # ns
+
+
+def test_it_goes_on_until_a_signal(arm_domain):
+    """Its frames may begin with a slash, as in tf2."""
+    process = Process(arm_domain, *tool('tf2_echo', '/map', '/end_effector', '-r', '100'))
+    try:
+        for _ in range(3):
+            assert re.fullmatch(r'At time \d{10}\.\d{9}\n', process.line_with('At time '))
+            assert re.fullmatch(r'- Translation: \[.*, 0\.300\]\n', process.line())
+            for begin in ('- Rotation: in Quaternion', '- Rotation: in RPY (radian)',
+                          '- Rotation: in RPY (degree)', '- Matrix:', ' ', ' ', ' ',
+                          '  0.000  0.000'):
+                assert process.line().startswith(begin)
+        process.end(signal.SIGINT)
+        assert process.exit_code() == 0
+        assert 'Traceback' not in process.output
+    finally:
+        process.close()
+
+
+@pytest.mark.parametrize(('arguments', 'period'), [((), 1.0), (('5',), 0.2), (('-r', '4'), 0.25)])
+def test_the_rate(arm_domain, monkeypatch, arguments, period):
+    """Between two transforms, it sleeps for the period of the rate."""
+    periods = []
+
+    def record(seconds):
+        periods.append(seconds)
+        sleep(min(0.05, seconds))
+
+    monkeypatch.setattr(tf2_echo, 'sleep', record)
+    result = call(main, 'map', 'end_effector', *arguments, domain=arm_domain,
+                  until=lambda text: text.count('At time') > 3)
+    assert result.code == 0
+    assert periods[-3:] == [period] * 3
+
+
+def test_a_time_exactly(ros):
+    """The time is exact to the ns, and may be between samples; a later time is waited for."""
+    moving, domain = TransformBroadcaster(ros.node), ros.context.get_domain_id()
+    ros.node.create_timer(0.05, lambda: moving.sendTransform([
+        stamped('map', 'robot', LATER + i * S, x) for i, x in enumerate((1.0, 1.000001, 3.0))]))
+    with ros.spinning():
+        between = call(main, 'map', 'robot', '-t', '1795204941.623456789', '--once', '-p', '7',
+                       domain=domain)
+        late = call(main, 'map', 'robot', '-t', '1795204943', domain=domain,
+                    until=lambda text: 'extrapolation into the future' in text)
+    assert between.code == 0
+    assert between.stdout.startswith(
+        'At time 1795204941.623456789\n- Translation: [2.0000005, 0.0000000, ')
+    assert between.stdout.count('At time') == 1
+    assert 'Frames here, the nearest names first: ' in late.stderr
+    assert late.stdout == ''
+
+
+def test_waiting_says_what_is_missing(monkeypatch, ros):
+    """Once a second, it logs tf2's text and the known frames, the nearest names first."""
+    now = 0.0
+
+    def pass_time(_):
+        nonlocal now
+        now += 1 / 16
+        sleep(0.01)
+
+    monkeypatch.setattr(tf2_echo, 'sleep', pass_time)
+    for module in tf2_echo, frame_listener:
+        monkeypatch.setattr(module, 'monotonic', lambda: now)
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    steps = [
+        (lambda text: text.count('Waiting for transform map ->  base_lnik: ') >= 3,
+         [('earth', 'moon')]),
+        (lambda text: "'base_lnik' does not exist either. Frames here" in text,
+         [('map', name) for name in ('odom', 'base_link', 'base')]),
+        (lambda text: "here, the nearest names first: 'base_link', 'base', " in text,
+         [('map', 'base_lnik')])]
+
+    def until(text):
+        if steps and steps[0][0](text):
+            broadcaster.sendTransform([stamped(*edge) for edge in steps.pop(0)[1]])
+        return 'At time 0.000000000\n' in text
+
+    code, _, error = call(main, 'map', 'base_lnik', domain=ros.context.get_domain_id(),
+                          until=until)
+    assert (code, steps) == (0, [])
+    first, second, third, *others = error.splitlines()
+    assert now >= 2 + len(others)
+    assert re.match(
+        r'\[INFO\] \[\d+\.\d{9}\] \[tf2_echo\]: Waiting for transform map ->  base_lnik: Invalid '
+        'frame ID "map" passed to canTransform argument target_frame - frame does not exist',
+        first)
+    for line in first, third:
+        assert 'Check that something publishes' not in line
+    assert 'Publishers on /tf and /tf_static here: 1. Check that something publishes' in second
+    assert 'No transform has been received yet.' in third
+    assert 'Invalid frame ID "base_lnik" passed to canTransform argument source_frame - ' in error
+    assert "'map'" in others[-1]
+    assert 'Known frames' not in error
+
+
+def test_a_failure_is_printed_and_it_goes_on(ros):
+    """It prints tf2's text with the list of frames, and then transforms again."""
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    broadcaster.sendTransform(stamped('map', 'robot'))
+    steps = [(r'At time', 'elsewhere'), (r'Failure at', 'map'),
+             (r'Failure at (.|\n)*At time', '')]
+
+    def until(text):
+        while steps and re.search(steps[0][0], text):
+            if parent := steps.pop(0)[1]:
+                broadcaster.sendTransform(stamped(parent, 'robot'))
+        return not steps
+
+    code, output, _ = call(main, 'map', 'robot', '20', domain=ros.context.get_domain_id(),
+                           until=until)
+    assert code == 0
+    assert re.search(
+        r"Failure at \d{10}\.\d{3}\nException thrown:Could not find a connection between 'map' "
+        r"and 'robot' because they are not part of the same tree\.Tf has two or more .*\n"
+        r'The current list of frames is:\n(Frame .*\n)+', output)
+    assert 'Frame robot exists with parent elsewhere.\n' in output
+
+
+def test_a_bag_without_ros(start, tmp_path):
+    """It prints one transform, and ends with exit code 0."""
+    process = start(*tool_without_ros(
+        'tf2_echo', 'map', 'base_link', '--bag', str(bags.make(tmp_path, 'mcap', bags.walk()))))
+    assert process.exit_code() == 0
+    assert process.output.startswith(
+        'At time 110.000000000\n- Translation: [11.000, 2.000, 3.000]\n')

@@ -1,0 +1,299 @@
+"""The command `tf_doctor` on real DDS: publishers, headers of other topics, healthy systems."""
+
+import json
+import os
+import re
+import signal
+from typing import Any
+
+from cli_runner import call
+from geometry_msgs.msg import PointStamped
+from processes import Process, TIMEOUT, tool
+import pytest
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+from ros_node import stamped
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+
+from dummy_arm.cli import progress
+from dummy_arm.tf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
+from dummy_arm.tools import tf_doctor
+from dummy_arm.tools.tf_doctor import main
+
+S = 10**9
+SIM_TIME = '--ros-args', '-p', 'use_sim_time:=true'
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def point_in(frame):
+    """Return a message with a header."""
+    message = PointStamped()
+    message.header.frame_id = frame
+    return message
+
+
+def run(ros, *arguments, publishers, send=lambda now: None):
+    """
+    Call the command; press Ctrl-C when it has heard the publishers for some time.
+
+    :param publishers: those to which the command subscribes.
+    :param send: called 50 times per second with the current time (ns).
+    """
+    unheard, left = {*publishers}, 25
+
+    def tick():
+        nonlocal unheard, left
+        send(ros.node.get_clock().now().nanoseconds)
+        unheard = {each for each in unheard if not each.get_subscription_count()}
+        left -= not unheard
+        if left == 0:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    timer = ros.node.create_timer(0.02, tick)
+    with ros.spinning():
+        result = call(main, '--time', '1000', *arguments, domain=ros.context.get_domain_id())
+    ros.node.destroy_timer(timer)
+    return result
+
+
+def examine(ros, *arguments, **kwargs):
+    """Run the command as `run` does; return the exit code, and the JSON that it prints."""
+    result = run(ros, '--json', *arguments, **kwargs)
+    return result.code, json.loads(result.stdout)
+
+
+def codes(data):
+    """
+    Return the codes of what was found.
+
+    A busy machine, as during other tests, stops publishers and listeners for so long that there
+    are real gaps and late transforms.
+    """
+    return {finding['code'] for finding in data['findings']} - {'gap', 'late'}
+
+
+def test_publishers_and_headers(ros):
+    """Two publishers, unlatched and best-effort ones, headers, transforms from another clock."""
+    nodes = [ros.node, Node('other', context=ros.context)]
+    senders = [TransformBroadcaster(node) for node in nodes]
+    static = StaticTransformBroadcaster(ros.node)
+    static.sendTransform(stamped('map', 'odom'))
+    unlatched = nodes[1].create_publisher(TFMessage, '/tf_static', 10)
+    best_effort = nodes[1].create_publisher(
+        TFMessage, '/tf', QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+    point = ros.node.create_publisher(PointStamped, '/point', LATCHED)
+    point.publish(point_in('lost'))
+    joints = ros.node.create_publisher(JointState, '/joint_states', 10)
+
+    def send(now):
+        for i, sender in enumerate(senders):
+            sender.sendTransform([stamped('odom', 'base_link', now + i, float(i))])
+        senders[1].sendTransform(stamped('base_link', 'wheel', now - 100 * S))
+        joints.publish(JointState())
+
+    status, data = examine(ros, send=send, publishers=[
+        *(sender.pub_tf for sender in senders), static.pub_tf, point, joints])
+    assert (unlatched.topic_name, best_effort.topic_name) == ('/tf_static', '/tf')
+    nodes[1].destroy_node()  # or it would publish in this domain until it is garbage
+    found = {finding['code']: finding for finding in data['findings']}
+    assert codes(data) == {'two_publishers', 'unknown_frame', 'static_not_latched',
+                           'incompatible_qos', 'other_clock'}
+    assert status == 1
+    assert {*found['two_publishers']['nodes']} == {'/test', '/other'}
+    assert found['two_publishers']['frames'] == ['base_link']
+    assert (found['unknown_frame']['frames'], found['unknown_frame']['topics']) == (
+        ['lost'], ['/point'])
+    assert found['static_not_latched']['nodes'] == ['/other']
+    assert found['static_not_latched']['topics'] == ['/tf_static']
+    assert found['incompatible_qos']['topics'] == ['/tf']
+    assert found['incompatible_qos']['evidence'] == (
+        '1 publisher of /other on /tf does not match a TransformListener (Best effort publisher '
+        'and reliable subscription)')
+    assert found['other_clock']['frames'] == ['wheel']
+    assert found['other_clock']['nodes'] == ['/other']
+    assert not [text for text in data['not_checked'] if not text.startswith('headers on')]
+
+
+def test_malformed_headers(ros):
+    """A malformed message on another topic is skipped; later headers are read."""
+    sender = TransformBroadcaster(ros.node)
+    point = ros.node.create_publisher(PointStamped, '/point', 10)
+
+    def send(now):
+        sender.sendTransform(stamped('map', 'odom', now))
+        for data in b'', b'\0\1\0\0', b'\0\1\0\0' + b'\xff' * 20:
+            point.publish(data)
+        point.publish(point_in('lost'))
+
+    _, data = examine(ros, send=send, publishers=[sender.pub_tf, point])
+    assert codes(data) == {'unknown_frame'}
+
+
+def test_latched_and_volatile_publishers(ros):
+    """Latched headers are read; that the volatile publisher does not match is not logged."""
+    static = StaticTransformBroadcaster(ros.node)
+    static.sendTransform(stamped('map', 'odom'))
+    latched = ros.node.create_publisher(PointStamped, '/point', LATCHED)
+    other = ros.node.create_publisher(PointStamped, '/point', 10)
+    latched.publish(point_in('lost'))
+    code, output, error = run(ros, '--json', publishers=[static.pub_tf, latched, other])
+    assert code == 1
+    assert '[tf_doctor]' not in error
+    assert [finding['frames'] for finding in json.loads(output)['findings']] == [['lost']]
+
+
+def test_headers_of_another_robot(ros):
+    """The headers in a namespace with transforms of its own are not judged by other transforms."""
+    static = StaticTransformBroadcaster(ros.node)
+    static.sendTransform(stamped('map', 'odom'))
+    robot = StaticTransformBroadcaster(ros.node, tf_static_topic='/robot/tf_static')
+    robot.sendTransform(stamped('world', 'lamp'))
+    point = ros.node.create_publisher(PointStamped, '/robot/front/point', LATCHED)
+    point.publish(point_in('lamp'))
+    _, data = examine(ros, publishers=[static.pub_tf, point])
+    assert codes(data) <= {'other_namespace'}
+    _, data = examine(ros, '--namespace', 'robot', publishers=[robot.pub_tf, point])
+    assert codes(data) == set()
+
+
+def test_another_namespace(ros):
+    """Publishers in a namespace are named, with the option that listens to them."""
+    static = StaticTransformBroadcaster(ros.node)
+    static.sendTransform(stamped('map', 'odom'))
+    other = ros.node.create_publisher(TFMessage, '/robot/tf', 10)
+
+    def send(now):
+        other.publish(TFMessage(transforms=[stamped('odom', 'base_link', now)]))
+
+    status, data = examine(ros, send=send, publishers=[static.pub_tf])
+    assert (status, codes(data)) == (0, {'other_namespace'})
+    assert '--namespace robot' in data['findings'][0]['evidence']
+    status, data = examine(ros, '--namespace', 'robot', send=send, publishers=[other])
+    assert (status, codes(data)) == (0, set())
+
+
+def test_publishers_one_after_the_other(ros):
+    """A publisher that begins when another one has ended is no second publisher."""
+    senders: list[Any] = []
+
+    def send(now):
+        if not senders:
+            senders.append(TransformBroadcaster(ros.node))
+        publisher = senders[-1].pub_tf
+        if len(senders) < 3 and publisher.get_subscription_count():
+            for i in range(20):
+                senders[-1].sendTransform(stamped('map', 'odom', now + i))
+            assert publisher.wait_for_all_acked()
+            ros.node.destroy_publisher(publisher)
+            senders.append(TransformBroadcaster(ros.node))
+        if len(senders) == 3:
+            os.kill(os.getpid(), signal.SIGINT)
+            ros.node.destroy_publisher(senders[-1].pub_tf)
+            senders.append(None)
+
+    timer = ros.node.create_timer(
+        0.02, lambda: None in senders or send(ros.node.get_clock().now().nanoseconds))
+    with ros.spinning():
+        result = call(main, '--json', '--time', '1000', domain=ros.context.get_domain_id())
+    ros.node.destroy_timer(timer)
+    data = json.loads(result.stdout)
+    assert codes(data) == set()
+    assert ': 40 transforms of 2 frames' in data['verdict']
+
+
+@pytest.mark.parametrize('arguments', [(), ('map', 'odom')])
+def test_nothing_is_published(domain_id, monkeypatch, arguments):
+    """Without transforms, the settings to check are named; the exit code is 1."""
+    monkeypatch.setattr(progress, 'DISCOVERY', 0.1)
+    code, output, _ = call(main, '--time', '0.2', *arguments, domain=domain_id)
+    assert code == 1
+    assert 'ROS_DOMAIN_ID (here: ' in output
+    if not arguments:
+        assert 'error no_transforms: ' in output
+
+
+def test_ctrl_c_ends_the_observation(ros):
+    """On a terminal, there is a progress bar; what was received until Ctrl-C is reported."""
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'odom'))
+    code, output, error = call(
+        main, domain=ros.context.get_domain_id(), columns=80, until=lambda text: (
+            'listening' in text))
+    assert code == 0
+    assert 'listening' in error
+    assert 'healthy: 1 transform of 2 frames in' in ' '.join(output.split())
+
+
+def test_the_path_between_two_frames(ros):
+    """The path is listed with publishers, rates and stamps; the edge without data is named."""
+    other = Node('other', namespace='/robot', context=ros.context)
+    static, sender = StaticTransformBroadcaster(other), TransformBroadcaster(ros.node)
+    static.sendTransform(stamped('base_link', 'camera'))
+
+    def send(now):
+        sender.sendTransform([stamped('base_link', 'arm', now), stamped('arm', 'hand', now)])
+
+    publishers = [static.pub_tf, sender.pub_tf]
+    code, output, _ = run(ros, 'camera', '/hand', send=send, publishers=publishers)
+    assert code == 0
+    lines = output.splitlines()
+    rate = r' +\d+\.\d Hz  \d+\.\d{6} to \d+\.\d{6}  /test'
+    for line, expected in zip(lines[2:5], (
+            'base_link -> camera  static +/robot/other', f'base_link -> arm{rate}',
+            f'arm -> hand{rate}')):
+        assert re.fullmatch(expected, line)
+    assert re.fullmatch(r'The transform from hand to camera exists at \d+\.\d{6}, '
+                        r'\d+\.\d{3} s before the end of listening\.', lines[-1])
+    code, output, _ = run(ros, 'camera', 'hand', '-t', '100', '--json', send=send,
+                          publishers=publishers)
+    other.destroy_node()
+    assert code == 1
+    refusals = [edge['refusal'] for edge in json.loads(output)['path']]
+    assert ['newer than 100.0' in refusal for refusal in refusals] == [False, True, True]
+
+
+def test_sim_time(ros):
+    """With use_sim_time, stamps are compared with /clock."""
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+    sender = TransformBroadcaster(ros.node)
+    begin = ros.node.get_clock().now().nanoseconds
+
+    def send(now):
+        simulated = now - begin + 100 * S
+        clock.publish(Clock(clock=Time(nanoseconds=simulated).to_msg()))
+        sender.sendTransform(stamped('map', 'odom', simulated))
+
+    _, data = examine(ros, *SIM_TIME, send=send, publishers=[clock, sender.pub_tf])
+    assert codes(data) <= {'future'}  # of the first messages, if /clock is read late
+    assert not [text for text in data['not_checked'] if not text.startswith('headers on')]
+
+
+def test_without_a_clock(arm_domain):
+    """With use_sim_time and no /clock, what depends on the time is listed as not checked."""
+    result = call(main, '--time', '0.1', *SIM_TIME, domain=arm_domain)
+    assert ('not checked: late, future: use_sim_time is set, but no message has arrived on /clock'
+            in result.stdout)
+
+
+def test_a_healthy_arm(arm_domain, monkeypatch):
+    """Nothing is found where nothing is wrong."""
+    def listen(_, frame_names, poll):
+        return progress.listen(1.0, lambda: poll() or len(frame_names()) == 6, poll)
+
+    monkeypatch.setattr(progress, 'DISCOVERY', TIMEOUT)
+    monkeypatch.setattr(tf_doctor, 'listen', listen)
+    code, output, _ = call(main, '--json', domain=arm_domain)
+    data = json.loads(output)
+    assert (code, codes(data), data['not_checked']) == (0, set(), [])
+
+
+def test_the_process(arm_domain):
+    """It prints a verdict, and exits with code 1 if there is an error."""
+    process = Process(arm_domain, *tool('tf_doctor', '--time', '0.3'))
+    try:
+        assert process.exit_code() == bool(re.search('^error ', process.output, re.MULTILINE))
+        assert re.search(r': \d+ transforms? of \d frames in \d+\.\d s\n$', process.output)
+        assert 'Traceback' not in process.output
+    finally:
+        process.close()

@@ -1,0 +1,75 @@
+"""The command `tf_trajectory` as a user calls it: it records what it receives; its bar."""
+
+import csv
+from itertools import count
+from pathlib import Path
+import re
+
+from arms import hand
+from cli_runner import call
+import numpy as np
+from processes import ARM, tool
+import pytest
+from ros_node import stamped
+
+from dummy_arm.inspection import frame_listener
+from dummy_arm.tf import TransformBroadcaster
+from dummy_arm.tools.tf_trajectory import main
+
+S = 10**9
+
+
+def test_the_running_arm(start, tmp_path):
+    """The poses are those of the arm at the exact stamps; what arrives first has moving frames."""
+    arm = start(*ARM, '--ros-args', '-r', '/tf_static:=/elsewhere')
+    (begin,) = re.findall(r't = 0 at (\d+) ns', arm.line_with('t = 0'))
+    process = start(*tool('tf_trajectory', 'base_link', 'end_effector', '--time', '0.5', '-o',
+                          'arm.csv'), cwd=tmp_path)
+    assert process.exit_code() == 0, process.output
+    with (tmp_path / 'arm.csv').open(newline='') as file:
+        rows = [*csv.DictReader(file)]
+    assert re.fullmatch(rf'wrote arm\.csv: {len(rows)} rows from .* s\n', process.output)
+    positions = [[float(row[name]) for name in ('x_m', 'y_m', 'z_m', 'yaw_rad')] for row in rows]
+    expected = hand([int(row['stamp_ns']) for row in rows], int(begin))[:, [0, 1, 2, 5]]
+    np.testing.assert_allclose(positions, expected, rtol=0.0, atol=1e-9)
+
+
+def test_ctrl_c_ends_the_recording(ros, domain_id, monkeypatch, tmp_path):
+    """What has been received is written; here, the topics are those of a namespace."""
+    monkeypatch.chdir(tmp_path)
+    broadcaster = TransformBroadcaster(ros.node, tf_topic='/robot/tf')
+    ros.node.create_timer(0.05, lambda: broadcaster.sendTransform(
+        [stamped('map', 'base', 1000 * S + i, x=i) for i in range(20)]))
+    with ros.spinning():
+        result = call(main, 'map', 'base', '--namespace', 'robot', '--time', '1000', '-o',
+                      'base.tum', domain=domain_id, columns=80,
+                      until=lambda text: 'listening' in text)
+    assert result.code == 0
+    assert result.stdout == (
+        'wrote base.tum: 20 rows from 1000.000000000 s to 1000.000000019 s\r\n')
+    assert [line.split()[:2] for line in Path('base.tum').read_text().splitlines()] == [
+        [f'1000.{i:09d}', f'{i}.0'] for i in range(20)]
+
+
+def test_nothing_is_received(domain_id, monkeypatch, tmp_path):
+    """The error says what to check, if it has listened for a second."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(frame_listener, 'monotonic', count().__next__)
+    result = call(main, 'map', 'base', '--time', '1000', '-o', 'arm.csv', domain=domain_id,
+                  columns=300, until=lambda text: 'waiting for transforms' in text)
+    assert result.code == 1
+    assert re.search(r'tf_trajectory: .*"map" .*frame does not exist\. No transform has been '
+                     r'received yet\..*here: 0.*ROS_DOMAIN_ID.*\r\n$', result.stderr)
+    assert not [*tmp_path.iterdir()]
+
+
+def test_a_bar_on_a_terminal(tmp_path):
+    """It is shown while a file is written, but not within a table on the same terminal."""
+    bags = pytest.importorskip('bags')
+    arguments = '--bag', str(bags.make(tmp_path / 'bag', 'mcap', bags.walk())), 'odom', 'base_link'
+    written = call(main, *arguments, '-o', str(tmp_path / 'walk.csv'), columns=80)
+    assert 'looking up' in written.stderr
+    assert 'wrote ' in written.stdout
+    printed = call(main, *arguments, columns=80)
+    assert 'looking up' not in printed.stderr
+    assert printed.stdout.count('\n') == 102

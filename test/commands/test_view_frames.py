@@ -1,0 +1,208 @@
+"""The command `view_frames`: trees of what is published now, and drawings that are interrupted."""
+
+import os
+from pathlib import Path
+import random
+import re
+import signal
+import sys
+import time
+from typing import Any
+
+import bags
+from cli_runner import call
+from processes import is_running, Process, TIMEOUT, tool, tool_without_ros
+import pytest
+from rclpy.node import Node
+from rclpy.time import Time
+from ros_node import stamped
+from rosgraph_msgs.msg import Clock
+
+from dummy_arm.cli.signals import sleep
+from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
+from dummy_arm.tools import view_frames
+from dummy_arm.tools.view_frames import main
+
+S = 10**9
+CLEAR = '\x1b[H\x1b[2J'
+
+
+@pytest.fixture(autouse=True)
+def often(monkeypatch):
+    """Let --watch print ten times a second."""
+    monkeypatch.setattr(view_frames, 'sleep', lambda seconds: sleep(seconds / 10))
+
+
+@pytest.fixture
+def publish_static(ros):
+    """Publish static transforms, by `publish_static((parent, child), …)`."""
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    return lambda *edges: broadcaster.sendTransform([stamped(*edge) for edge in edges])
+
+
+def test_the_arm_is_drawn(arm_domain, tmp_path):
+    """The command ends after the time, with exit code 0."""
+    process = Process(arm_domain, *tool('view_frames', '-t', '0.3'), cwd=tmp_path)
+    try:
+        assert process.exit_code() == 0
+        assert re.fullmatch(r'wrote frames\.pdf and frames\.gv: frames: \d, transforms: \d, '
+                            r'root: \w+\n', process.output)
+        assert (tmp_path / 'frames.pdf').read_bytes().startswith(b'%PDF')
+    finally:
+        process.close()
+
+
+def test_watch_prints_until_a_signal(arm_domain):
+    """If stdout is a pipe, it prints the tree line by line, with an empty line after it."""
+    process = Process(arm_domain, *tool('view_frames', '--watch'))
+    try:
+        process.line_with('end_effector')
+        while process.line() != '\n':
+            pass
+        process.end(signal.SIGTERM)
+        assert process.exit_code() == 0
+        assert 'Traceback' not in process.output
+    finally:
+        process.close()
+
+
+def test_a_publisher_is_named_by_its_node(ros, publish_static):
+    """Each line ends with the full name of the node that publishes the frame."""
+    publish_static(('map', 'ours'))
+    other = Node('theirs', namespace='/robot', context=ros.context)
+    StaticTransformBroadcaster(other).sendTransform(stamped('map', 'theirs'))
+    lines = r'ours +static +/test\n', r'theirs +static +/robot/theirs\n'
+    result = call(main, '--watch', domain=ros.context.get_domain_id(),
+                  until=lambda text: all(re.search(line, text) for line in lines))
+    other.destroy_node()
+    assert result.code == 0
+
+
+def test_no_data_is_exit_code_1_and_what_to_check(domain_id, monkeypatch, tmp_path):
+    """No file is written; tf2 writes a PDF that says that there is no data."""
+    monkeypatch.setattr(view_frames, 'DISCOVERY', 0.1)
+    monkeypatch.chdir(tmp_path)
+    code, output, error = call(main, '-t', '0.2', domain=domain_id)
+    assert (code, output) == (1, '')
+    assert re.fullmatch(r'view_frames: no transform was received within 0\.2 s\. .*here: 0.*'
+                        r'ROS_DOMAIN_ID \(here: \d+\).*DISCOVERY_RANGE \(here: LOCALHOST\); .*\n',
+                        error)
+    assert not [*tmp_path.iterdir()]
+
+
+def test_ros_that_does_not_start_is_exit_code_1():
+    """This happens if an environment variable of ROS is invalid."""
+    invalid: Any = 'abc'
+    code, output, error = call(main, domain=invalid)
+    assert (code, output) == (1, '')
+    assert re.fullmatch('view_frames: .*ROS_DOMAIN_ID.*\n', error)
+
+
+def test_sim_time_is_used(ros):
+    """Ages are relative to the time of /clock."""
+    broadcaster = TransformBroadcaster(ros.node)
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+
+    def publish():
+        clock.publish(Clock(clock=Time(seconds=1000).to_msg()))
+        broadcaster.sendTransform(stamped('base', 'arm', 998 * S))
+
+    ros.node.create_timer(0.05, publish)
+    with ros.spinning():
+        result = call(main, '--watch', '--ros-args', '-p', 'use_sim_time:=true',
+                      domain=ros.context.get_domain_id(),
+                      until=lambda text: re.search(r'arm +\? Hz +2\.000 s old', text))
+    assert result.code == 0
+
+
+def test_a_bar_on_a_terminal(arm_domain):
+    """The progress bar is erased before the tree is printed."""
+    code, output, error = call(main, '--text', '-t', '0.5', domain=arm_domain, columns=80)
+    assert code == 0
+    assert 'waiting for transforms' in error
+    assert re.search(r'\rlistening to /tf and /tf_static .* of 0\.5 s *\r +\r$', error)
+    assert re.match(r'\w+\r\n└── ', output)
+
+
+def test_without_tqdm_there_is_no_bar(arm_domain, monkeypatch):
+    """On a terminal, the rest of the output is the same as with tqdm."""
+    monkeypatch.setitem(sys.modules, 'tqdm', None)
+    code, output, error = call(main, '--text', '-t', '0.1', domain=arm_domain, columns=80)
+    assert (code, error) == (0, '')
+    assert re.match(r'\w+\r\n└── ', output)
+
+
+def test_a_live_tree_on_a_terminal(arm_domain):
+    """It is printed again and again in the same place."""
+    result = call(main, '--watch', domain=arm_domain, columns=80,
+                  until=lambda text: text.count('└── end_effector') > 1)
+    assert result.code == 0
+    for screen in result.stdout.split(CLEAR)[-2:]:
+        assert screen.startswith('map\r\n└── base_link ')
+
+
+def test_a_live_tree_says_how_much_of_it_is_not_shown(ros, publish_static):
+    """The tree is longer than the 24 lines of the terminal."""
+    publish_static(*(('map', f'frame_{i}') for i in range(30)))
+    result = call(main, '--watch', domain=ros.context.get_domain_id(), columns=80,
+                  until=lambda text: 'more lines' in text)
+    screen = result.stdout.rpartition(CLEAR)[2].splitlines()
+    assert len(screen) == 23
+    assert screen[-1] == '... 9 more lines (pipe the output to see all)'
+
+
+def test_a_live_tree_waits_for_its_root(ros, publish_static):
+    """Until the root exists, a line says that it is missing."""
+    publish_static(('map', 'base'))
+    missing = "waiting for the root: frame 'tool' does not exist. Known frames: 'map', 'base'.\n"
+
+    def until(text):
+        if text.count(missing) == 1:
+            publish_static(('base', 'tool'), ('tool', 'tip'))
+        return re.search(r'^tool\n└── tip .*\n\n', text, re.MULTILINE)
+
+    result = call(main, '--watch', '--root', 'tool', domain=ros.context.get_domain_id(),
+                  until=until)
+    assert result.code == 0
+    assert missing in result.stdout
+
+
+def test_a_bag_without_ros(start, tmp_path):
+    """Where stdout cannot encode the lines of the tree, as on Windows, they are replaced."""
+    bag = str(bags.make(tmp_path / 'robot', 'mcap', bags.walk()))
+    process = start(*tool_without_ros('view_frames', '--text', '--bag', bag),
+                    environment={'PYTHONIOENCODING': 'cp1252'})
+    assert process.exit_code() == 0
+    assert 'base_link    10.0 Hz    0.000 s old  not recorded\n' in process.output
+    assert 'Traceback' not in process.output
+
+
+def seconds_of_work(pid):
+    """Return the CPU time that a process has used (s)."""
+    fields = Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()
+    return int(fields[11]) / os.sysconf('SC_CLK_TCK')
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL])
+def test_a_signal_ends_the_drawing(start, tmp_path, number):
+    """Graphviz would work for half a minute, and C code does not notice Ctrl-C."""
+    generator = random.Random(1)
+    bag = bags.make(tmp_path / 'large', 'mcap', [('/tf_static', 0, [
+        bags.row(0, f'f{generator.randrange(i + 1)}', f'f{i + 1}') for i in range(4000)])])
+    there = tmp_path / 'there'
+    there.mkdir()
+    _, code, *arguments = tool('view_frames', '--bag', str(bag))
+    unlimited = f'import dummy_arm.tools.view_frames as v; v.MAX_FRAMES = 10**6; {code}'
+    process = start('-c', unlimited, *arguments, cwd=there)
+    deadline = time.monotonic() + TIMEOUT
+    while sum(map(seconds_of_work, drawing := process.descendants())) < 0.5:
+        assert not process.has_ended(), process.output
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    process.end(number)
+    assert process.exit_code() == (0 if number == signal.SIGINT else -number)
+    while any(map(is_running, drawing)):
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    assert process.output == ''
+    assert not [*there.iterdir()]

@@ -1,0 +1,141 @@
+"""The page of web_view: as a process, and in a real browser."""
+
+from math import degrees
+from pathlib import Path
+import signal
+import socket
+from urllib.request import urlopen
+
+import numpy as np
+from processes import ARM, TIMEOUT, tool, tool_without_ros
+import pytest
+
+from dummy_arm.tf.rotations import euler_from_quaternion
+
+FRAMES = 'map, base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector'
+
+
+def test_a_port_that_is_given(start, ros, monkeypatch):
+    """The page is served there, whatever viser's environment variables are."""
+    from viewer import Viewer
+
+    from dummy_arm.tf import TransformBroadcaster
+    monkeypatch.setenv('_VISER_PORT_OVERRIDE', '1')
+    with socket.create_server(('127.0.0.1', 0)) as found:
+        port = found.getsockname()[1]
+    process = start(*tool('web_view', '--port', str(port)))
+    assert process.line() == f'look at http://127.0.0.1:{port}\n'
+    with urlopen(f'http://127.0.0.1:{port}', timeout=TIMEOUT) as answer:
+        assert answer.status == 200
+    robot = TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
+    viewer = Viewer(port)
+    hint = f'{robot.pub_tf.topic_name} has 1 publisher: --namespace robot1'
+    viewer.until(lambda: hint in viewer.text('overview'))
+    viewer.close()
+    process.end(signal.SIGTERM)
+    assert process.exit_code() == 0
+
+
+def test_a_bag_without_ros(start, tmp_path):
+    """It is played; its transforms name no publisher."""
+    bags = pytest.importorskip('bags')
+    from viewer import CAMERA, Viewer
+    path = bags.make(tmp_path / 'robot', 'mcap', bags.walk())
+    process = start(*tool_without_ros('web_view', '--bag', str(path)))
+    viewer = Viewer(int(process.line_with('look at http').rsplit(':', 1)[1]))
+    viewer.send(CAMERA)
+    viewer.until(lambda: 'robot: 3 frames' in viewer.text('overview'))
+    viewer.until(lambda: viewer.names().get('base_link', [0.0])[0] > 1.5)
+    viewer.until(lambda: viewer.detail('rate') == '10.0 Hz')
+    assert viewer.detail('publisher') == 'not recorded'
+    viewer.close()
+    process.end(signal.SIGINT)
+    assert process.exit_code() == 0
+    assert process.output.count('\n') == 1
+
+
+@pytest.fixture
+def open_page():
+    """A function that opens the page of a process; it must have no faults."""
+    from browser import pages
+    with pages() as open_url:
+        yield lambda process: open_url(process.line_with('look at http').split()[-1])
+
+
+def test_the_waving_arm_in_a_browser(start, ros, open_page, request, tmp_path):
+    """Its frames appear and move, and the numbers are those of a lookup."""
+    import imageio.v3 as iio
+    from rclpy.duration import Duration
+
+    from dummy_arm.tf import Buffer, TransformListener
+    start(*ARM)
+    buffer = Buffer(Duration(seconds=600), ros.node)
+    listener = TransformListener(buffer, ros.node)
+    page = open_page(start(*tool('web_view')))
+
+    # The parts of the page change by separate messages, so not all at the same time.
+    scene = page.until(lambda: (
+        scene := page.scene_with(*FRAMES)).begins.shape == (4, 6, 3) and scene)
+    map_, *_, joint_3, hand = map(scene.index, FRAMES)
+    assert np.allclose(scene.begins[0, map_], 0.0)
+    assert np.allclose(np.linalg.norm(scene.ends[:3] - scene.begins[:3], axis=2), 0.16)
+    assert np.allclose(scene.ends[3, hand], scene.begins[0, joint_3], atol=1e-5)
+    assert np.linalg.norm(scene.ends[3, hand] - scene.begins[3, hand]) == pytest.approx(0.2)
+    assert np.allclose(scene.radii, [*[0.008] * 5, 0.0136])  # the selected frame stands out
+    page.until(lambda: np.linalg.norm(
+        page.scene().names['end_effector'] - scene.names['end_effector']) > 0.05)
+    page.until(lambda: '6 frames' in page.overview())
+    page.until(lambda: len(page.scene().trail) > 20)
+    page.tick('Pause', True)
+    page.click(middle_of_z_axis(page.scene(), 'joint_1'))
+    page.until(lambda: page.value('parent') == 'base_link')
+    page.choose('Frame', 'joint_2')
+    page.until(lambda: page.value('parent') == 'joint_1')
+    assert page.value('fixed') == 'map'
+    assert page.value('publisher') == '/dummy_arm'
+    assert_numbers_are_those_of_a_lookup(page, buffer)
+    page.until(lambda: np.allclose(
+        (scene := page.scene()).trail[-1, 1], scene.names['end_effector'], atol=0.05))
+    picture = artefact(request, tmp_path, 'web_view.png')
+    page.page.screenshot(path=picture)
+    assert_arm_is_seen(iio.imread(picture))
+    page.tick('Pause', False)
+    page.until(lambda: page.value('rate').endswith(' Hz') and page.value('delay').endswith(' ms'))
+    listener.unregister()
+
+
+def middle_of_z_axis(scene, name):
+    """Return the middle of the z axis of a frame (m)."""
+    i = scene.index(name)
+    return (scene.begins[2, i] + scene.ends[2, i]) / 2
+
+
+def assert_numbers_are_those_of_a_lookup(page, buffer):
+    """Compare the pose in the fixed frame, which is paused, with a lookup at its time."""
+    from rclpy.time import Time
+    seconds, nanoseconds = page.value('fixed-time').removesuffix(' s').split('.')
+    transform = buffer.lookup_transform(
+        page.value('fixed'), 'joint_2', Time(seconds=int(seconds), nanoseconds=int(nanoseconds)))
+    translation, rotation = transform.transform.translation, transform.transform.rotation
+    quaternion = np.array([rotation.x, rotation.y, rotation.z, rotation.w])
+    assert page.numbers('fixed-translation') == pytest.approx(
+        [translation.x, translation.y, translation.z], abs=5.01e-4)
+    shown = np.array(page.numbers('fixed-quaternion'))
+    assert shown * np.sign(shown @ quaternion) == pytest.approx(quaternion, abs=5.01e-5)
+    assert page.numbers('fixed-rpy') == pytest.approx(
+        [*map(degrees, euler_from_quaternion(quaternion))], abs=5.01e-3)
+
+
+def artefact(request, tmp_path, name):
+    """Return the path of a file that is kept beside the results of the tests, if these are."""
+    results = request.config.option.xmlpath
+    return (Path(results).parent if results else tmp_path) / name
+
+
+def assert_arm_is_seen(picture):
+    """Assert that a picture is not blank, and has the colours of the axes."""
+    red, green, blue = np.moveaxis(picture[..., :3].astype(int), -1, 0)
+    left = np.arange(picture.shape[1]) < 0.6 * picture.shape[1]
+    for one, *others in (red, green, blue), (green, red, blue), (blue, red, green):
+        assert ((one > 60 + np.maximum(*others)) & left).sum() > 100
+    assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 500

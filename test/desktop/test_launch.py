@@ -1,0 +1,91 @@
+"""The launch file of ROS 2 and the configuration of rviz2."""
+
+import json
+from math import cos, sin, tan
+from pathlib import Path
+import shutil
+import subprocess
+import sys
+
+from environment import ROOT
+import numpy as np
+import pytest
+import yaml
+
+from dummy_arm.arm import Arm
+from dummy_arm.tf import BufferCore
+
+LAUNCH, RVIZ = 'launch/dummy_arm.launch.py', 'rviz/dummy_arm.rviz'
+#: The classes of rviz_default_plugins and rviz_common of Jazzy that the configuration uses.
+CLASSES = {
+    f'rviz_default_plugins/{name}' for name in (
+        'FocusCamera', 'Grid', 'Interact', 'Measure', 'MoveCamera', 'Orbit', 'Select', 'TF')
+} | {'rviz_common/Displays', 'rviz_common/Views'}
+
+
+def test_they_are_installed():
+    """Both are in the share directory of the package, where ros2 and rviz2 look for them."""
+    code = ('import json, setuptools\nfrom distutils.core import run_setup\n'
+            'print(json.dumps(run_setup("setup.py", stop_after="init").data_files))')
+    output = subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=True, text=True,
+                            stdout=subprocess.PIPE).stdout
+    data_files = dict(json.loads(output))
+    for file in LAUNCH, RVIZ:
+        assert data_files[f'share/dummy_arm/{Path(file).parent}'] == [file]
+        assert (ROOT / file).is_file()
+
+
+def classes_in(config):
+    """Return the classes that a configuration of rviz uses."""
+    if isinstance(config, list):
+        return [name for each in config for name in classes_in(each)]
+    if isinstance(config, dict):
+        own = [config['Class']] if config.get('Class') else []
+        return own + [name for each in config.values() for name in classes_in(each)]
+    return []
+
+
+def test_rviz_has_the_classes_of_jazzy():
+    """The configuration uses no other classes, and shows the frames with their names in map."""
+    config = yaml.safe_load((ROOT / RVIZ).read_text())
+    assert set(classes_in(config)) == CLASSES
+    manager = config['Visualization Manager']
+    assert manager['Global Options']['Fixed Frame'] == 'map'
+    tf = {display['Class']: display for display in manager['Displays']}['rviz_default_plugins/TF']
+    assert all(tf[shown] is True for shown in ('Enabled', 'Show Axes', 'Show Names'))
+
+
+def test_the_camera_of_rviz_sees_the_whole_arm():
+    """In a 4:3 window, the arm is visible in every position, and not too small."""
+    view = yaml.safe_load((ROOT / RVIZ).read_text())['Visualization Manager']['Views']['Current']
+    yaw, pitch = view['Yaw'], view['Pitch']
+    focal = np.array([view['Focal Point'][axis] for axis in 'XYZ'])
+    backwards = np.array([cos(yaw) * cos(pitch), sin(yaw) * cos(pitch), sin(pitch)])
+    right = np.array([-sin(yaw), cos(yaw), 0.0])
+    up = np.cross(backwards, right)
+    arm = Arm()
+    points = []
+    for phases in np.random.default_rng(1).uniform(-np.pi, np.pi, (300, 3)):
+        buffer = BufferCore()
+        for parent, child, pose in zip(arm.frames, arm.frames[1:], arm.poses(phases).tolist()):
+            buffer.insert(1, parent, child, (*pose,))
+        (placed,) = buffer.lookup_all(['base_link'])
+        points += [transform.translation for transform in placed.values()]
+    seen = np.array(points) - focal - view['Distance'] * backwards
+    depths = -seen @ backwards
+    half = tan(0.5 * 0.7854)  # rviz's field of view is 45 degrees
+    assert (depths > 1.0).all()
+    heights, widths = abs(seen @ up) / depths / half, abs(seen @ right) / depths / half / (4 / 3)
+    assert 0.5 < max(heights.max(), widths.max()) < 0.95
+
+
+@pytest.mark.skipif(shutil.which('ros2') is None, reason='the command ros2 is not installed')
+def test_launched(start):
+    """The arm runs with the arguments of the launch file until Ctrl-C, and not longer."""
+    process = start('-c', 'import os, sys; os.execvp("ros2", ["ros2", *sys.argv[1:]])', 'launch',
+                    str(ROOT / LAUNCH), 'rviz:=false', 'rate:=20', 'frame_prefix:=a/')
+    line = process.line_with('publishing map -> a/base_link')
+    assert 'at 20 Hz' in line
+    process.press_ctrl_c()
+    assert process.exit_code() == 0
+    assert not process.has_left_processes()

@@ -1,0 +1,73 @@
+"""Bags: cut off and damaged at many places, with thousands of topics, and memory."""
+
+import tracemalloc
+
+import pytest
+
+from dummy_arm.tf import bag
+from dummy_arm.tf.bag import BagError, read
+
+bags = pytest.importorskip('bags')
+S = bags.S
+
+
+def checked(path, file, data):
+    """Read a bag with other data in its file; return how many dynamic transforms are found."""
+    file.write_bytes(data)
+    counts, error = [0, 0], ''
+    for partial in False, True:
+        try:
+            frames = read(path, partial=partial).frames()
+            counts[partial] = sum(frame.length for frame in frames if not frame.is_static)
+        except BagError as caught:
+            error = str(caught)
+        assert error.isprintable()
+    return counts
+
+
+@pytest.mark.parametrize('kind', bags.ROS2 + bags.ROS1)
+def test_cut_off_at_a_thousand_places(tmp_path, kind):
+    """It is an error, unless all is there; partial=True reads a part, which grows."""
+    path = bags.make(tmp_path, kind, bags.walk(1))
+    file = bags.file_of(path)
+    whole = file.read_bytes()
+    before = 0
+    for length in range(0, len(whole), max(1, len(whole) // 1000)):
+        whole_read, part_read = checked(path, file, whole[:length])
+        assert whole_read in (0, 11)
+        assert before <= part_read <= 11
+        before = part_read
+
+
+@pytest.mark.parametrize('kind', bags.ROS2 + bags.ROS1)
+def test_damaged_at_300_places(tmp_path, kind):
+    """The only error is a BagError with a text of one line."""
+    path = bags.make(tmp_path, kind, bags.walk(1))
+    file = bags.file_of(path)
+    whole = file.read_bytes()
+    for at in range(0, len(whole), max(1, len(whole) // 300)):
+        for new in b'\0' * 4, b'\xff' * 4, bytes([whole[at] ^ 1]):
+            checked(path, file, whole[:at] + new + whole[at + len(new):])
+
+
+def test_many_topics_with_headers(tmp_path):
+    """There may be thousands of topics with headers in a database."""
+    path = bags.make(tmp_path, 'db3', [*bags.walk(), *(
+        (f'/point_{i}', 300 * S, bags.point(f'frame_{i}'), 'geometry_msgs/msg/PointStamped')
+        for i in range(1500))])
+    topics: list[bag.TopicHeaders] = []
+    assert len([*bag.messages(path, on_headers=topics.extend)]) == 102
+    assert {topic.frames for topic in topics} == {frozenset([f'frame_{i}']) for i in range(1500)}
+
+
+def test_a_long_message_is_not_a_list_of_transforms(tmp_path):
+    """A list of its transforms would take six times its memory."""
+    data = bags.ros1([bags.row(S, 'map', 'tool')] * 100_000)
+    path = bags.make(tmp_path / 'long.bag', 'bag', [('/tf', S, data)])
+    read(path)  # so that no module is imported later
+    tracemalloc.start()
+    try:
+        assert len(read(path).frames()) == 1
+        assert tracemalloc.get_traced_memory()[1] < 5 * len(data)
+    finally:
+        tracemalloc.stop()

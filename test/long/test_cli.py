@@ -1,0 +1,41 @@
+"""Signals to commands at many times; test/commands/test_cli.py takes samples."""
+
+import os
+import re
+import signal
+import time
+
+from processes import BEGUN, tool
+import pytest
+
+
+@pytest.mark.parametrize('delay', [i / 1000 for i in range(0, 24, 3)])
+@pytest.mark.parametrize('command', [
+    ('dummy_arm', '--ros-args', '-p', 'rate:=10000'), ('tf2_monitor',)])
+def test_two_signals_are_a_normal_end(start, command, delay):
+    """The second signal comes at any time of the cleanup."""
+    for numbers in (signal.SIGINT, signal.SIGTERM), (signal.SIGTERM, signal.SIGINT):
+        process = start(*tool(*command))
+        process.line()
+        os.kill(process.pid, numbers[0])
+        time.sleep(delay)
+        process.end(numbers[1])
+        assert process.exit_code() == 0
+        assert not re.search('Traceback|ignored', process.output)
+
+
+@pytest.mark.parametrize('delay', [0.0, 0.1, 0.2, 0.3, 0.4, 0.5, 0.7, 0.9, 1.2])
+@pytest.mark.parametrize('command', [
+    ('view_frames', '-t', '0.5'), ('tf_doctor', '--time', '0.5'), ('param', 'nobody'),
+    ('tf_trajectory', 'map', 'odom', '--time', '0.5', '-o', 'arm.csv')])
+def test_a_signal_at_any_time_is_no_traceback(start, tmp_path, command, delay):
+    """The command may be importing, starting or listening; no file is left."""
+    for number in signal.SIGINT, signal.SIGTERM:
+        option, code, *arguments = tool(*command)
+        process = start(option, BEGUN + code, *arguments, cwd=tmp_path)
+        process.line_with('begun')
+        time.sleep(delay)
+        process.end(number)
+        assert process.exit_code() in (0, 1)
+        assert not re.search('Traceback|ignored', process.output)
+        assert not [*tmp_path.iterdir()]

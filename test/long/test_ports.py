@@ -1,0 +1,77 @@
+"""The ports that each command opens, and on which address. These tests take 10 s."""
+
+from collections.abc import Iterator
+from pathlib import Path
+import time
+
+import bags
+from processes import ARM, TIMEOUT, tool
+
+#: The commands that use ROS, and what each prints once it runs.
+COMMANDS = {
+    'dummy_arm': (ARM, 't = 0'),
+    'dynamic_tf_publisher': (tool('dynamic_tf_publisher'), 'publishing'),
+    'static_transform_publisher': (tool(
+        'static_transform_publisher', '--frame-id', 'a', '--child-frame-id', 'b'), 'Spinning'),
+    'tf2_echo': (tool('tf2_echo', 'map', 'end_effector'), 'At time'),
+    'tf2_monitor': (tool('tf2_monitor'), 'RESULTS'),
+    'view_frames': (tool('view_frames', '--watch'), 'end_effector'),
+    'web_view': (tool('web_view'), 'http'),
+}
+_LISTENING, _UNCONNECTED = '0A', '07'
+
+
+def sockets(pid: int) -> Iterator[tuple[str, str, int]]:
+    """Yield protocol, address and port of the sockets at which a process receives from others."""
+    inodes = {str(link.readlink()) for link in Path(f'/proc/{pid}/fd').iterdir()}
+    for protocol, state in (('tcp', _LISTENING), ('udp', _UNCONNECTED)):
+        for version in '', '6':
+            for line in Path(f'/proc/{pid}/net/{protocol}{version}').read_text().splitlines()[1:]:
+                fields = line.split()
+                address, port = fields[1].split(':')
+                if fields[3] == state and f'socket:[{fields[9]}]' in inodes:
+                    parts = [int(address[i:i + 2], 16) for i in (6, 4, 2, 0)]
+                    yield (protocol, '.'.join(map(str, parts)) if not version else address,
+                           int(port, 16))
+
+
+def is_of_fast_dds(port: int, domain: int) -> bool:
+    """
+    Return whether Fast DDS may open a UDP port in a ROS domain.
+
+    DDSI-RTPS 2.3, 9.6.1.1: unicast ports are 7400 + 250 * domain + 10 or 11 + 2 * participant.
+    Beside them, Fast DDS opens one from 7000 on, and one that the system chooses (Linux: from
+    32768 on).
+    """
+    return 7000 <= port < 7100 or 10 <= port - 7400 - 250 * domain < 250 or port >= 32768
+
+
+def test_only_web_view_opens_a_tcp_port_and_on_loopback(start, domain_id):
+    """Other commands open UDP ports of Fast DDS; discovery by multicast is off with LOCALHOST."""
+    processes = {name: start(*arguments) for name, (arguments, _) in COMMANDS.items()}
+    for name, (_, text) in COMMANDS.items():
+        processes[name].line_with(text)
+    for name, process in processes.items():
+        opened = [*sockets(process.pid)]
+        tcp = [(address, port) for protocol, address, port in opened if protocol == 'tcp']
+        udp = [port for protocol, _, port in opened if protocol == 'udp']
+        if name == 'web_view':
+            assert [address for address, _ in tcp] == ['127.0.0.1'], opened
+        else:
+            assert not tcp, (name, opened)
+        assert udp, name
+        assert all(is_of_fast_dds(port, domain_id) for port in udp), (name, domain_id, opened)
+        assert 7400 + 250 * domain_id not in udp, 'the port of discovery by multicast'
+
+
+def test_a_page_of_a_bag_opens_the_tcp_port_alone(start, tmp_path):
+    """The options name its address and port; without ROS, there is no UDP port."""
+    path = bags.make(tmp_path, 'mcap file', bags.walk())
+    process = start(*tool('web_view', '--bag', str(path), '--host', '127.0.0.2',
+                          '--port', '18431'))
+    process.line_with('http://127.0.0.2:18431')
+    deadline = time.monotonic() + TIMEOUT
+    while not (opened := [*sockets(process.pid)]):
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+    assert opened == [('tcp', '127.0.0.2', 18431)]

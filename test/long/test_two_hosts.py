@@ -1,0 +1,156 @@
+"""
+Two hosts: network namespaces that only a pair of virtual interfaces connects.
+
+The namespaces have no route to any other network. Each has a /dev/shm of its own, as hosts do, so
+that Fast DDS cannot use shared memory between them. This needs root and iproute2, and takes half a
+minute.
+"""
+
+from functools import partial
+from itertools import count
+import os
+import re
+import shutil
+import signal
+import subprocess
+import time
+
+from processes import ARM
+import pytest
+from watching import begin_of, Watch
+
+ADDRESSES = '10.77.0.1', '10.77.0.2'
+#: How long the link is down (s).
+OUTAGE = 10.0
+#: What begins after this time (s) finds nothing any more that was sent before.
+LATER = 2.5
+#: Starts a program with a private /dev/shm in place of that of the machine.
+PRIVATE_MEMORY = 'mount -t tmpfs -o size=64m tmpfs /dev/shm && exec "$@"'
+#: Starts a program on a host; the arguments are the host and those of python.
+ON_HOST = f"""
+import os, sys
+host, *arguments = sys.argv[1:]
+os.execvp('ip', ['ip', 'netns', 'exec', host, 'sh', '-c', {PRIVATE_MEMORY!r}, 'sh',
+                 sys.executable, '-u', *arguments])
+"""
+#: The errors for which the tests are skipped.
+NOT_PERMITTED = re.compile('not permitted|denied|not supported|Unknown device type', re.I)
+_numbers = count()
+
+
+def ip(*arguments):
+    """Run ip, and return what it prints."""
+    return subprocess.run(['ip', *arguments], check=True, capture_output=True, text=True).stdout
+
+
+class Host:
+    """A network namespace with an interface `eth`."""
+
+    def __init__(self, number, names):
+        """Create it without the interface."""
+        self.number, self.name = number, f'attack-{os.getpid()}-{next(_numbers)}'
+        names.append(self.name)
+        ip('netns', 'add', self.name)
+
+    def ip(self, *arguments):
+        """Run ip on this host."""
+        return ip('-n', self.name, *arguments)
+
+    def run(self, *arguments):
+        """Run a program on this host."""
+        return ip('netns', 'exec', self.name, *arguments)
+
+    def connect(self):
+        """Give the interface its address, and set it up."""
+        self.ip('link', 'set', 'lo', 'up')
+        self.ip('link', 'set', 'eth', 'addrgenmode', 'none')  # no IPv6, which sends by itself
+        self.ip('address', 'add', f'{ADDRESSES[self.number]}/24', 'dev', 'eth')
+        self.ip('link', 'set', 'eth', 'up')
+
+    def sent(self):
+        """Return the number of packets and of bytes that the interface has sent."""
+        numbers = self.run('cat', '/proc/net/dev').partition('eth:')[2].split()
+        return int(numbers[9]), int(numbers[8])
+
+
+@pytest.fixture
+def hosts():
+    """Two hosts and the link between them."""
+    if shutil.which('ip') is None:
+        pytest.skip('there is no ip: apt install iproute2')
+    names: list[str] = []
+    try:
+        try:
+            first, second = Host(0, names), Host(1, names)
+            ip('link', 'add', 'name', 'eth', 'netns', first.name, 'type', 'veth',
+               'peer', 'name', 'eth', 'netns', second.name)
+            first.connect()
+            second.connect()
+            first.run('sh', '-c', PRIVATE_MEMORY, 'sh', 'true')
+        except subprocess.CalledProcessError as error:
+            if not NOT_PERMITTED.search(error.stderr):
+                raise AssertionError(error.stderr) from None
+            pytest.skip(f'network namespaces are not permitted here: {error.stderr.strip()}')
+        assert 'default' not in first.ip('route') + second.ip('route')
+        yield first, second
+    finally:
+        for name in names:
+            subprocess.run(['ip', 'netns', 'delete', name], check=False, capture_output=True)
+
+
+@pytest.fixture
+def on_host(hosts, start):
+    """
+    Start a program by `on_host(0, range, …)`, on one of the hosts.
+
+    The range is that of the discovery: SUBNET, or LOCALHOST. The processes end before the hosts.
+    """
+    def start_on_host(number, discovery_range, *arguments):
+        return start('-c', ON_HOST, hosts[number].name, *arguments,
+                     environment={'ROS_AUTOMATIC_DISCOVERY_RANGE': discovery_range})
+
+    return start_on_host
+
+
+def test_a_late_joiner_gets_the_arm(on_host, show):
+    """A listener that starts on the other host later gets /tf_static, and fresh /tf."""
+    begin = begin_of(on_host(0, 'SUBNET', *ARM))
+    time.sleep(LATER)
+    began = time.time_ns()
+    late = Watch(partial(on_host, 1, 'SUBNET'), [begin])
+    show(f'first pose: {late.fresh(began):.2f} s after the start of the listener')
+
+
+def test_an_outage_of_the_link(hosts, on_host, show):
+    """After ten seconds without the link, fresh transforms come again."""
+    begin = begin_of(on_host(0, 'SUBNET', *ARM))
+    watch = Watch(partial(on_host, 1, 'SUBNET'), [begin])
+    watch.fresh(time.time_ns())
+    hosts[0].ip('link', 'set', 'eth', 'down')
+    time.sleep(LATER)
+    before = watch.process.output
+    time.sleep(OUTAGE - LATER)
+    assert watch.process.output == before, 'the link was not down'
+    hosts[0].ip('link', 'set', 'eth', 'up')
+    seconds = watch.fresh(time.time_ns())
+    show(f'first fresh pose: {seconds:.2f} s after the link was up again')
+
+
+def test_with_localhost_nothing_leaves_the_host(hosts, on_host, show):
+    """An arm with LOCALHOST sends nothing to the other host; one with SUBNET is received there."""
+    begins: list[int] = []
+    watch = Watch(partial(on_host, 1, 'SUBNET'), begins)
+    before = hosts[0].sent()
+    arm = on_host(0, 'LOCALHOST', *ARM)
+    begin_of(arm)
+    time.sleep(2 * LATER)
+    assert not arm.has_ended()
+    arm.end(signal.SIGINT)
+    between = hosts[0].sent()
+    assert watch.process.output == 'ready\n'
+    begins.append(begin_of(on_host(0, 'SUBNET', *ARM)))
+    watch.fresh(begins[0])
+    for discovery_range, first, last in (
+            ('LOCALHOST', before, between), ('SUBNET', between, hosts[0].sent())):
+        show(f'{discovery_range}: {last[0] - first[0]} packets, {last[1] - first[1]} bytes')
+    assert between == before

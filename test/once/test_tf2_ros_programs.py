@@ -1,0 +1,158 @@
+"""Programs in the style of the public tutorials, with tf2's names only; they run as they stand."""
+
+import math
+import re
+
+from environment import ROOT
+from geometry_msgs.msg import PointStamped, TransformStamped
+from processes import TIMEOUT
+import pytest
+from rclpy.duration import Duration
+from rclpy.time import Time
+
+from dummy_arm.tf import (
+    Buffer,
+    StaticTransformBroadcaster,
+    TransformBroadcaster,
+    TransformListener,
+)
+
+PROGRAMS = ROOT / 'test' / 'support' / 'tf2_ros_programs'
+
+
+@pytest.fixture
+def run(start):
+    """A function that starts a program."""
+    return lambda name, *arguments: start(str(PROGRAMS / f'{name}.py'), *arguments)
+
+
+@pytest.fixture
+def lookup(ros):
+    """A function that waits for a transform, and returns it."""
+    buffer = Buffer(node=ros.node)
+    listener = TransformListener(buffer, ros.node)
+    yield lambda target, source: buffer.lookup_transform(
+        target, source, Time(), Duration(seconds=TIMEOUT)).transform
+    listener.unregister()
+
+
+def test_all_programs_use_the_names_of_tf2():
+    """Each of the programs imports a package of tf2, and none imports this package."""
+    programs = {path.stem: path.read_text() for path in PROGRAMS.rglob('*.py')}
+    assert programs
+    for code in programs.values():
+        assert re.search(r'(?m)^(import|from) tf2?_', code)
+        assert not re.search(r'(?m)^\s*(import|from) dummy_arm', code)
+
+
+@pytest.mark.parametrize(('program', 'line'), [
+    ('blocking_wait', 'got transform'), ('async_wait', 'got transform from sonar'),
+    ('wait_in_callback', 'got transform'), ('frame_dumper', "  parent: 'robot'")])
+def test_a_program_that_waits(run, ros, program, line):
+    """The program waits until the transforms arrive over DDS, and then uses them."""
+    process = run(program)
+    process.line_with('waiting')
+    wheel, sonar = TransformStamped(child_frame_id='wheel'), TransformStamped(
+        child_frame_id='sonar')
+    wheel.header.frame_id = sonar.header.frame_id = 'robot'
+    StaticTransformBroadcaster(ros.node).sendTransform(wheel)
+    broadcaster = TransformBroadcaster(ros.node)
+
+    def send():
+        sonar.header.stamp = ros.node.get_clock().now().to_msg()
+        broadcaster.sendTransform(sonar)
+
+    ros.node.create_timer(0.02, send)
+    ros.until(lambda: f'{line}\n' in process.output)
+    assert 'Traceback' not in process.output
+
+
+def test_static_broadcaster(run, lookup):
+    """A listener that starts later receives the transform."""
+    run('static_broadcaster', 'mystaticturtle', '0', '0', '1', '0', '0', str(math.pi / 2))
+    pose = lookup('world', 'mystaticturtle')
+    assert pose.translation.z == 1.0
+    assert (pose.rotation.z, pose.rotation.w) == pytest.approx((0.5 ** 0.5, 0.5 ** 0.5))
+
+
+@pytest.mark.parametrize(('program', 'distance'), [('fixed_frame', 2.0), ('moving_frame', 10.0)])
+def test_an_added_frame(run, lookup, program, distance):
+    """The frame that one program adds is connected to the frame that another one moves."""
+    run('dynamic_broadcaster')
+    run(program)
+    turtle, carrot = lookup('world', 'turtle1'), lookup('turtle1', 'carrot1')
+    assert math.hypot(turtle.translation.x, turtle.translation.y) == pytest.approx(2.0)
+    assert math.hypot(carrot.translation.x, carrot.translation.y) == pytest.approx(distance)
+    assert lookup('world', 'carrot1')
+
+
+def test_state_publisher(run, lookup):
+    """It imports TransformStamped from tf2_ros, as a tutorial does."""
+    run('state_publisher')
+    pose = lookup('odom', 'axis')
+    assert math.hypot(pose.translation.x, pose.translation.y) == pytest.approx(2.0)
+    assert pose.translation.z == 0.7
+
+
+def test_listener(run):
+    """It reports what is missing, and follows the other turtle when both are there."""
+    listener = run('listener')
+    listener.line_with('Could not transform turtle2 to turtle1')
+    run('static_broadcaster', 'turtle2', '0', '0', '0', '0', '0', '0')
+    run('dynamic_broadcaster')
+    listener.line_with('distance 2.000')
+
+
+def test_time_travel(run):
+    """The turtle turns by 0.5 rad in 0.5 s, on a circle of radius 2 m: a chord of 0.99 m."""
+    run('dynamic_broadcaster')
+    travel = run('time_travel')
+    # The newest pose of the turtle is older than the time of the lookup by some hundredths of 1 s,
+    # or by more if the turtle has just been slow.
+    chord = pytest.approx(4 * math.sin(0.25), abs=0.1)
+    while not ((found := re.fullmatch(r'moved (.*) m\n', travel.line()))
+               and float(found[1]) == chord):
+        pass
+
+
+def test_point_transform(run, ros):
+    """A point of a sensor is transformed in the callback that receives it."""
+    process = run('point_transform')
+    sensor = TransformStamped(child_frame_id='sensor')
+    sensor.header.frame_id = 'world'
+    sensor.transform.translation.x = 1.0
+    sensor.transform.rotation.z = sensor.transform.rotation.w = 0.5 ** 0.5
+    StaticTransformBroadcaster(ros.node).sendTransform(sensor)
+    publisher = ros.node.create_publisher(PointStamped, 'point', 10)
+    point = PointStamped()
+    point.header.frame_id = 'sensor'
+    point.point.x, point.point.z = 2.0, 0.5
+
+    def send():
+        point.header.stamp = ros.node.get_clock().now().to_msg()
+        publisher.publish(point)
+
+    ros.node.create_timer(0.1, send)
+    ros.until(lambda: 'world: 1.000 2.000 0.500\n' in process.output)
+    assert 'Traceback' not in process.output
+
+
+def test_quaternions(run):
+    """A roll of 90 degrees, then a yaw of -90 degrees, is (s, -s, -s, c) with s = c = 1/2."""
+    process = run('quaternions')
+    assert process.exit_code() == 0, process.output
+    assert process.output == (
+        'The quaternion representation is 0.5000 -0.5000 -0.5000 0.5000.\n'
+        '1.5707 0.0000 -1.5707\n1.0 0.0 0.0 0.0\n1.0\n4\n')
+
+
+@pytest.mark.parametrize('arguments', [('dummy_arm.py',), ('-m', 'dummy_arm')])
+def test_the_program_of_the_course(start, lookup, arguments):
+    """It is called dummy_arm.py; so does a program beside it find the package, not the program."""
+    arm = start(*arguments, cwd=PROGRAMS / 'course')
+    watch = start('watch.py', cwd=PROGRAMS / 'course')
+    watch.line_with('joint_1 is 0.3 m above map')
+    assert watch.exit_code() == 0
+    assert lookup('map', 'joint_1').translation.z == pytest.approx(0.3)
+    assert not arm.has_ended()
+    assert 'Traceback' not in arm.output

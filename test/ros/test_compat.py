@@ -1,0 +1,139 @@
+"""
+The packages of `compat`: the import names of tf2, with the names and arguments of the real ones.
+
+data/tf2_api.json has the public names and signatures of the real packages of ROS 2 Jazzy, and of
+tf_transformations. What needs no ROS is in unit/test_compat.py.
+"""
+
+import ast
+from importlib import import_module
+import inspect
+import json
+import operator
+import re
+from types import ModuleType
+from typing import Any
+
+from environment import DATA, HAS_TF2_MSGS
+import pytest
+from rclpy.action.client import ActionClient
+
+import dummy_arm.tf
+import dummy_arm.tf.geometry
+
+pytest.importorskip('_dummy_arm_tf2', reason='dummy-arm-tf2, of compat, is not installed')
+if HAS_TF2_MSGS:
+    pytest.skip('the real tf2_msgs is found first', allow_module_level=True)
+
+import tf2_geometry_msgs
+import tf2_msgs.msg
+import tf2_py
+import tf2_ros
+
+API: dict[str, dict[str, Any]] = json.loads((DATA / 'tf2_api.json').read_text())
+MESSAGES = {'PointStamped', 'PolygonStamped', 'Pose', 'PoseStamped', 'PoseWithCovarianceStamped',
+            'TransformStamped', 'Vector3Stamped'}
+ALIASES = {'MsgStamped', 'TransformableObject'}
+STAMPED = {'PointStamped', 'PoseStamped', 'PoseWithCovarianceStamped', 'TransformStamped',
+           'Vector3Stamped'}
+#: Names that the real modules have, too. The record has neither aliases of types nor classes that
+#: a module imports from another package, although programs import them from there.
+UNRECORDED: dict[str, set[str]] = {
+    'tf2_ros': {*ALIASES, *STAMPED, 'Duration', 'Header', 'Node', 'QoSProfile', 'Time'},
+    'tf2_ros.buffer': {'Duration', 'Node', 'Time', 'TransformStamped'},
+    'tf2_ros.buffer_interface': {*ALIASES, *STAMPED, 'Duration', 'Header', 'Time'},
+    'tf2_ros.static_transform_broadcaster': {'Node', 'QoSProfile', 'TransformStamped'},
+    'tf2_ros.transform_broadcaster': {'Node', 'QoSProfile', 'TransformStamped'},
+    'tf2_ros.transform_listener': {'Node', 'QoSProfile'},
+    'tf2_geometry_msgs': MESSAGES, 'tf2_geometry_msgs.tf2_geometry_msgs': MESSAGES}
+#: The classes that cannot be provided without services and actions of tf2_msgs.
+UNAVAILABLE = ['BufferClient', 'FrameGraph', 'LookupTransform']
+
+
+def public_names(module: ModuleType) -> set[str]:
+    """Return the names that `from module import *` imports, without submodules."""
+    return {name for name in getattr(module, '__all__', vars(module))
+            if not name.startswith('_') and not isinstance(getattr(module, name), ModuleType)}
+
+
+def calls(signature: str) -> list[tuple[list[str], list[str]]]:
+    """Return calls that fit the text of a signature, as positional and keyword arguments."""
+    definition, = ast.parse(f'def function{signature}: pass').body
+    assert isinstance(definition, ast.FunctionDef)
+    arguments = definition.args
+    names = [argument.arg for argument in arguments.args if argument.arg != 'self']
+    keywords = [argument.arg for argument in arguments.kwonlyargs]
+    required = names[:len(names) - len(arguments.defaults)]
+    more = ['one', 'two'] if arguments.vararg else []
+    return [(names + more, keywords), ([], names + keywords), (required, []), ([], required)]
+
+
+@pytest.mark.parametrize('name', API)
+def test_a_module_has_the_names_of_the_real_one(name):
+    """It has no name more and no name less."""
+    assert public_names(import_module(name)) == API[name].keys() | UNRECORDED.get(name, set())
+
+
+FUNCTIONS = [(module, f'{name}.{member}'.strip('.'), signature)
+             for module, names in API.items() for name, members in names.items()
+             for member, signature in (
+                 members.items() if isinstance(members, dict) else [('', members)])
+             if (name not in (*UNAVAILABLE, 'TF2Error', 'TFMessage') and '(self' in signature
+             and not re.match('_[A-Za-z]', member) and '/' not in signature)
+             or (not member and '(' in signature)]
+
+
+@pytest.mark.parametrize(('module', 'name', 'signature'), FUNCTIONS)
+def test_every_call_of_the_real_one_fits(module, name, signature):
+    """The parameters have the same names and order; what may be left out may be left out."""
+    function = operator.attrgetter(name)(import_module(module))
+    own = inspect.signature(function)
+    for positional, keywords in calls(signature):
+        if 'self' in own.parameters:
+            positional = ['self', *positional]
+        own.bind(*positional, **dict.fromkeys(keywords))
+
+
+@pytest.mark.parametrize('module', API)
+def test_a_class_has_the_methods_of_the_real_one(module):
+    """This holds for the private methods of BufferCore, too, which programs call."""
+    for name, members in API[module].items():
+        if isinstance(members, dict) and name not in (*UNAVAILABLE, 'TF2Error'):
+            own = getattr(import_module(module), name)
+            assert not [member for member in members if not hasattr(own, member)
+                        and (not member.startswith('_') or name == 'BufferCore')]
+
+
+def test_they_are_re_exports():
+    """There is one implementation: classes of both names are the same."""
+    assert tf2_ros.Buffer is dummy_arm.tf.Buffer
+    assert tf2_ros.BufferCore is tf2_py.BufferCore is dummy_arm.tf.MessageBufferCore
+    assert tf2_ros.LookupException is tf2_py.LookupException is dummy_arm.tf.LookupException
+    assert tf2_msgs.msg.TFMessage is tf2_ros.TFMessage is dummy_arm.tf.TFMessage
+    assert tf2_geometry_msgs.do_transform_pose is dummy_arm.tf.geometry.do_transform_pose
+    with pytest.raises(AttributeError, match="no attribute 'Unknown'"):
+        tf2_py.Unknown  # noqa: B018
+
+
+@pytest.mark.parametrize('use', [
+    lambda node: tf2_ros.BufferClient(),
+    lambda node: tf2_ros.FrameGraph.Request(),
+    lambda node: tf2_ros.LookupTransform.Goal,
+    lambda node: tf2_msgs.msg.TF2Error(),
+    lambda node: tf2_msgs.msg.TF2Error.NO_ERROR,
+    lambda node: node.create_client(tf2_ros.FrameGraph, 'tf2_frames'),
+    lambda node: ActionClient(node, tf2_ros.LookupTransform, 'tf2_buffer_server')])
+def test_what_is_not_available(ros, use):
+    """It can be imported; its use is one clear error."""
+    with pytest.raises((AttributeError, NotImplementedError), match=(
+            r'needs services and actions of tf2_msgs, which only ROS has\. .* use a Buffer and a '
+            r'TransformListener')) as caught:
+        use(ros.node)
+    assert '\n' not in str(caught.value)
+
+
+@pytest.mark.parametrize('name', ['srv', 'action'])
+def test_services_and_actions_are_not_there(name):
+    """Programs that ask whether they are there get the usual answer."""
+    with pytest.raises(ModuleNotFoundError):
+        import_module(f'tf2_msgs.{name}')

@@ -1,0 +1,90 @@
+"""Two contexts of rclpy in one process, each with a listener."""
+
+import threading
+import time
+
+from processes import TIMEOUT
+import pytest
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.time import Time
+from ros_node import stamped
+
+from dummy_arm.cli.fast_dds import destroy
+from dummy_arm.tf import Buffer, TransformBroadcaster, TransformException, TransformListener
+
+LATEST = Time()
+WAIT = Duration(seconds=TIMEOUT)
+
+
+def moving(frame):
+    """Return a transform of now."""
+    return stamped('map', frame, time.time_ns(), 1.0)
+
+
+@pytest.mark.parametrize('ended', [0, 1])
+@pytest.mark.parametrize('is_elsewhere', [False, True], ids=['same domain', 'two domains'])
+def test_two_contexts(domain_id, is_elsewhere, ended):
+    """
+    Each listener receives its own domain, and goes on when the other context is shut down.
+
+    A lookup that waits in that context ends, and one in the other context gets its transform.
+    """
+    contexts, nodes, senders, buffers, listeners = [], [], [], [], []
+    for i in 0, 1:
+        contexts.append(Context())
+        contexts[i].init(domain_id=domain_id + 100 * is_elsewhere * i)
+        nodes.append(Node(f'context_{i}', context=contexts[i]))
+        senders.append(TransformBroadcaster(nodes[i]))
+        buffers.append(Buffer(node=nodes[i]))
+        listeners.append(TransformListener(buffers[i], nodes[i]))
+
+    def send_until(i, condition):
+        """Send the frame of a context until a condition holds."""
+        deadline = time.monotonic() + TIMEOUT
+        while not condition():
+            assert time.monotonic() < deadline
+            senders[i].sendTransform(moving(f'frame_{i}'))
+            time.sleep(0.01)
+
+    for i, buffer in enumerate(buffers):
+        send_until(i, lambda: buffer.can_transform('map', f'frame_{i}', LATEST))  # noqa: B023
+    for i, buffer in enumerate(buffers):
+        if is_elsewhere:
+            assert not buffer.can_transform('map', f'frame_{1 - i}', LATEST)
+        else:
+            send_until(1 - i, lambda: buffer.can_transform(  # noqa: B023
+                'map', f'frame_{1 - i}', LATEST))  # noqa: B023
+
+    ends: list[dict[str, object]] = [{}, {}]
+
+    def wait(i):
+        try:
+            ends[i]['found'] = buffers[i].lookup_transform('map', 'late', LATEST, WAIT)
+        except TransformException as error:
+            ends[i]['error'] = error
+
+    waiting = [threading.Thread(target=wait, args=(i,)) for i in (0, 1)]
+    for thread in waiting:
+        thread.start()
+    stays = 1 - ended
+    while not (buffers[0].has_waiters and buffers[1].has_waiters):
+        time.sleep(0.01)
+    contexts[ended].shutdown()
+    waiting[ended].join()
+    assert ends[ended].keys() == {'error'}
+    now = time.time_ns()
+    send_until(stays, lambda: buffers[stays].can_transform(
+        'map', f'frame_{stays}', Time(nanoseconds=now)))
+    assert not ends[stays]
+    senders[stays].sendTransform(moving('late'))
+    waiting[stays].join()
+    assert ends[stays].keys() == {'found'}
+    names = [thread.name for thread in threading.enumerate()]
+    assert [f'context_{i}' in ' '.join(names) for i in (ended, stays)] == [False, True], names
+    listeners[ended].unregister()
+    nodes[ended].destroy_node()
+    listeners[stays].unregister()
+    destroy(nodes[stays])
+    contexts[stays].try_shutdown()

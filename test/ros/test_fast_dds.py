@@ -1,0 +1,60 @@
+"""Tests of the behaviour of Fast DDS 2.14 on which cli/fast_dds.py relies."""
+
+from types import SimpleNamespace
+
+from processes import ARM
+import pytest
+from rclpy.utilities import get_rmw_implementation_identifier
+from ros_node import eventually
+
+from dummy_arm.cli import fast_dds
+from dummy_arm.cli.fast_dds import detach_discovery_listener
+
+pytestmark = pytest.mark.skipif(
+    get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp',
+    reason='needs Fast DDS, but another middleware is in use')
+
+
+def test_a_detached_listener_discovers_nothing(ros, start):
+    """Neither the end of a publisher nor a new one is seen, and the node can be destroyed."""
+    def publishers():
+        return [bytes(info.endpoint_gid)
+                for info in ros.node.get_publishers_info_by_topic('/tf')]
+
+    arm = start(*ARM)
+    eventually(publishers)
+    before = publishers()
+    assert not detach_discovery_listener(ros.context.get_domain_id() + 1)
+    assert detach_discovery_listener(ros.context.get_domain_id())
+    arm.close()
+    start(*ARM).line()
+    assert publishers() == before
+
+
+@pytest.fixture
+def debug_log(monkeypatch):
+    """The lines that are logged at debug level."""
+    lines: list[str] = []
+    monkeypatch.setattr(fast_dds, 'get_logger', lambda name: SimpleNamespace(debug=lines.append))
+    return lines
+
+
+@pytest.mark.parametrize(('name', 'value', 'reason'), [
+    ('_LIBRARY', 'libfastrtps.so.3', 'libfastrtps.so.3: cannot open shared object file'),
+    ('_LOOKUP', '_ZN3gone', 'undefined symbol: _ZN3gone')])
+def test_where_it_does_not_apply_it_says_so_at_debug_level(
+        ros, monkeypatch, debug_log, name, value, reason):
+    """Nothing is detached if Fast DDS has another version or lacks a function."""
+    monkeypatch.setattr(fast_dds, name, value)
+    assert not detach_discovery_listener(ros.context.get_domain_id())
+    (line,) = debug_log
+    assert line.startswith('the discovery listener of Fast DDS is not detached: ')
+    assert reason in line
+
+
+def test_where_there_is_no_participant_it_says_so_at_debug_level(ros, debug_log):
+    """The line names the domain."""
+    domain = ros.context.get_domain_id() + 1
+    assert not detach_discovery_listener(domain)
+    assert debug_log == ['the discovery listener of Fast DDS is not detached: '
+                         f'no participant in the domain {domain}']

@@ -1,0 +1,336 @@
+"""The transformation of messages, and their conversion to other types."""
+
+from copy import deepcopy
+import math
+
+from geometry_msgs.msg import (
+    Point,
+    Point32,
+    PointStamped,
+    PolygonStamped,
+    Pose,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    TransformStamped,
+    Vector3,
+    Vector3Stamped,
+)
+from hypothesis import given
+from hypothesis import strategies as st
+from model import matrix
+import numpy as np
+import pytest
+from rclpy.duration import Duration
+from rclpy.time import Time
+from sensor_msgs.msg import PointCloud2, PointField
+from std_msgs.msg import Header
+
+from dummy_arm.tf import (
+    Buffer,
+    BufferInterface,
+    convert,
+    ConvertRegistration,
+    LookupException,
+    NotImplementedException,
+    Stamped,
+    TransformRegistration,
+    TypeException,
+)
+from dummy_arm.tf.geometry import (
+    do_transform_point,
+    do_transform_pose,
+    transform_covariance,
+    transform_points,
+)
+
+HALF = math.sqrt(0.5)
+XYZ, XYZW = (1.0, 2.0, 3.0), (0.5, -0.5, 0.5, 0.5)
+STAMP = Time(seconds=7).to_msg()
+HEADER = Header(stamp=STAMP, frame_id='camera')
+
+
+def transform(xyz=XYZ, xyzw=XYZW):
+    """Return a transform from camera to map."""
+    message = TransformStamped(child_frame_id='camera')
+    message.header = Header(stamp=STAMP, frame_id='map')
+    (message.transform.translation.x, message.transform.translation.y,
+     message.transform.translation.z) = xyz
+    message.transform.rotation = Quaternion(x=xyzw[0], y=xyzw[1], z=xyzw[2], w=xyzw[3])
+    return message
+
+
+@pytest.fixture
+def buffer():
+    """A buffer that has the transform from camera to map."""
+    made = Buffer()
+    made.set_transform(transform(), 'test')
+    return made
+
+
+def moved(point):
+    """Transform a point by the matrix."""
+    return (matrix(XYZ, XYZW) @ [*point, 1.0])[:3]
+
+
+def xyz_of(message):
+    """Return x, y and z of a message."""
+    return message.x, message.y, message.z
+
+
+def test_a_point(buffer):
+    """A point is rotated and translated, and its header is that of the map."""
+    point = PointStamped(header=HEADER, point=Point(x=1.0, y=-2.0, z=0.5))
+    result = buffer.transform(point, 'map')
+    assert (type(result), result.header) == (PointStamped, Header(stamp=STAMP, frame_id='map'))
+    assert xyz_of(result.point) == pytest.approx(moved((1.0, -2.0, 0.5)))
+    assert point.point.x == 1.0
+
+
+def test_a_vector(buffer):
+    """A vector is rotated only, and the transform itself is not changed."""
+    vector = Vector3Stamped(header=HEADER, vector=Vector3(x=1.0, y=-2.0, z=0.5))
+    result = buffer.transform(vector, 'map')
+    assert (type(result), result.header.frame_id) == (Vector3Stamped, 'map')
+    assert xyz_of(result.vector) == pytest.approx(moved((1.0, -2.0, 0.5)) - moved((0, 0, 0)))
+    by = transform()
+    TransformRegistration().get(Vector3Stamped)(vector, by)
+    assert by == transform()
+
+
+@given(st.tuples(*[st.floats(-1, 1)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1))
+def test_a_pose(rotation):
+    """Poses are composed, with w >= 0; the quaternions need not be normalised."""
+    pose = Pose(position=Point(x=1.0, y=-2.0, z=0.5))
+    (pose.orientation.x, pose.orientation.y, pose.orientation.z, pose.orientation.w) = rotation
+    result = do_transform_pose(pose, transform(xyzw=np.multiply(XYZW, 1.5).tolist()))
+    turned = result.orientation
+    assert turned.w >= 0.0
+    assert matrix(xyz_of(result.position), (*xyz_of(turned), turned.w)) == pytest.approx(
+        matrix(XYZ, XYZW) @ matrix((1.0, -2.0, 0.5), rotation), abs=1e-9)
+
+
+def test_a_stamped_pose(buffer):
+    """A quaternion of zeros counts as no rotation."""
+    pose = PoseStamped(header=HEADER)
+    pose.pose.orientation.w = 0.0
+    result = buffer.transform(pose, 'map')
+    assert (type(result), result.header.frame_id) == (PoseStamped, 'map')
+    assert xyz_of(result.pose.position) == pytest.approx(XYZ)
+    turned = result.pose.orientation
+    assert (turned.x, turned.y, turned.z, turned.w) == pytest.approx(XYZW)
+
+
+def test_a_pose_with_covariance(buffer):
+    """The covariance equals that of a sample of points that is rotated."""
+    random = np.random.default_rng(3)
+    sample = random.normal(size=(6, 50))
+    pose = PoseWithCovarianceStamped(header=HEADER)
+    pose.pose.covariance = np.cov(sample).reshape(36)
+    result = buffer.transform(pose, 'map')
+    rotation = matrix(XYZ, XYZW)[:3, :3]
+    turned = np.vstack([rotation @ sample[:3], rotation @ sample[3:]])
+    assert result.pose.covariance == pytest.approx(np.cov(turned).reshape(36))
+    assert xyz_of(result.pose.pose.position) == pytest.approx(XYZ)
+    assert transform_covariance(range(36), transform((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+                                ) == pytest.approx(list(range(36)))
+
+
+def test_a_polygon(buffer):
+    """Each of its points is transformed."""
+    polygon = PolygonStamped(header=HEADER)
+    polygon.polygon.points = [Point32(x=1.0), Point32(y=2.0, z=-1.0)]
+    result = buffer.transform(polygon, 'map')
+    assert type(result) is PolygonStamped
+    assert [type(point) for point in result.polygon.points] == [Point32, Point32]
+    assert np.array([xyz_of(point) for point in result.polygon.points]) == pytest.approx(
+        np.array([moved((1, 0, 0)), moved((0, 2, -1))]))
+
+
+def test_between_two_times():
+    """The point stays where it is in the fixed frame."""
+    buffer = Buffer()
+    for second in range(3):
+        moving = transform((float(second), 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+        moving.header.stamp.sec = second + 1
+        buffer.set_transform(moving, 'test')
+    point = PointStamped(point=Point(x=10.0))
+    point.header = Header(stamp=Time(seconds=1).to_msg(), frame_id='camera')
+    result = buffer.transform_full(point, 'camera', Time(seconds=3), 'map')
+    assert (result.point.x, result.header.stamp.sec) == (8.0, 3)
+
+
+def test_transform_raises_what_the_lookup_raises(buffer):
+    """The exception is raised after the timeout."""
+    point = PointStamped(header=HEADER)
+    with pytest.raises(LookupException):
+        buffer.transform(point, 'nowhere', timeout=Duration(nanoseconds=1))
+
+
+def test_results_share_nothing():
+    """A result shares no object with the transform or with another result."""
+    by, function = transform(), TransformRegistration().get(PointStamped)
+    one, other = function(PointStamped(), by), function(PointStamped(), by)
+    expected = deepcopy(by.header)
+    one.header.frame_id, one.header.stamp.sec = 'x', 99
+    assert (other.header, by.header) == (expected, expected)
+
+
+class Own:
+    """A type that only the user knows."""
+
+    def __init__(self, x):
+        """Create an object with a number and a header."""
+        self.x = x
+        self.header = HEADER
+
+
+def test_types_can_be_registered(buffer):
+    """Registered types can be transformed and converted."""
+    with pytest.raises(TypeException, match=r'^Type <class .*Own.> is not loaded or supported$'):
+        buffer.transform(Own(1.0), 'map')
+    TransformRegistration().add(Own, lambda own, by: Own(own.x + by.transform.translation.x))
+    assert buffer.transform(Own(1.0), 'map').x == 2.0
+    with pytest.raises(TypeException):
+        buffer.transform(Own(1.0), 'map', new_type=PointStamped)
+    ConvertRegistration().add_to_msg(Own, lambda own: PointStamped(point=Point(x=own.x)))
+    assert buffer.transform(Own(1.0), 'map', new_type=PointStamped).point.x == 2.0
+    ConvertRegistration().add_from_msg(Own, lambda message: Own(message.point.x))
+    point = PointStamped(header=HEADER)
+    assert buffer.transform(point, 'map', new_type=Own).x == pytest.approx(1.0)
+    ConvertRegistration().add_convert((PointStamped, Own), lambda message: Own(-1.0))
+    assert convert(point, Own).x == -1.0
+    copied = convert(point, PointStamped)
+    assert copied == point
+    assert copied is not point
+
+
+def test_what_a_user_has_registered_stays(start):
+    """A user's function replaces that of the package, also after other types are used."""
+    process = start('-c', """if True:
+        from geometry_msgs.msg import PointStamped, PoseStamped
+        from dummy_arm.tf import Buffer, ConvertRegistration, TransformRegistration
+        buffer = Buffer()
+        TransformRegistration().add(PointStamped, lambda point, transform: 'mine')
+        ConvertRegistration().add_to_msg(PointStamped, lambda point: 'mine')
+        for message in PointStamped(), PoseStamped(), PointStamped():
+            message.header.frame_id = 'map'
+            print(type(buffer.transform(message, 'map')).__name__)
+        print(ConvertRegistration().get_to_msg(PointStamped)(None))
+    """)
+    assert process.exit_code() == 0
+    assert process.output.split() == ['str', 'PoseStamped', 'str', 'mine']
+
+
+def test_stamped_gives_a_header():
+    """The header has the stamp and the frame, as in tf2_ros."""
+    own = Stamped(Own(1.0), STAMP, 'tool')
+    assert own.header == Header(stamp=STAMP, frame_id='tool')
+
+
+def test_the_interface_is_to_be_implemented():
+    """Each lookup of the interface raises NotImplementedException."""
+    interface = BufferInterface()
+    for method, count in (('lookup_transform', 3), ('lookup_transform_full', 5),
+                          ('can_transform', 3), ('can_transform_full', 5)):
+        with pytest.raises(NotImplementedException, match='not implemented'):
+            getattr(interface, method)(*['a'] * count)
+
+
+def cloud(points, kinds, *, big_endian, point_step, padding):
+    """
+    Return a cloud in which all other bytes are different from zero.
+
+    :param points: (height, width, n): the values of the n fields.
+    :param kinds: name, datatype, numpy's type and size (bytes) of each field.
+    :param point_step: the size of a point (bytes).
+    :param padding: how many bytes follow the points of each row.
+    """
+    height, width = points.shape[:2]
+    row_step = width * point_step + padding
+    data = np.random.default_rng(1).integers(1, 255, height * row_step, dtype=np.uint8)
+    fields, offset = [PointField(name='tag', offset=0, datatype=PointField.UINT16, count=1)], 2
+    for i, (name, datatype, kind, size) in enumerate(kinds):
+        fields.append(PointField(name=name, offset=offset, datatype=datatype, count=1))
+        for row in range(height):
+            for column in range(width):
+                at = row * row_step + column * point_step + offset
+                value = np.array(points[row, column, i], ('>' if big_endian else '<') + kind)
+                data[at:at + size] = np.frombuffer(value.tobytes(), np.uint8)
+        offset += size + 1
+    return PointCloud2(
+        header=HEADER, height=height, width=width, fields=fields, is_bigendian=big_endian,
+        point_step=point_step, row_step=row_step, data=data.tolist(), is_dense=False)
+
+
+KINDS = [('x', PointField.FLOAT32, 'f4', 4), ('y', PointField.FLOAT64, 'f8', 8),
+         ('z', PointField.FLOAT32, 'f4', 4)]
+
+
+@pytest.mark.parametrize(('big_endian', 'padding', 'height'), [
+    (False, 0, 1), (False, 5, 3), (True, 5, 3)])
+def test_a_cloud(buffer, big_endian, padding, height):
+    """Only the bytes of x, y and z change, unaligned and of mixed widths; NaN stays NaN."""
+    layout = {'big_endian': big_endian, 'point_step': 24, 'padding': padding}
+    points = np.random.default_rng(2).normal(size=(height, 4, 3))
+    points[0, 1] = np.nan
+    before = cloud(points, KINDS, **layout)
+    kept = bytes(before.data)
+    after = buffer.transform(before, 'map')
+    expected = points @ matrix(XYZ, XYZW)[:3, :3].T + XYZ
+    # It differs from the result by rounding only, so in no other byte.
+    wanted = cloud(expected, KINDS, **layout)
+    differing = [i for i, (one, other) in enumerate(zip(after.data, wanted.data)) if one != other]
+    assert {i % (before.row_step) % 24 for i in differing} <= {
+        i for at, size in ((2, 4), (7, 8), (16, 4)) for i in range(at, at + size)}
+    for i, (_, _, kind, size) in enumerate(KINDS):
+        offset = after.fields[i + 1].offset
+        for row in range(height):
+            for column in range(4):
+                at = row * after.row_step + column * 24 + offset
+                value = np.frombuffer(bytes(after.data[at:at + size]),
+                                      ('>' if big_endian else '<') + kind)[0]
+                assert value == pytest.approx(expected[row, column, i], rel=1e-6, abs=1e-6,
+                                              nan_ok=True)
+    assert bytes(before.data) == kept
+    assert after.header.frame_id == 'map'
+    assert (after.fields, after.width, after.is_bigendian) == (
+        before.fields, before.width, before.is_bigendian)
+
+
+def test_a_cloud_without_points(buffer):
+    """The result is without points, too."""
+    empty = cloud(np.empty((1, 0, 3)), KINDS, big_endian=False, point_step=24, padding=0)
+    assert list(buffer.transform(empty, 'map').data) == []
+
+
+def test_points_in_an_array():
+    """Each point is transformed as a PointStamped is; a zero quaternion is no rotation."""
+    transform = TransformStamped()
+    transform.transform.translation.x, transform.transform.translation.z = 1.0, -2.0
+    points = np.array([[1.0, 2.0, 3.0], [-4.0, 0.5, 6.0]])
+    for rotation in (0.0, 0.0, 0.0, 0.0), (0.1, -0.5, 0.3, 0.8):
+        x, y, z, w = rotation
+        transform.transform.rotation = Quaternion(x=x, y=y, z=z, w=w)
+        for point, result in zip(points, transform_points(points, transform.transform)):
+            single = PointStamped(point=Point(x=point[0], y=point[1], z=point[2]))
+            expected = do_transform_point(single, transform).point
+            assert result == pytest.approx((expected.x, expected.y, expected.z))
+    assert transform_points(np.empty((0, 3)), transform.transform).shape == (0, 3)
+    with pytest.raises(ValueError, match=r'must be of shape \(n, 3\), got \(3,\)'):
+        transform_points([1.0, 2.0, 3.0], transform.transform)
+
+
+@pytest.mark.parametrize(('change', 'error'), [
+    ({'fields': [PointField(name='x', datatype=PointField.INT16)]},
+     r'needs a field x of FLOAT32 or FLOAT64; its fields: x \(datatype 3\)'),
+    ({'width': 9}, 'layout does not fit: 1 x 9 points of 24 bytes'),
+    ({'point_step': 5}, 'x at byte 2'),
+    ({'height': 2, 'row_step': 10}, '10 bytes a row')])
+def test_a_cloud_that_does_not_fit(buffer, change, error):
+    """The error says in one line what does not fit."""
+    bad = cloud(np.zeros((1, 4, 3)), KINDS, big_endian=False, point_step=24, padding=0)
+    for name, value in change.items():
+        setattr(bad, name, value)
+    with pytest.raises(ValueError, match=error):
+        buffer.transform(bad, 'map')

@@ -1,0 +1,112 @@
+"""
+MessageBufferCore, which is tf2_py's BufferCore: its velocities, times and messages.
+
+data/tf2_velocity.json has recorded answers of lookupVelocityCore and lookupVelocityFullCore.
+"""
+
+import json
+from types import SimpleNamespace
+from typing import Any
+
+from environment import DATA
+from geometry_msgs.msg import TransformStamped
+import numpy as np
+import pytest
+from rclpy.duration import Duration
+from rclpy.time import Time
+
+from dummy_arm import tf
+from dummy_arm.tf import MessageBufferCore
+
+CASES = json.loads((DATA / 'tf2_velocity.json').read_text())
+
+
+def transform(parent, child, stamp, x=2.0):
+    """Return a transform."""
+    made = TransformStamped(child_frame_id=child)
+    made.header.frame_id, made.header.stamp = parent, stamp
+    made.transform.translation.x = x
+    return made
+
+
+@pytest.mark.parametrize('case', CASES)
+def test_velocities_as_in_tf2(case):
+    """The velocities are the same up to rounding, with tf2's mistakes; so are the errors."""
+    buffer = MessageBufferCore()
+    for op in case['ops']:
+        buffer.insert(op['stamp_ns'], op['parent'], op['child'], (*op['xyz'], *op['xyzw']),
+                      is_static=op['static'])
+    for query in case['queries']:
+        arguments = [query['tracking'], query['observation']]
+        when = Time(nanoseconds=query['time_ns']), Duration(nanoseconds=query['interval_ns'])
+        lookup: Any = buffer.lookupVelocityCore
+        if 'reference' in query:
+            arguments += query['reference'], tuple(query['point']), query['point_frame']
+            lookup = buffer.lookupVelocityFullCore
+        if 'error' in query:
+            with pytest.raises(getattr(tf, query['error'])) as caught:
+                lookup(*arguments, *when)
+            assert type(caught.value).__name__ == query['error']
+            assert str(caught.value).startswith(query['message'])
+            continue
+        expected = np.array([query['linear'], query['angular']])
+        # tf2 computes with times in float64 seconds; here, the rounding is the same.
+        assert (abs(np.array(lookup(*arguments, *when)) - expected)
+                < 1e-9 * np.maximum(1.0, abs(expected))).all()
+
+
+@pytest.mark.parametrize('convert', [
+    lambda ns, kind: kind(nanoseconds=ns),
+    lambda ns, kind: kind(nanoseconds=ns).to_msg(),
+    lambda ns, kind: SimpleNamespace(sec=ns // 10**9, nanosec=ns % 10**9)])
+def test_times_and_durations(convert):
+    """A time or duration is anything with sec and nanosec, or with nanoseconds."""
+    buffer = MessageBufferCore(Duration(seconds=20))
+    for second in range(5):  # the stamp may be rclpy's Time, and x an int
+        buffer.set_transform(transform('PARENT', 'THISFRAME', Time(seconds=second), 3 * second),
+                             'test')
+    time, interval = convert(0, Time), convert(4_001_000_000, Duration)
+    velocity = buffer.lookupVelocityCore('THISFRAME', 'PARENT', time, interval)
+    assert velocity[0] == pytest.approx((3.0, 0.0, 0.0), abs=1e-2)
+    assert velocity == buffer.lookupVelocityFullCore(
+        'THISFRAME', 'PARENT', 'PARENT', (0, 0, 0), 'THISFRAME', time, interval)
+    assert buffer.can_transform_core('PARENT', 'THISFRAME', convert(10**9, Time)) == (True, '')
+    assert buffer.lookup_transform_core(
+        target_frame='PARENT', source_frame='THISFRAME', time=convert(2 * 10**9, Time)
+    ) == transform('PARENT', 'THISFRAME', Time(seconds=2).to_msg(), 6.0)
+
+
+def test_a_stamp_of_another_type():
+    """The error names the field."""
+    made = transform('PARENT', 'THISFRAME', Time().to_msg())
+    made.header._stamp = 5
+    with pytest.raises(ValueError, match=r'header\.stamp must be'):
+        MessageBufferCore().set_transform(made, 'test')
+    made.header._stamp = Time(seconds=1)
+    made.transform.translation._x = None
+    with pytest.raises(ValueError, match=r'translation\.x must be a number, got None'):
+        MessageBufferCore().set_transform(made, 'test')
+
+
+def test_an_interval_of_length_zero():
+    """tf2 returns NaN, which is an error here."""
+    buffer = MessageBufferCore()
+    buffer.set_transform(transform('PARENT', 'THISFRAME', Time(seconds=1).to_msg()), 'test')
+    with pytest.raises(ValueError, match='averaging_interval is too short at this time: 0 ns'):
+        buffer.lookupVelocityCore('THISFRAME', 'PARENT', Time(seconds=1), Duration())
+
+
+def test_the_latest_common_time():
+    """It is the newest stamp, although an older transform was inserted last."""
+    buffer = MessageBufferCore()
+    for seconds in 0, 1, 0.5:
+        buffer.set_transform(transform('bar', 'foo', Time(seconds=seconds).to_msg()), 'test')
+    assert buffer.get_latest_common_time('bar', 'foo') == Time(seconds=1)
+    assert buffer._chain('bar', Time(), 'foo', Time(), 'bar') == ['foo', 'bar']
+    assert buffer._frameExists('foo')
+    assert sorted(buffer._getFrameStrings()) == ['bar', 'foo']
+    assert 'foo' in buffer.all_frames_as_yaml()
+    assert 'foo' in buffer.all_frames_as_string()
+    assert '"bar" -> "foo"' in buffer._allFramesAsDot()
+    buffer.clear()
+    assert buffer.can_transform_core('foo', 'bar', Time())[0] is False

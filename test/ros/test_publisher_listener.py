@@ -1,0 +1,295 @@
+"""The PublisherListener, over DDS: which node has published a transform."""
+
+import ctypes
+import sys
+import threading
+import time
+from types import SimpleNamespace
+
+from messages import golden_messages, ignore
+from processes import TIMEOUT
+import pytest
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.serialization import serialize_message
+from rclpy.time import Time
+from ros_node import eventually, stamped
+
+from dummy_arm.tf import (
+    Buffer,
+    publisher_listener,
+    StaticTransformBroadcaster,
+    TFMessage,
+    TransformBroadcaster,
+)
+from dummy_arm.tf._ros import rclpy_private
+from dummy_arm.tf._ros.rclpy_private import subscribe, Taker
+from dummy_arm.tf.publisher_listener import PublisherListener, ReceivedMessage, UNKNOWN
+
+S = 10**9
+
+
+def bytes_of(*transforms):
+    """Return the bytes of a TFMessage."""
+    return serialize_message(TFMessage(transforms=transforms))
+
+
+@pytest.fixture
+def listener(ros):
+    """A listener that knows the publisher of each transform."""
+    created = PublisherListener(Buffer(node=ros.node), ros.node)
+    yield created
+    created.unregister()
+
+
+def publisher_of(listener, name):
+    """Return the name of the node that has published a frame; UNKNOWN if there is none."""
+    return {frame.name: frame.authority for frame in listener.frames()}.get(name, UNKNOWN)
+
+
+def test_each_transform_is_of_the_node_that_sent_it(ros, listener):
+    """The publisher is known while several nodes publish, and after it has ended."""
+    other = Node('other', context=ros.context, namespace='/robot')
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'a'))
+    StaticTransformBroadcaster(other).sendTransform(stamped('map', 'b'))
+    dynamic = [TransformBroadcaster(ros.node), TransformBroadcaster(other)]
+    eventually(lambda: all(each.pub_tf.get_subscription_count() for each in dynamic))
+    for stamp in range(1, 50):
+        dynamic[0].sendTransform(stamped('map', 'c', stamp))
+        dynamic[1].sendTransform(stamped('map', 'd', stamp))
+    eventually(lambda: [publisher_of(listener, name) for name in 'abcd'] == [
+        '/test', '/robot/other'] * 2)
+    assert len(listener.present) == 4
+    other.destroy_node()
+    eventually(lambda: len(listener.present) == 2)
+    assert publisher_of(listener, 'b') == '/robot/other'
+    (gid,) = {frame.authority for frame in listener.buffer.frames() if frame.name == 'b'}
+    assert listener.names_of([gid, 'none']) == {gid: '/robot/other', 'none': UNKNOWN}
+
+
+def test_the_newest_publisher_counts(ros, listener):
+    """If two nodes publish the same frame, its publisher is that of the newest transform."""
+    other = Node('other', context=ros.context)
+    for stamp, node, expected in (1, other, '/other'), (2, ros.node, '/test'):
+        broadcaster = TransformBroadcaster(node)
+        eventually(broadcaster.pub_tf.get_subscription_count)
+        broadcaster.sendTransform(stamped('map', 'a', stamp * S))
+        assert listener.buffer.can_transform(
+            'map', 'a', Time(seconds=stamp), Duration(seconds=TIMEOUT))
+        eventually(lambda: publisher_of(listener, 'a') == expected)  # noqa: B023
+    other.destroy_node()
+
+
+@pytest.mark.parametrize('lacks', ['the library', 'the function'])
+def test_where_rcl_cannot_be_called_the_publisher_is_unknown(ros, monkeypatch, lacks):
+    """The listener reports an unknown publisher, and receives the transforms all the same."""
+    def load(name):
+        if lacks == 'the library':
+            raise OSError(name)
+        return object()
+
+    monkeypatch.setattr(ctypes, 'PyDLL', load)
+    rclpy_private.rcl_take.cache_clear()
+    listener = PublisherListener(Buffer(node=ros.node), ros.node)
+    try:
+        StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'a'))
+        eventually(listener.frames)
+        assert publisher_of(listener, 'a') == UNKNOWN
+        (message,), dropped = listener.received()
+        assert (message.publisher, message.is_static, dropped) == ('', True, 0)
+        assert 0 <= time.time_ns() - message.time < TIMEOUT * S
+    finally:
+        listener.unregister()
+        rclpy_private.rcl_take.cache_clear()
+
+
+def test_bytes_are_those_that_rclpy_takes(ros, listener):
+    """Messages of all sizes, also empty ones, equal those of a raw subscription of rclpy."""
+    listener.unregister()
+    subscription = subscribe(
+        ros.node, TFMessage, '/bytes', ignore, QoSProfile(depth=100),
+        ros.node.default_callback_group)
+    raw: list[bytes] = []
+    ros.node.create_subscription(TFMessage, '/bytes', raw.append, 100, raw=True)
+    publisher = ros.node.create_publisher(TFMessage, '/bytes', 100)
+    ros.until(lambda: publisher.get_subscription_count() == 2)
+    messages = [bytes.fromhex(case['cdr_hex']) for case in golden_messages()]
+    begin = time.time_ns()
+    for message in messages:
+        publisher.publish(message)
+    taken: list[ReceivedMessage] = []
+    taker = Taker(ReceivedMessage.of)
+
+    def all_taken():
+        taker.take(subscription.handle, 1000, taken)
+        return len(taken) == len(raw) == len(messages)
+
+    ros.until(all_taken)
+    assert taken == raw
+    (gid,) = {message.publisher for message in taken}
+    (info,) = ros.node.get_publishers_info_by_topic('/bytes')
+    assert bytes.fromhex(gid) == bytes(info.endpoint_gid)[:16]
+    times = [begin, *(message.time for message in taken), time.time_ns()]
+    assert times == sorted(times)
+    subscription.destroy()
+
+
+def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros):
+    """Each Taker writes into its own memory, although threads take at the same time."""
+    number = 500
+    publishers, subscriptions = zip(*(
+        (ros.node.create_publisher(TFMessage, topic, number),
+         subscribe(ros.node, TFMessage, topic, ignore, QoSProfile(depth=number),
+                   ros.node.default_callback_group))
+        for topic in ('/one', '/two')))
+    ros.until(lambda: all(publisher.get_subscription_count() for publisher in publishers))
+    messages = [bytes.fromhex(case['cdr_hex']) for case in golden_messages()[1:3]]
+    taken: tuple[list[ReceivedMessage], ...] = ([], [])
+
+    def take(subscription, messages):
+        taker = Taker(ReceivedMessage.of)
+        while len(messages) < number:
+            taker.take(subscription.handle, 1000, messages)
+
+    threads = [threading.Thread(target=take, args=both) for both in zip(subscriptions, taken)]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    try:
+        for thread in threads:
+            thread.start()
+        for _ in range(number):  # not more than DDS keeps, so that none is lost
+            for publisher, message in zip(publishers, messages):
+                publisher.publish(message)
+        for thread in threads:
+            thread.join()
+    finally:
+        sys.setswitchinterval(interval)
+    assert taken == tuple([message] * number for message in messages)
+    for subscription in subscriptions:
+        subscription.destroy()
+
+
+@pytest.fixture
+def send(ros, listener):
+    """Return a function that publishes a transform with a stamp (ns) and returns the message."""
+    publisher = TransformBroadcaster(ros.node).pub_tf
+    eventually(publisher.get_subscription_count)
+
+    def send(stamp):
+        message = bytes_of(stamped('map', 'moving', stamp))
+        publisher.publish(message)
+        return message
+
+    return send
+
+
+def has_arrived(listener, stamp):
+    """Wait for a transform; return True if it and all earlier ones are in the buffer in time."""
+    return listener.buffer.can_transform(
+        'map', 'moving', Time(nanoseconds=stamp), Duration(seconds=TIMEOUT))
+
+
+def test_received_messages_are_returned_once(ros, listener, send):
+    """Messages keep their order, gid, time and topic, even if a lookup has pulled them before."""
+    static = StaticTransformBroadcaster(ros.node)
+    begin, sent, latched, messages = time.time_ns(), [], [], []
+    for number in range(100, 150):
+        sent.append(send(number))
+        latched.append(stamped('map', f'still_{number}'))
+        static.sendTransform(latched[-1])
+        if number % 3:
+            messages += listener.received().messages
+        assert has_arrived(listener, number)
+        listener.buffer.lookup_transform(
+            'map', f'still_{number}', Time(), Duration(seconds=TIMEOUT))
+    messages += listener.received().messages
+    assert listener.received() == ([], 0)
+    for topic, expected in (('/tf', sent), ('/tf_static', [
+            bytes_of(*latched[:count]) for count in range(1, 51)])):
+        of_topic = [message for message in messages
+                    if message.is_static == (topic == '/tf_static')]
+        assert of_topic == expected
+        (info,) = ros.node.get_publishers_info_by_topic(topic)
+        assert {message.publisher for message in of_topic} == {bytes(info.endpoint_gid)[:16].hex()}
+        times = [begin, *(message.time for message in of_topic), time.time_ns()]
+        assert times == sorted(times)
+
+
+def test_received_messages_are_returned_to_one_thread_only(listener, send):
+    """No message is lost or returned twice while several threads call `received`."""
+    ends, messages = threading.Event(), []
+
+    def receive():
+        while not ends.is_set():
+            messages.extend(listener.received().messages)
+
+    threads = [threading.Thread(target=receive) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    try:
+        sent = []
+        for stamp in range(100, 400):
+            sent.append(send(stamp))
+            if stamp % 50 == 49:  # so that no queue overflows
+                assert has_arrived(listener, stamp)
+    finally:
+        ends.set()
+        for thread in threads:
+            thread.join()
+    messages += listener.received().messages
+    assert sorted(messages) == sorted(sent)
+
+
+def test_messages_from_before_the_end_are_received(listener, send):
+    """`received` returns exactly the messages whose transforms are in the buffer."""
+    sent = [send(stamp) for stamp in range(100, 150)]
+    assert has_arrived(listener, 149)
+    sent += [send(stamp) for stamp in range(150, 200)]
+    listener.unregister()
+    messages, dropped = listener.received()
+    assert len(messages) >= 50
+    assert (messages, dropped) == (sent[:len(messages)], 0)
+    assert listener.buffer.dump()['moving']['stamps'] == [
+        row.stamp_ns for message in messages for row in message.rows()]
+    send(200)
+    assert listener.received() == ([], 0)
+
+
+def test_the_number_and_size_of_kept_messages_are_bounded(listener, send, monkeypatch):
+    """`received` returns the newest messages, and the number of those that were dropped."""
+    size = len(bytes_of(stamped('map', 'moving')))
+    defaults = {name: getattr(publisher_listener, name)
+                for name in ('_MOST_MESSAGES', '_MOST_BYTES')}
+    assert [*defaults.values()] == [10_000, 16 * 2**20]
+    first = 1
+    for name, value, kept in (('_MOST_MESSAGES', 10, 10), ('_MOST_BYTES', 11 * size - 1, 10),
+                              ('_MOST_BYTES', 2 * size, 2), ('_MOST_BYTES', size - 1, 0)):
+        for each, default in defaults.items():
+            monkeypatch.setattr(publisher_listener, each, value if each == name else default)
+        for number in 25, 50, 1:
+            sent = [send(stamp) for stamp in range(first, first + number)]
+            first += number
+            assert has_arrived(listener, first - 1)
+            dropped = max(0, number - kept)
+            assert listener.received() == (sent[dropped:], dropped)
+            assert listener.received() == ([], 0)
+
+
+def test_the_names_that_are_kept_are_bounded(ros, listener, monkeypatch):
+    """The names of the existing publishers are kept, and those of the last that have ended."""
+    monkeypatch.setattr(publisher_listener, '_MOST_NAMES', 10)
+    gids = [bytes([i] * 16) for i in range(100)]
+
+    def name_at(i):
+        """Return the name of publisher i, by its gid, while only 0 and i exist."""
+        monkeypatch.setattr(ros.node, 'get_publishers_info_by_topic', lambda _: [
+            SimpleNamespace(endpoint_gid=gid, node_name='node', node_namespace=f'/{gid[0]}')
+            for gid in (gids[0], gids[i])])
+        return listener.names_of([gids[i].hex()])
+
+    for i in range(1, 100):
+        assert name_at(i) == {gids[i].hex(): f'/{i}/node'}
+    names = listener.names_of(gid.hex() for gid in gids)
+    assert [i for i, gid in enumerate(gids) if names[gid.hex()] != UNKNOWN] == [
+        0, *range(91, 100)]

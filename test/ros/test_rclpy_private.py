@@ -1,0 +1,281 @@
+"""Tests of the behaviour of rclpy 7.1 and rcl on which tf/_ros/rclpy_private.py relies."""
+
+import ast
+from collections.abc import Callable
+from pathlib import Path
+import threading
+import time
+
+from builtin_interfaces.msg import Time
+from environment import made_at_run_time
+from geometry_msgs.msg import Quaternion, Transform, TransformStamped, Vector3
+from messages import ignore
+import pytest
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.guard_condition import GuardCondition
+from rclpy.impl.implementation_singleton import rclpy_implementation as _rclpy
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, qos_policy_name_from_kind, QoSProfile
+from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.task import Future
+from ros_node import run_in_thread
+from std_msgs.msg import Header, String
+
+from dummy_arm.tf import TFMessage
+from dummy_arm.tf._ros import rclpy_private
+from dummy_arm.tf._ros.rclpy_private import (
+    GID_SIZE,
+    guard_condition,
+    incompatible_qos,
+    install,
+    is_of_executor,
+    rcl_take,
+    RCLError,
+    subscribe,
+    take_message,
+    Taker,
+    WaitSet,
+)
+
+CONVERSIONS = (
+    (_rclpy.Publisher, 'publish'), (_rclpy.Subscription, 'take_message'),
+    (_rclpy, 'rclpy_serialize'), (_rclpy, 'rclpy_deserialize'))
+
+
+@pytest.fixture
+def strings(ros):
+    """A publisher of String, and a subscription that is connected to it."""
+    subscription = subscribe(ros.node, String, 'text', ignore, QoSProfile(depth=10),
+                             ros.node.default_callback_group)
+    publisher = ros.node.create_publisher(String, 'text', 10)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    yield publisher, subscription
+    subscription.destroy()
+
+
+def take_next(subscription, raw):
+    """Wait for a message, and return it with its info."""
+    while (message := take_message(subscription.handle, String, raw)) is None:
+        time.sleep(0.001)
+    return message
+
+
+@pytest.mark.parametrize('raw', [True, False])
+def test_take_message_returns_the_message_and_its_info(strings, raw):
+    """The message is bytes or an object; without a message, the result is None."""
+    publisher, subscription = strings
+    with subscription.handle:
+        assert take_message(subscription.handle, String, raw) is None
+        publisher.publish(String(data='hello'))
+        message, info = take_next(subscription, raw)
+    assert message == (serialize_message(String(data='hello')) if raw else String(data='hello'))
+    assert info['received_timestamp'] > 10**18
+
+
+def test_take_message_is_not_the_one_that_install_has_made():
+    """The module keeps rclpy's own function, which takes the bytes of a TFMessage, too."""
+    assert take_message is not vars(_rclpy.Subscription)['take_message'] or (
+        TFMessage.__module__.startswith('tf2_msgs.'))
+
+
+def test_install_does_nothing_where_tf2_msgs_is():
+    """With the class of tf2_msgs, `install` replaces none of rclpy's functions."""
+    class Real:
+        """A stand-in for the generated class."""
+
+        __module__ = 'tf2_msgs.msg._tf_message'
+
+    before = [getattr(owner, name) for owner, name in CONVERSIONS]
+    install(Real)
+    assert [getattr(owner, name) for owner, name in CONVERSIONS] == before
+
+
+@made_at_run_time
+def test_install_changes_what_publishes_takes_and_serializes(ros):
+    """All four functions are looked up in their module or class at each call."""
+    message = TFMessage(transforms=[TransformStamped(child_frame_id='tool')])
+    data = serialize_message(message)
+    assert deserialize_message(data, TFMessage) == message
+    received: list[TFMessage] = []
+    ros.node.create_subscription(TFMessage, 'tf_of_test', received.append, 10)
+    publisher = ros.node.create_publisher(TFMessage, 'tf_of_test', 10)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(message)
+    ros.until(lambda: received)
+    assert received == [message]
+
+
+def test_messages_of_other_types_are_handled_as_before(ros):
+    """The functions of rclpy publish, take, serialize and deserialize these messages."""
+    text = String(data='hello')
+    received: list[String] = []
+    assert deserialize_message(serialize_message(text), String) == text
+    ros.node.create_subscription(String, 'text', received.append, 10)
+    publisher = ros.node.create_publisher(String, 'text', 10)
+    ros.until(lambda: publisher.get_subscription_count() == 1)
+    publisher.publish(text)
+    ros.until(lambda: received)
+    assert received == [text]
+
+
+def test_subscribe_makes_a_subscription_that_no_executor_sees(ros, strings):
+    """The subscription is not in the node's list, so its messages wait for its owner."""
+    publisher, subscription = strings
+    assert subscription not in ros.node.subscriptions
+    assert subscription.topic_name == '/text'
+    publisher.publish(String(data='hello'))
+    for _ in range(10):
+        ros.executor.spin_once(timeout_sec=0.0)
+    with subscription.handle:
+        assert take_next(subscription, False)[0] == String(data='hello')
+
+
+def test_incompatible_qos_counts_publishers_that_do_not_fit(ros):
+    """The event reports such a publisher once, with the policy that does not fit."""
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    subscription = subscribe(ros.node, String, 'text', ignore, latched,
+                             ros.node.default_callback_group)
+    event = incompatible_qos(subscription)
+    assert event.take_event().total_count_change == 0
+    ros.node.create_publisher(String, 'text', QoSProfile(depth=1))
+    statuses = []
+
+    def has_changed():
+        statuses.append(event.take_event())
+        return statuses[-1].total_count_change
+
+    ros.until(has_changed)
+    assert qos_policy_name_from_kind(statuses[-1].last_policy_kind) == 'DURABILITY'
+    assert event.take_event().total_count_change == 0
+    event.destroy_when_not_in_use()
+    subscription.destroy()
+
+
+@pytest.mark.parametrize('by_node', [True, False])
+def test_a_guard_condition_calls_before_it_is_destroyed(ros, by_node):
+    """Both `destroy_node` and `destroy_guard_condition` call the hook, and only once."""
+    node, ended = Node('ending', context=ros.context), []
+    guard = guard_condition(node, ReentrantCallbackGroup(), lambda: ended.append(True))
+    assert not ended
+    if by_node:
+        node.destroy_node()
+    else:
+        node.destroy_guard_condition(guard)
+    assert ended == [True]
+    node.destroy_node()
+    assert ended == [True]
+
+
+def test_a_guard_condition_wakes_the_executor(ros):
+    """A trigger from another thread ends a `spin_once` without a timeout."""
+    guard = guard_condition(ros.node, ReentrantCallbackGroup(), print)
+    is_over = threading.Event()
+
+    def spin():
+        for _ in range(20):  # more than the first events of the node
+            ros.executor.spin_once()
+        return True
+
+    def trigger():
+        while not is_over.wait(0.001):
+            guard.trigger()
+
+    triggering = threading.Thread(target=trigger)
+    triggering.start()
+    try:
+        assert run_in_thread(spin)
+    finally:
+        is_over.set()
+        triggering.join()
+    ros.node.destroy_guard_condition(guard)
+
+
+def test_an_executor_that_spins_until_a_future_is_done_adds_a_callback_of_its_own(ros):
+    """Its module distinguishes this callback from those of users."""
+    class Watched(Future):
+        """A future that records the callbacks that are added."""
+
+        def add_done_callback(self, callback):
+            added.append(callback)
+            super().add_done_callback(callback)
+
+    added: list[Callable[[Future], object]] = []
+    ros.executor.spin_until_future_complete(Watched(), timeout_sec=0.01)
+    assert added
+    assert all(map(is_of_executor, added))
+    assert not is_of_executor(lambda future: None)
+
+
+def test_a_wait_set_waits_for_subscriptions_and_guard_conditions(ros, strings):
+    """The wait ends when one of them is ready, or after the time (ns), if it is not negative."""
+    publisher, subscription = strings
+    guard = GuardCondition(None, None, context=ros.context)
+    wait_set = WaitSet(1, 1, 0, 0, 0, 0, ros.context.handle)
+
+    def wait(nanoseconds):
+        wait_set.clear_entities()
+        wait_set.add_guard_condition(guard.handle)
+        wait_set.add_subscription(subscription.handle)
+        wait_set.wait(nanoseconds)
+        return [bool(wait_set.get_ready_entities(kind))
+                for kind in ('guard_condition', 'subscription')]
+
+    with guard.handle, subscription.handle:
+        begin = time.monotonic()
+        assert wait(10**8) == [False, False]
+        assert time.monotonic() - begin >= 0.09
+        guard.trigger()
+        assert run_in_thread(lambda: wait(-1)) == [True, False]  # no limit
+        publisher.publish(String(data='hello'))
+        assert run_in_thread(lambda: wait(-1)) == [False, True]
+
+
+def test_an_error_of_rcl_is_a_runtime_error(ros):
+    """rclpy.init raises it, and the commands in `cli` catch RuntimeError."""
+    assert issubclass(RCLError, RuntimeError)
+    with pytest.raises(RCLError, match=r'enclave|Enclave|context'):
+        type(ros.context)().init(args=['--ros-args', '-e', 'bad'], domain_id=0)
+
+
+def test_rcl_reports_the_gid_of_a_message(strings, ros):
+    """The gid is the beginning of that in `get_publishers_info_by_topic`; the order is kept."""
+    publisher, subscription = strings
+    assert rcl_take() is not None
+    messages: list[tuple[bytes, str, int]] = []
+    taker = Taker(lambda data, gid, received: (data, gid, received))
+    taker.take(subscription.handle, 10, messages)
+    assert not messages
+    for text in 'one', 'two', 'three':
+        publisher.publish(String(data=text))
+
+    def has_all():
+        taker.take(subscription.handle, 2, messages)
+        return len(messages) == 3
+
+    ros.until(has_all)
+    assert [deserialize_message(data, String).data for data, _, _ in messages] == [
+        'one', 'two', 'three']
+    (info,) = ros.node.get_publishers_info_by_topic('text')
+    assert {gid for _, gid, _ in messages} == {bytes(info.endpoint_gid[:GID_SIZE]).hex()}
+    assert all(abs(received - time.time_ns()) < 60e9 for _, _, received in messages)
+
+
+@pytest.mark.parametrize(
+    'message', [TransformStamped(), Header(), Time(), Transform(), Vector3(), Quaternion()])
+def test_generated_messages_keep_each_field_in_a_slot(message):
+    """The slots are the names after an underscore, and `_check_fields`, a flag; nothing else."""
+    names = {f'_{name}' for name in message.get_fields_and_field_types()}
+    assert {*message.__slots__} == {*names, '_check_fields'}
+    empty = object.__new__(type(message))
+    for name in message.__slots__:
+        setattr(empty, name, getattr(message, name))
+    assert empty == message
+
+
+def test_there_is_a_test_for_each_touch_point():
+    """This module uses each public name that rclpy_private.py defines."""
+    tree = ast.parse(Path(rclpy_private.__file__).read_text())
+    names = {node.name for node in tree.body if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
+    names |= {target.id for node in tree.body if isinstance(node, ast.Assign)
+              for target in node.targets if isinstance(target, ast.Name)}
+    assert {name for name in names if not name.startswith('_')} <= globals().keys()

@@ -1,0 +1,255 @@
+"""TransformBroadcaster and StaticTransformBroadcaster, over DDS."""
+
+from decimal import Decimal
+import math
+from typing import Any
+import warnings
+
+from geometry_msgs.msg import TransformStamped
+from messages import ignore
+import numpy as np
+import pytest
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+
+from dummy_arm.tf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
+from dummy_arm.tf._core import texts
+
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def transform(frame_id='map', child_frame_id='base_link', x=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
+    """Return a TransformStamped."""
+    message = TransformStamped(child_frame_id=child_frame_id)
+    message.header.frame_id = frame_id
+    message.transform.translation.x = x
+    (message.transform.rotation.x, message.transform.rotation.y,
+     message.transform.rotation.z, message.transform.rotation.w) = rotation
+    return message
+
+
+@pytest.fixture
+def received(ros):
+    """The transforms of every message on /tf."""
+    messages = []
+    ros.node.create_subscription(TFMessage, '/tf', lambda m: messages.append(m.transforms), 100)
+    return messages
+
+
+@pytest.mark.parametrize(('broadcaster', 'qos', 'policy'), [
+    (TransformBroadcaster, LATCHED, 'DURABILITY'),
+    (StaticTransformBroadcaster, QoSProfile(depth=1, deadline=Duration(seconds=1)), 'DEADLINE')])
+def test_incompatible_subscriptions_are_logged_once_a_second(
+        ros, monkeypatch, broadcaster, qos, policy):
+    """The first of many is logged in the words of rclpy, those in the second after it are not."""
+    lines = []
+    monkeypatch.setattr(
+        RcutilsLogger, 'log', lambda self, message, severity, **_: lines.append(message))
+    now, topic = 1000.0, broadcaster(ros.node).pub_tf.topic_name
+    monkeypatch.setattr(texts, 'monotonic', lambda: now)
+
+    def subscribe(number):
+        for _ in range(number):
+            ros.node.create_subscription(
+                TFMessage, topic, ignore, qos,
+                event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+            ros.executor.spin_once(timeout_sec=0.05)
+
+    subscribe(1)
+    ros.until(lambda: lines)
+    subscribe(5)
+    assert lines == [
+        f"New subscription discovered on topic '{topic}', requesting incompatible QoS. No "
+        f'messages will be sent to it. Last incompatible policy: {policy}']
+    now += 1.0
+    subscribe(1)
+    ros.until(lambda: len(lines) == 2)
+
+
+@pytest.mark.parametrize(('broadcaster', 'topic', 'durability'), [
+    (TransformBroadcaster, '/tf', DurabilityPolicy.VOLATILE),
+    (StaticTransformBroadcaster, '/tf_static', DurabilityPolicy.TRANSIENT_LOCAL)])
+def test_quality_of_service(ros, broadcaster, topic, durability):
+    """The profile is that of tf2_ros, unless one is given; a depth alone keeps the durability."""
+    for qos in (None, 7):
+        pub_tf = broadcaster(ros.node, qos).pub_tf
+        assert pub_tf.topic_name == topic
+        assert pub_tf.qos_profile.reliability == ReliabilityPolicy.RELIABLE
+        assert pub_tf.qos_profile.durability == durability
+        assert pub_tf.qos_profile.depth == (qos or (100 if topic == '/tf' else 1))
+    profile = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
+    assert broadcaster(ros.node, qos=profile).pub_tf.qos_profile == profile
+
+
+@pytest.mark.parametrize('several', [list, iter])
+def test_sends_any_iterable_in_one_message(ros, received, several):
+    """The iterable may be a sequence or an iterator."""
+    pair = [transform('map', 'a', 1.5), transform('/a', 'b')]
+    TransformBroadcaster(ros.node).sendTransform(several(pair))
+    ros.until(lambda: received)
+    assert received == [pair]
+
+
+def test_sends_one_transform(ros, received):
+    """A single transform needs no list, and arrives as it was sent."""
+    message = transform('map', 'odom', 2.0, (0.0, 0.0, 0.6, 0.8))
+    message.header.stamp = Time(nanoseconds=1_700_000_000_123_456_789).to_msg()
+    TransformBroadcaster(ros.node).sendTransform(message)
+    ros.until(lambda: received)
+    assert received == [[message]]
+
+
+BAD = [
+    (transform(x=math.nan), "'map' -> 'base_link': every number must be finite"),
+    (transform(x=math.inf), 'every number must be finite'),
+    (transform(rotation=(0.0, 0.0, 0.0, math.nan)), 'every number must be finite'),
+    (transform(rotation=(0.0, 0.0, 0.0, 0.0)), r'cannot be normalised; use \(0, 0, 0, 1\)'),
+    (transform(rotation=(0.0, 1e-170, 0.0, 0.0)), 'cannot be normalised'),
+    (transform(rotation=(0.0, 1e200, 0.0, 0.0)), 'cannot be normalised'),
+    (transform(frame_id=''), r"'' -> 'base_link': header.frame_id is empty"),
+    (transform(frame_id='/'), 'header.frame_id is empty'),
+    (transform(child_frame_id=''), "'map' -> '': child_frame_id is empty"),
+    (transform('map', 'map'), "'map' -> 'map': a frame cannot be its own parent"),
+    (transform('map', '/map'), 'a frame cannot be its own parent'),
+    (transform(frame_id='a\0b'), 'must not contain a NUL'),
+    (transform(frame_id='\ud800'), 'must be valid Unicode'),
+    (transform(frame_id=None), r"2 of 2, to child 'base_link': header\.frame_id must be a str"),
+    (transform(x=10**400), r'transform\.translation\.x must be a number, got 10000'),
+    (transform(x=Decimal(1)), r'transform\.translation\.x must be a number, got Decimal'),
+    (transform(rotation=(0.0, 0.0, 0.0, 10**400)), r'transform\.rotation\.w must be a number'),
+    (TransformStamped(header=None), 'header must be a Header, got None')]
+
+
+@pytest.mark.parametrize('kind', [TransformBroadcaster, StaticTransformBroadcaster])
+def test_a_bad_transform_is_a_value_error(ros, kind):
+    """The error names the frame and says what is wrong."""
+    broadcaster = kind(ros.node)
+    for bad, error in BAD:
+        with pytest.raises(ValueError, match=error):
+            broadcaster.sendTransform([transform('a', 'b'), bad])
+
+
+@pytest.mark.parametrize('kind', [TransformBroadcaster, StaticTransformBroadcaster])
+def test_what_is_no_transform_is_a_type_error(ros, kind):
+    """Anything else than a TransformStamped is refused, alone or in a list."""
+    broadcaster = kind(ros.node)
+    for bad in 42, None, 'map', [transform(), 42], [None], [[transform()]]:
+        with pytest.raises(TypeError, match='expected a TransformStamped, got'):
+            broadcaster.sendTransform(bad)
+
+
+def test_odd_but_sound_transforms_are_sent(ros, received):
+    """Huge numbers, integers and quaternions of another length than one are valid."""
+    odd = [transform('map', 'far', 1.7e308), transform('map', 'b', 0.0, (0.0, 0.0, 0.0, 2.0)),
+           transform('map', 'c', 3)]
+    odd[0].transform.translation.y = 1.7e308
+    TransformBroadcaster(ros.node).sendTransform(odd)
+    ros.until(lambda: received)
+    assert received == [odd]
+
+
+def test_a_list_with_one_bad_element_sends_nothing(ros, received):
+    """The first message that arrives is the one after it."""
+    broadcaster = TransformBroadcaster(ros.node)
+    with pytest.raises(ValueError, match='finite'):
+        broadcaster.sendTransform([transform('a', 'b'), transform(x=math.nan)])
+    broadcaster.sendTransform(transform('a', 'c'))
+    ros.until(lambda: received)
+    assert received == [[transform('a', 'c')]]
+
+
+def test_statics_accumulate(ros):
+    """A late subscriber receives the newest transform of each child, as it was when sent."""
+    broadcaster = StaticTransformBroadcaster(ros.node)
+    kept = transform('map', 'a', 1.0)
+    broadcaster.sendTransform(kept)
+    kept.transform.translation.x = 99.0  # the broadcaster has made a copy
+    broadcaster.sendTransform([transform('map', 'b', 2.0), transform('map', 'c', 3.0)])
+    with pytest.raises(ValueError, match='finite'):
+        broadcaster.sendTransform([transform('map', 'a', 7.0), transform('map', 'd', math.nan)])
+    broadcaster.sendTransform(transform('odom', '/b', 4.0))
+    late: list[TFMessage] = []
+    ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
+    ros.until(lambda: late)
+    (message,) = late
+    assert message.transforms == [
+        transform('map', 'a', 1.0), transform('odom', '/b', 4.0), transform('map', 'c', 3.0)]
+
+
+EDGES = [('map', 'odom'), ('odom', 'base_link')]
+POSES = np.array([[1, 2, 3, 0, 0, 0, 1], [4, 5, 6, 0, 0, 0.6, 0.8]])
+
+
+def test_a_prepared_set(ros, received):
+    """The names are given once, then only poses and a stamp for each send."""
+    prepared = TransformBroadcaster(ros.node).prepare(EDGES)
+    stamp = Time(nanoseconds=1_500_000_000)
+    for each in stamp, stamp.to_msg(), stamp.nanoseconds, np.int64(stamp.nanoseconds):
+        prepared.send(each, POSES)
+    ros.until(lambda: len(received) == 4)
+    expected = [transform('map', 'odom', 1.0),
+                transform('odom', 'base_link', 4.0, (0.0, 0.0, 0.6, 0.8))]
+    for message, (y, z) in zip(expected, [(2.0, 3.0), (5.0, 6.0)]):
+        message.header.stamp = stamp.to_msg()
+        message.transform.translation.y, message.transform.translation.z = y, z
+    assert received == [expected] * 4
+
+
+def test_a_prepared_set_refuses_bad_poses(ros, received):
+    """The error names the frame, and nothing is sent."""
+    prepared = TransformBroadcaster(ros.node).prepare(EDGES)
+    for row, column, value, error in (
+            (1, 0, math.nan, "'odom' -> 'base_link': every number must be finite"),
+            (0, 2, math.inf, "'map' -> 'odom': every number must be finite"),
+            (0, 6, math.nan, 'finite'),
+            (0, 6, 0.0, "'map' -> 'odom': the quaternion .* cannot be normalised"),
+            (1, 5, 1e200, "'odom' -> 'base_link': the quaternion .* cannot be normalised")):
+        poses = POSES.copy()
+        poses[row, column] = value
+        with pytest.raises(ValueError, match=error):
+            prepared.send(1, poses)
+    prepared.send(2, POSES)
+    ros.until(lambda: received)
+    assert received[0][0].header.stamp.nanosec == 2
+
+
+def test_a_prepared_set_refuses_bad_edges_and_stamps(ros):
+    """The names are checked when they are prepared, not when they are sent."""
+    broadcaster = TransformBroadcaster(ros.node)
+    for edges in [], [('map', '')], [('map', 'odom'), ('a', '/a')]:
+        with pytest.raises(ValueError, match=r'at least one pair|is empty|its own parent'):
+            broadcaster.prepare(edges)
+    bad: list[Any] = [
+        ('map', 5), ('map', None), ('map', ['a']), ('map', 'a', 'b'), ('map',), 'ab', 3]
+    for edge in bad:
+        with pytest.raises(TypeError, match='an edge must be two names'):
+            broadcaster.prepare([('a', 'b'), edge])
+    for stamp in None, 1.5, 'now':
+        with pytest.raises(TypeError, match='time must have sec and nanosec, or nanoseconds'):
+            broadcaster.prepare(EDGES).send(stamp, POSES)
+
+
+def test_a_prepared_set_sends_huge_numbers_without_a_warning(ros, received):
+    """Their sum overflows, although each of them is finite."""
+    poses = POSES.copy()
+    poses[:, 0] = 1.7e308
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        TransformBroadcaster(ros.node).prepare(EDGES).send(1, poses)
+    ros.until(lambda: received)
+    assert received[0][1].transform.translation.x == 1.7e308
+
+
+def test_a_remapping_applies(domain_id):
+    """The remapping `-r /tf:=…` of a node applies to its broadcasters."""
+    context = Context()
+    context.init(args=['--ros-args', '-r', '/tf:=/robot/tf'], domain_id=domain_id)
+    node = Node('remapped', context=context)
+    assert TransformBroadcaster(node).pub_tf.topic_name == '/robot/tf'
+    node.destroy_node()
+    context.shutdown()

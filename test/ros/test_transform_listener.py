@@ -1,0 +1,1074 @@
+"""The TransformListener, over DDS."""
+
+import gc
+import math
+import signal
+import threading
+import time
+
+from endings import end_in_every_order, without_library_lines
+from environment import ROOT
+from geometry_msgs.msg import TransformStamped
+from messages import fail_on_error, golden_messages, ignore
+from processes import TIMEOUT
+import pytest
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.exceptions import InvalidTopicNameException
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.time import Time
+import ros_node
+from ros_node import eventually, run_in_thread
+from std_msgs.msg import Empty
+from std_srvs.srv import Trigger
+
+from dummy_arm.tf import (
+    Buffer,
+    BufferCore,
+    LookupException,
+    MessageBufferCore,
+    StaticTransformBroadcaster,
+    StaticTransformListener,
+    TFMessage,
+    TransformBroadcaster,
+    TransformListener,
+)
+from dummy_arm.tf._core import texts
+from dummy_arm.tf._ros.listener_thread import ListenerThread, Round
+from dummy_arm.tf._ros.rclpy_private import subscribe
+from dummy_arm.tf._ros.subscription import QosMonitor, SubscriptionSource
+
+LATEST = Time()
+WAIT = Duration(seconds=TIMEOUT)
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def stamped(stamp=0, parent='map', child='robot', x=0.0):
+    """Return a TransformStamped without rotation; the stamp is in ns, x in m."""
+    return ros_node.stamped(parent, child, stamp, x)
+
+
+def at(stamp):
+    """Return a time (ns)."""
+    return Time(nanoseconds=stamp)
+
+
+class Sender:
+    """The broadcasters of the test's node."""
+
+    def __init__(self, node):
+        """Create the broadcasters."""
+        self._node = node
+        self.dynamic, self.static = TransformBroadcaster(node), StaticTransformBroadcaster(node)
+
+    def publish(self, *messages):
+        """Publish messages on /tf, when each subscription is connected."""
+        publisher = self.dynamic.pub_tf
+        eventually(lambda: 0 < self._node.count_subscribers('/tf')
+                   == publisher.get_subscription_count())
+        for message in messages:
+            publisher.publish(message)
+
+    def send(self, *transforms):
+        """Publish one message on /tf, when each subscription is connected."""
+        self.publish(TFMessage(transforms=transforms))
+
+    def flood(self, count=50):
+        """Send transforms for /tf so fast that the listener's thread pauses."""
+        for stamp in range(1, count + 1):
+            self.send(stamped(stamp))
+            time.sleep(0.002)
+
+
+@pytest.fixture
+def sender(ros):
+    """The broadcasters of the test's node."""
+    return Sender(ros.node)
+
+
+@pytest.fixture
+def listen(ros):
+    """Return a function that creates a buffer and its listener."""
+    listeners = []
+
+    def create(node=None, buffer=None, kind=TransformListener, **kwargs):
+        node = node or ros.node
+        buffer = Buffer(node=node) if buffer is None else buffer
+        listeners.append(kind(buffer, node, **kwargs))
+        return buffer, listeners[-1]
+
+    yield create
+    for listener in listeners:
+        listener.unregister()
+
+
+class Late(Buffer):
+    """A buffer into which the listener's thread inserts nothing, so that only lookups do."""
+
+    is_late = True
+
+    def update(self):
+        """Pull, unless the listener's thread calls this."""
+        if self.is_late and threading.current_thread() in threads_of_listeners():
+            time.sleep(0.005)
+            return 0
+        return super().update()
+
+
+def threads_of_listeners():
+    """Return the threads of the listeners of nodes with the name `test`."""
+    return [thread for thread in threading.enumerate() if thread.name == 'tf of test']
+
+
+def feed(buffer, send):
+    """Call a function in a thread as soon as the buffer has waiters; return the thread."""
+    def run():
+        eventually(lambda: buffer.has_waiters)
+        send()
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    return thread
+
+
+# Lookups, waits and the executor
+
+
+@pytest.mark.parametrize(('where', 'spin_thread'), [
+    ('timer', False), ('subscription', True), ('service', False)])
+def test_a_lookup_waits_inside_a_callback(ros, sender, listen, where, spin_thread):
+    """The lookup succeeds although a single-threaded executor spins nothing else meanwhile."""
+    buffer, _ = listen(spin_thread=spin_thread)
+    answers: list[TransformStamped] = []
+
+    def wait(*_):
+        if not answers:
+            answers.append(buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT))
+
+    if where == 'timer':
+        ros.node.create_timer(0.01, wait)
+    elif where == 'subscription':
+        ros.node.create_subscription(Empty, 'go', wait, 10)
+        publisher = ros.node.create_publisher(Empty, 'go', 10)
+        ros.until(publisher.get_subscription_count)
+        publisher.publish(Empty())
+    else:
+        ros.node.create_service(Trigger, 'go', lambda _, answer: wait() or answer)
+        client = ros.node.create_client(Trigger, 'go')
+        assert client.wait_for_service(TIMEOUT)
+        client.call_async(Trigger.Request())
+    feeding = feed(buffer, lambda: sender.send(stamped(1)))
+    ros.until(lambda: answers, 2 * TIMEOUT)
+    assert answers[0].child_frame_id == 'robot'
+    feeding.join()
+
+
+def test_spin_once_returns_when_transforms_arrive(ros, sender, listen):
+    """The transforms alone end a spin_once without a timeout: nothing else happens in the node."""
+    buffer, _ = listen()
+    is_over = threading.Event()
+
+    def send():
+        stamp = 1
+        while not is_over.wait(0.01):
+            sender.send(stamped(stamp))
+            stamp += 1
+
+    def spin():
+        executor = SingleThreadedExecutor(context=ros.context)
+        executor.add_node(ros.node)
+        while not buffer.can_transform('map', 'robot', LATEST):
+            executor.spin_once()
+        for _ in range(5):
+            executor.spin_once()
+        executor.shutdown()
+        return True
+
+    sending = threading.Thread(target=send)
+    sending.start()
+    try:
+        run_in_thread(spin)
+    finally:
+        is_over.set()
+        sending.join()
+
+
+def test_new_data_wake_the_executor_at_most_ten_times_a_second(ros):
+    """A future that is done wakes it at once; a wake-up that is put off is made up for."""
+    now, rounds, wakes = 100.0, [], []
+    results: list[Round] = []
+
+    def work():
+        rounds.append(now)
+        return results.pop() if results else Round(False, False, 0.0)
+
+    tf, tf_static = (subscribe(ros.node, TFMessage, topic, ignore, LATCHED,
+                               ros.node.default_callback_group) for topic in ('/tf', '/tf_static'))
+    before = {*ros.node.guards}
+    thread = ListenerThread(ros.node, ros.node.default_callback_group, tf_static, tf, work,
+                            ignore_nothing, lambda: False, lambda: now)
+    (guard,) = {*ros.node.guards} - before
+    guard.trigger = lambda: wakes.append(now)
+
+    def wakes_after(has_news, is_urgent):
+        results.append(Round(has_news, is_urgent, 0.0))
+        number = len(rounds)
+        while results or len(rounds) < number + 2:  # the last round with a result is over
+            thread.wake()
+            time.sleep(0.001)
+        return wakes
+
+    thread.start()
+    assert wakes_after(False, False) == []
+    assert wakes_after(True, False) == [100.0]
+    now = 100.09
+    assert wakes_after(True, False) == [100.0]
+    now = 100.11
+    assert wakes_after(False, False) == [100.0, 100.11]
+    assert wakes_after(True, True) == [100.0, 100.11, 100.11]
+    thread.end()
+    tf.destroy()
+    tf_static.destroy()
+
+
+def test_in_a_pause_only_static_transforms_wake_the_thread(ros, sender):
+    """Messages of /tf stay in the queue until the pause is over."""
+    tf, tf_static = (subscribe(ros.node, TFMessage, topic, ignore, QoSProfile(depth=1),
+                               ros.node.default_callback_group) for topic in ('/tf', '/tf_static'))
+    rounds: list[bool] = []
+
+    def work():
+        rounds.append(True)
+        return Round(False, False, 1000.0)
+
+    thread = ListenerThread(ros.node, ros.node.default_callback_group, tf_static, tf, work,
+                            ignore_nothing, lambda: False)
+    thread.start()
+    eventually(lambda: rounds)
+    sender.send(stamped(1))
+    time.sleep(0.05)
+    assert rounds == [True]
+    sender.static.sendTransform(stamped(child='static'))
+    eventually(lambda: len(rounds) > 1)
+    thread.end()
+    tf.destroy()
+    tf_static.destroy()
+
+
+def ignore_nothing():
+    """Do nothing."""
+
+
+@pytest.mark.parametrize('with_node', [True, False])
+def test_async_waits_end_while_the_node_is_spun(ros, sender, listen, with_node):
+    """A coroutine continues after the data arrive, even if the buffer has no node."""
+    buffer, _ = listen(buffer=Buffer(node=ros.node if with_node else None))
+    found = []
+
+    async def look_up():
+        transform = await buffer.lookup_transform_async('map', 'robot', LATEST)
+        found.append((transform, buffer.lookup_transform('map', 'robot', LATEST)))
+
+    ros.executor.create_task(look_up)
+    ros.executor.spin_once(timeout_sec=0.0)
+    sender.send(stamped(1))
+    ros.until(lambda: found)
+    assert found[0][0].child_frame_id == 'robot'
+
+
+def test_a_lookup_has_all_that_has_arrived(sender, listen):
+    """It inserts the messages in the queue, which the listener's thread has not taken yet."""
+    buffer, _ = listen(buffer=Late())
+    witness, _ = listen()
+    for stamp in range(1, 10):
+        sender.send(stamped(stamp))
+        eventually(lambda: witness.can_transform('map', 'robot', at(stamp)))  # noqa: B023
+        assert buffer.can_transform('map', 'robot', at(stamp))  # DDS sends to the witness last
+
+
+def test_messages_from_before_a_clear_are_not_inserted_after_it(sender, listen):
+    """After a jump back in time, such a message would be newer than all that follow."""
+    buffer, _ = listen(buffer=Late())
+    witness, _ = listen()
+    sender.send(stamped(10**12))
+    eventually(lambda: witness.can_transform('map', 'robot', LATEST))
+    buffer.clear()
+    assert not buffer.can_transform('map', 'robot', LATEST)
+    sender.send(stamped(10**9))
+    eventually(lambda: buffer.can_transform('map', 'robot', at(10**9)))
+
+
+def test_a_signal_handler_may_look_up(ros, listen):
+    """Each pose keeps its stamp, wherever the handler interrupts a lookup."""
+    buffer, _ = listen()
+    prepared = TransformBroadcaster(ros.node).prepare([('map', 'robot')])
+    calls: list[bool] = []
+
+    def look_up(*_):
+        assert not buffer.can_transform('map', 'nowhere', LATEST, Duration(seconds=0.0001))
+        buffer.can_transform('map', 'robot', LATEST)
+        buffer.lookup_transforms('map', 'robot', range(0, 10**4, 10**2))
+        calls.append(True)
+        signal.setitimer(signal.ITIMER_REAL, 0.001)
+
+    stamp = 0
+
+    def send():
+        nonlocal stamp
+        stamp += 1
+        prepared.send(stamp, [[float(stamp), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+        buffer.can_transform('map', 'robot', LATEST)
+        return buffer.can_transform('map', 'robot', LATEST)
+
+    eventually(send)
+    before = signal.signal(signal.SIGALRM, look_up)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.001)
+        while len(calls) < 100:
+            send()
+            buffer.lookup_transforms('map', 'robot', [stamp])
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    eventually(lambda: buffer.can_transform('map', 'robot', at(stamp)))
+    for each in range(buffer.frames()[0].oldest, stamp + 1):
+        assert buffer.lookup_transform('map', 'robot', at(each)).transform.translation.x == each
+
+
+def test_a_done_callback_may_wait_and_fail(sender, listen, log_lines):
+    """It runs in the listener's thread, which goes on after a SystemExit of the callback."""
+    buffer, _ = listen()
+    found = []
+
+    def wait(_):
+        found.append(buffer.can_transform('map', 'moving', LATEST, timeout=WAIT))
+        found.append(buffer.can_transform('map', 'static', LATEST, timeout=WAIT))
+        raise SystemExit('of the user')
+
+    buffer.wait_for_transform_async('map', 'robot', LATEST).add_done_callback(wait)
+    sender.send(stamped(1))
+    eventually(lambda: buffer.has_waiters)
+    assert not found
+    sender.send(stamped(1, child='moving'))
+    sender.static.sendTransform(stamped(child='static'))
+    eventually(lambda: [line for _, line in log_lines if 'SystemExit: of the user' in line])
+    assert found == [True, True]
+    sender.send(stamped(1, child='next'))
+    eventually(lambda: buffer.can_transform('map', 'next', LATEST))
+
+
+# Topics and their QoS
+
+
+def test_a_late_joiner_receives_static_transforms(ros, listen):
+    """Two publishers have sent them only once, before the listener starts."""
+    other = Node('other', context=ros.context)
+    for node, child in (ros.node, 'a'), (other, 'b'):
+        StaticTransformBroadcaster(node).sendTransform(stamped(child=child))
+    buffer, _ = listen()
+    assert buffer.lookup_transform('a', 'b', LATEST, timeout=WAIT)
+    other.destroy_node()
+
+
+def test_static_transforms_are_updated(ros, listen):
+    """The same broadcaster may update a static transform, and so may another one."""
+    buffer, _ = listen()
+    first, second = StaticTransformBroadcaster(ros.node), StaticTransformBroadcaster(ros.node)
+    for number, broadcaster in enumerate([first, first, second, first]):
+        broadcaster.sendTransform([stamped(child=f'other_{number}'), stamped(x=float(number))])
+        assert buffer.can_transform('map', f'other_{number}', LATEST, timeout=WAIT)
+        answer = buffer.lookup_transform('map', 'robot', LATEST)
+        assert answer.transform.translation.x == number
+
+
+def test_remappings_and_namespace_apply_as_with_tf2(ros, listen):
+    """The names of the topics are absolute, and can be remapped."""
+    node = Node('n', context=ros.context, namespace='/robot1',
+                cli_args=['--ros-args', '-r', '/tf:=/other/tf', '-r', '/tf_static:=tf_static'])
+    buffer, listener = listen(node=node)
+    assert (listener.tf_sub.topic_name, listener.tf_static_sub.topic_name) == (
+        '/other/tf', '/robot1/tf_static')
+    assert [*dict(ros.node.get_subscriber_names_and_types_by_node('n', '/robot1'))].count(
+        '/other/tf') == 1
+    publisher = ros.node.create_publisher(TFMessage, '/other/tf', 10)
+    eventually(publisher.get_subscription_count)
+    publisher.publish(TFMessage(transforms=[stamped(5)]))
+    assert buffer.can_transform('map', 'robot', LATEST, timeout=WAIT)
+    node.destroy_node()
+
+
+def test_other_topics(ros, listen):
+    """Listeners and broadcasters can use other topics than /tf and /tf_static."""
+    buffer, listener = listen(tf_topic='/robot1/tf', tf_static_topic='robot1/tf_static')
+    default, _ = listen()
+    assert [each.topic_name for each in listener.subscriptions] == [
+        '/robot1/tf_static', '/robot1/tf']
+    dynamic = TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
+    static = StaticTransformBroadcaster(ros.node, tf_static_topic='/robot1/tf_static')
+    eventually(dynamic.pub_tf.get_subscription_count)
+    dynamic.sendTransform(stamped(5))
+    static.sendTransform(stamped(0, 'robot', 'camera'))
+    assert buffer.can_transform('map', 'camera', LATEST, WAIT)
+    assert not default.frame_names()
+    for create in TransformListener, StaticTransformListener:
+        with pytest.raises(InvalidTopicNameException, match="must not contain repeated '/'"):
+            create(Buffer(), ros.node, tf_static_topic='robot1//tf_static')
+
+
+def test_a_static_transform_listener(ros, sender):
+    """It receives what was latched before, and never subscribes to /tf."""
+    sender.static.sendTransform(stamped(0, 'robot', 'camera'))
+    buffer, node = Buffer(), Node('static_only', context=ros.context)
+    listener = StaticTransformListener(buffer, node, spin_thread=True, static_qos=LATCHED)
+    assert buffer.can_transform('robot', 'camera', LATEST, WAIT)
+    assert listener.tf_sub is None
+    assert listener.subscriptions == [listener.tf_static_sub]
+    assert (node.count_subscribers('/tf'), node.count_subscribers('/tf_static')) == (0, 1)
+    listener.unregister()
+    eventually(lambda: not node.count_subscribers('/tf_static'))
+    node.destroy_node()
+
+
+def test_qos_is_as_asked(listen):
+    """A depth alone leaves /tf_static latched; a profile is used as it is."""
+    volatile, latched = DurabilityPolicy.VOLATILE, DurabilityPolicy.TRANSIENT_LOCAL
+    best_effort = QoSProfile(depth=3, reliability=ReliabilityPolicy.BEST_EFFORT)
+    for qos, static_qos, expected in (
+            (None, None, [(100, ReliabilityPolicy.RELIABLE, latched),
+                          (100, ReliabilityPolicy.RELIABLE, volatile)]),
+            (7, 8, [(8, ReliabilityPolicy.RELIABLE, latched),
+                    (7, ReliabilityPolicy.RELIABLE, volatile)]),
+            (best_effort, best_effort, [(3, ReliabilityPolicy.BEST_EFFORT, volatile)] * 2)):
+        _, listener = listen(qos=qos, static_qos=static_qos)
+        profiles = [each.qos_profile for each in listener.subscriptions]
+        assert [(each.depth, each.reliability, each.durability) for each in profiles] == expected
+        assert {each.history for each in profiles} == {HistoryPolicy.KEEP_LAST}
+
+
+def test_no_executor_sees_the_subscriptions(ros, listen):
+    """The listener adds only one guard condition to the node, and removes it at its end."""
+    before = [*ros.node.subscriptions], [*ros.node.waitables], [*ros.node.guards]
+    _, listener = listen()
+    assert ([*ros.node.subscriptions], [*ros.node.waitables]) == before[:2]
+    assert len([*ros.node.guards]) == len(before[2]) + 1
+    assert [name for name, _ in ros.node.get_node_names_and_namespaces()] == ['test']
+    listener.unregister()
+    assert [*ros.node.guards] == before[2]
+
+
+# Faults
+
+
+@pytest.fixture
+def log_lines(monkeypatch):
+    """The lines that the listener and the buffer log, each with the name of its logger."""
+    lines = []
+    monkeypatch.setattr(RcutilsLogger, 'log', lambda self, message, severity, **_: lines.append(
+        (self.name, message)))
+    return lines
+
+
+def send_to_the_end(sender, buffer, *messages):
+    """Publish messages and one with a new frame; wait until that is in the buffer."""
+    mark = f'mark_{time.monotonic_ns()}'
+    sender.publish(*messages, TFMessage(transforms=[stamped(1, child=mark)]))
+    eventually(lambda: buffer.can_transform('map', mark, LATEST))
+
+
+def test_malformed_messages_are_counted_and_logged_once_per_cause(sender, listen, log_lines):
+    """A valid message that follows is inserted, and a cause is not logged a second time."""
+    buffer, listener = listen()
+    data = bytes.fromhex(max((case['cdr_hex'] for case in golden_messages()), key=len))
+    bad = [data[:end] for end in range(9, len(data) - 8, 41)]
+    send_to_the_end(sender, buffer, *bad, data[:4] + bytes([255] * 4) + data[8:],
+                    b'\0\7' + data[2:])
+    assert listener.malformed == len(bad) + 2
+    eventually(lambda: len(log_lines) == 3)
+    assert {(name, line.partition(':')[0]) for name, line in log_lines} == {
+        ('tf2_listener', f'Dropped a message that cannot be decoded, {cause}')
+        for cause in ('impossible count', 'truncated', 'unknown encoding')}
+    send_to_the_end(sender, buffer, *bad)
+    assert listener.malformed == 2 * len(bad) + 2
+    assert len(log_lines) == 3
+
+
+def test_refusals_are_logged_in_the_words_of_tf2(sender, listen, log_lines, monkeypatch):
+    """Each cause is logged once a second; the valid transforms of the message are inserted."""
+    seconds = 100.0
+    monkeypatch.setattr(texts, 'monotonic', lambda: seconds)
+    buffer, _ = listen()
+    now = 1_700_000_000 * 10**9
+    nan, unturned = stamped(now, child='nan'), stamped(now, child='unturned')
+    nan.transform.translation.x = math.nan
+    unturned.transform.rotation.w = 0.0
+
+    def send():
+        sender.send(stamped(now, child='good'), nan, unturned, stamped(now, 'self', 'self'),
+                    stamped(now, ''), stamped(now, child=''), stamped(now, child='better'))
+        sender.send(stamped(now - 11 * 10**9, child='good'))
+
+    send()
+    eventually(lambda: len(log_lines) == 6)
+    assert {name for name, _ in log_lines} == {'tf2_buffer'}
+    assert {line.partition(' ')[0].rstrip(':') for _, line in log_lines} == {
+        'TF_NAN_INPUT', 'TF_DENORMALIZED_QUATERNION', 'TF_SELF_TRANSFORM', 'TF_NO_FRAME_ID',
+        'TF_NO_CHILD_FRAME_ID', 'TF_OLD_DATA'}
+    assert ('TF_SELF_TRANSFORM: Ignoring transform from authority "default_authority" with '
+            'frame_id and  child_frame_id "self" because they are the same') in [
+                line for _, line in log_lines]
+    assert buffer.frame_names() == ['good', 'map', 'better']
+    seconds += 0.9
+    send()
+    send_to_the_end(sender, buffer)
+    assert len(log_lines) == 6
+    seconds += 0.1
+    send()
+    eventually(lambda: len(log_lines) == 12)
+
+
+def test_a_refusal_is_logged_without_further_messages(sender, listen, log_lines):
+    """The refusal is logged although the thread pauses and nobody looks up."""
+    listen()
+    sender.flood()
+    sender.send(stamped(child='map'))
+    eventually(lambda: any('TF_SELF_TRANSFORM' in text for _, text in log_lines))
+
+
+def test_incompatible_qos_is_logged_with_the_remedy(ros, log_lines):
+    """Static transforms that are not latched never arrive; the log has one line per second."""
+    tf_static, now = subscribe(ros.node, TFMessage, '/tf_static', ignore, LATCHED,
+                               ros.node.default_callback_group), 0.0
+    monitor = QosMonitor(tf_static, lambda: now)
+    ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
+
+    def check_later():
+        nonlocal now
+        now += 1.0
+        monitor.check()
+        return log_lines
+
+    ros.until(check_later)
+    assert log_lines[0][1].startswith(
+        "New publisher discovered on topic '/tf_static', offering incompatible QoS. "
+        'No messages will be received from it. Last incompatible policy: DURABILITY')
+    ros.node.create_publisher(TFMessage, '/tf_static', QoSProfile(depth=10))
+    ros.until(lambda: ros.node.count_publishers('/tf_static') == 2)
+    monitor.check()
+    assert len(log_lines) == 1
+    ros.until(lambda: len(check_later()) == 2)
+    for _ in range(3):
+        check_later()
+    assert len(log_lines) == 2
+    monitor.close()
+    tf_static.destroy()
+
+
+# Overridden methods, and other buffers
+
+
+class Recorder:
+    """An object that is not a buffer, but has the setters of one."""
+
+    def __init__(self):
+        """Create empty lists of calls."""
+        self.dynamic, self.static = [], []
+
+    def set_transform(self, transform, authority):
+        """Record a dynamic transform and its authority."""
+        self.dynamic.append((transform.child_frame_id, authority))
+
+    def set_transform_static(self, transform, authority):
+        """Record a static transform and its authority."""
+        self.static.append((transform.child_frame_id, authority))
+
+
+@pytest.mark.parametrize('name', ['insert', 'set_transform', 'set_transform_static'])
+def test_overridden_setters_of_a_buffer_are_called(ros, sender, listen, name):
+    """Each of them makes the listener call the setters for each transform."""
+    frames = []
+
+    def method(self, *arguments):
+        frames.append(arguments[2] if name == 'insert' else arguments[0].child_frame_id)
+        return getattr(Buffer, name)(self, *arguments)
+
+    buffer, _ = listen(buffer=type('Own', (Buffer,), {name: method})(node=ros.node))
+    sender.static.sendTransform([stamped(child='a'), stamped(child='b')])
+    sender.send(stamped(1, child='c'), stamped(1, child='d'))
+    expected = {'insert': 'abcd', 'set_transform': 'cd', 'set_transform_static': 'ab'}
+    ros.until(lambda: sorted(frames) == [*expected[name]])
+    ros.until(lambda: len(buffer.frames()) == 4)
+
+
+def test_an_object_with_setters_is_filled(ros, sender, listen):
+    """It need not be a buffer; the authority is the default one."""
+    recorder, _ = listen(buffer=Recorder())
+    sender.static.sendTransform([stamped(child='a'), stamped(child='b')])
+    sender.send(stamped(1, child='c'))
+    ros.until(lambda: recorder.dynamic and recorder.static)
+    assert recorder.static == [('a', 'default_authority'), ('b', 'default_authority')]
+    assert recorder.dynamic == [('c', 'default_authority')]
+
+
+@pytest.mark.parametrize('base', [TransformListener, StaticTransformListener])
+@pytest.mark.parametrize('kind', [Buffer, MessageBufferCore, BufferCore])
+def test_overridden_callbacks_are_called(ros, sender, listen, base, kind):
+    """The base callbacks pass messages to a Buffer, and a Transform to a BufferCore."""
+    class Own(base):  # type: ignore[misc, valid-type]
+        def __init__(self, *args):
+            super().__init__(*args)
+            self.name = 'callback'
+
+        def callback(self, data):
+            received.append((self.name, data.transforms))
+            super().callback(data)
+
+        def static_callback(self, data):
+            received.append(('static_callback', data.transforms))
+            super().static_callback(data)
+
+    received: list[tuple[str, list[TransformStamped]]] = []
+    buffer, _ = listen(buffer=kind(), kind=Own)
+    sender.static.sendTransform(stamped(child='static'))
+    ros.until(lambda: received == [('static_callback', [stamped(child='static')])])
+    if base is TransformListener:
+        sender.send(stamped(5, x=2.0))
+        ros.until(lambda: received[1:] == [('callback', [stamped(5, x=2.0)])])
+        ros.until(lambda: len(buffer.frames()) == 2)
+        assert buffer.dump()['robot']['poses'][0][0] == 2.0
+    assert buffer.dump()['static']['is_static']
+
+
+def test_an_error_in_an_overridden_method_is_logged_and_the_next_message_taken(
+        ros, sender, listen, log_lines):
+    """Neither an error of the method nor a malformed message ends the thread."""
+    class Failing(TransformListener):
+        def callback(self, data):
+            super().callback(data)
+            raise ZeroDivisionError('of the user')
+
+    buffer, listener = listen(kind=Failing)
+    sender.send(stamped(1))
+    ros.until(lambda: log_lines)
+    assert 'in callback' in log_lines[0][1]
+    assert 'ZeroDivisionError: of the user' in log_lines[0][1]
+    sender.publish(b'\0\1\0\0\1\0\0\0')
+    sender.send(stamped(2))
+    ros.until(lambda: buffer.can_transform('map', 'robot', at(2)))
+    assert listener.malformed == 1
+
+
+def test_the_buffer_can_be_changed(ros, sender, listen):
+    """The new buffer may be of any kind, and the previous one receives nothing more."""
+    first, listener = listen()
+    sender.send(stamped(1))
+    assert first.can_transform('map', 'robot', at(1), timeout=WAIT)
+    listener.buffer = recorder = Recorder()
+    sender.send(stamped(2))
+    ros.until(lambda: recorder.dynamic)
+    listener.buffer = core = BufferCore()
+    assert listener.buffer is core
+    sender.send(stamped(3))
+    eventually(lambda: core.can_transform('map', 'robot', 3))
+    listener.buffer = messages = MessageBufferCore()
+    sender.send(stamped(4))
+    eventually(lambda: messages.can_transform_core('map', 'robot', at(4))[0])
+    assert len(recorder.dynamic) == 1
+    assert [each.dump()['robot']['stamps'] for each in (first, core, messages)] == [[1], [3], [4]]
+
+
+def test_a_buffer_that_is_set_gets_all_that_is_sent_from_then_on(sender, listen):
+    """No message is lost while the thread waits for the lock of the previous buffer."""
+    first, listener = listen()
+    sender.flood()
+    second = Buffer()
+    witness, _ = listen()
+    with first.fetched():
+        sender.send(stamped(10**9))
+        eventually(lambda: witness.can_transform('map', 'robot', at(10**9)))
+        listener.buffer = second
+        sender.static.sendTransform(stamped(child='static'))
+        assert witness.can_transform('map', 'static', LATEST, timeout=WAIT)
+    assert second.lookup_transform('map', 'static', LATEST, timeout=WAIT)
+    assert not first.can_transform('map', 'static', LATEST)
+
+
+def test_a_signal_handler_may_end_a_listener_that_gets_another_buffer(ros):
+    """If the handler runs during the replacement, the new buffer keeps no source."""
+    class Interrupted(Buffer):
+        """A buffer that ends the listener when its source is added, as a signal handler may."""
+
+        sources: frozenset[object] = frozenset()
+
+        def add_source(self, source):
+            listener.unregister()
+            super().add_source(source)
+            self.sources |= {source}
+
+        def remove_source(self, source):
+            super().remove_source(source)
+            self.sources -= {source}
+
+    listener = TransformListener(Buffer(node=ros.node), ros.node)
+    other = Interrupted(node=ros.node)
+
+    def switch():
+        listener.buffer = other
+        return True
+
+    assert run_in_thread(switch)
+    assert not other.sources
+    eventually(lambda: not threads_of_listeners())
+
+
+def test_a_listener_that_gets_its_own_buffer_again_goes_on(ros):
+    """The listener does not remove its source, since that would end a blocked lookup."""
+    class Watched(Buffer):
+        """A buffer that counts the sources that were removed."""
+
+        removed = 0
+
+        def remove_source(self, source):
+            super().remove_source(source)
+            self.removed += 1
+
+    buffer = Watched(node=ros.node)
+    listener = TransformListener(buffer, ros.node)
+    listener.buffer = buffer
+    assert not buffer.removed
+    listener.unregister()
+    assert buffer.removed
+
+
+# The source and the pauses of the thread
+
+
+@pytest.fixture
+def source_of(ros):
+    """
+    Return a function that creates a source of a depth, with a clock and its own subscriptions.
+
+    That returns the source, and a function that publishes messages, which the source then takes.
+    """
+    subscriptions = []
+
+    def create(depth, clock=time.monotonic):
+        tf, tf_static = (subscribe(ros.node, TFMessage, f'/{topic}_{depth}', ignore,
+                                   QoSProfile(depth=depth), ros.node.default_callback_group)
+                         for topic in ('tf', 'tf_static'))
+        subscriptions.extend([tf, tf_static])
+        source = SubscriptionSource(tf_static, tf, fail_on_error, ignore_nothing, clock)
+        broadcaster = TransformBroadcaster(ros.node, tf_topic=f'/tf_{depth}')
+        eventually(broadcaster.pub_tf.get_subscription_count)
+
+        def publish(count):
+            for number in range(count):
+                source.take().clear()
+                broadcaster.sendTransform(stamped(number + 1))
+                eventually(source.take)
+
+        return source, publish
+
+    yield create
+    for subscription in subscriptions:
+        subscription.destroy()
+
+
+def test_in_a_pause_half_of_the_queue_stays_free(source_of):
+    """The pause follows from the rate since the last round; up to 100 Hz there is no pause."""
+    now = 1000.0
+    sources = {depth: source_of(depth, lambda: now) for depth in (100, 6, 1)}
+    for depth, messages, seconds, expected in (
+            (100, 50, 0.1, 0.1),  # 500 Hz
+            (100, 50, 0.05, 0.05),  # 1000 Hz
+            (100, 50, 0.005, 0.005),  # 10 000 Hz
+            (100, 76, 0.1, 0.0),  # more may have been lost
+            (6, 4, 0.01, 0.0075),
+            (1, 1, 0.001, 0.0),
+            (100, 9, 0.1, 0.0),  # 90 Hz
+            (100, 11, 0.1, 0.1),
+            (100, 0, 0.1, 0.0)):
+        source, publish = sources[depth]
+        source.end_round()
+        publish(messages)
+        now += seconds
+        assert source.end_round() == pytest.approx(expected)
+        assert source.end_round() == 0.0
+
+
+def test_taken_messages_stay_until_the_list_is_cleared(source_of):
+    """The source keeps the list, which the buffer clears after the insertion."""
+    source, publish = source_of(10)
+    publish(2)
+    assert source.take() is source.take()
+    (piece,) = source.take()
+    assert (piece.authority, piece.is_static) == ('default_authority', False)
+    source.take().clear()
+    assert source.take() == []
+
+
+def test_messages_are_inserted_without_lookups(ros, sender, listen):
+    """The thread pauses at this rate, but inserts messages while they keep arriving."""
+    class Watched(Buffer):
+        """A buffer that counts the updates with new data; only the thread makes them here."""
+
+        news = last = 0
+
+        def update(self):
+            before, self.last = self.last, super().update()
+            self.news += self.last > before
+            return self.last
+
+    buffer, _ = listen(buffer=Watched(node=ros.node))
+    sender.flood()
+    buffer.news = 0
+    eventually(lambda: sender.send(stamped(1)) or buffer.news >= 3)
+
+
+# Ends
+
+
+def test_a_listener_that_nobody_holds_goes_on(ros, sender):
+    """As with tf2_ros, a listener receives messages although the user keeps no reference to it."""
+    buffer = Buffer(node=ros.node)
+    TransformListener(buffer, ros.node)
+    gc.collect()
+    sender.send(stamped(1))
+    assert buffer.can_transform('map', 'robot', LATEST, timeout=WAIT)
+
+
+def test_listeners_and_contexts_are_independent(ros, listen):
+    """Each listener receives the messages of its domain, and goes on when another one ends."""
+    other = Context()
+    other.init(domain_id=ros.context.get_domain_id() + 100)
+    node = Node('elsewhere', context=other)
+    here, listener = listen()
+    also_here, also = listen()
+    elsewhere, _ = listen(node=node)
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped(child='here'))
+    StaticTransformBroadcaster(node).sendTransform(stamped(child='there'))
+    for buffer, mine, not_mine in ((here, 'here', 'there'), (also_here, 'here', 'there'),
+                                   (elsewhere, 'there', 'here')):
+        assert buffer.lookup_transform('map', mine, LATEST, timeout=WAIT)
+        assert not buffer.can_transform('map', not_mine, LATEST)
+    listener.unregister()
+    other.try_shutdown()
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped(child='later'))
+    assert also_here.lookup_transform('map', 'later', LATEST, timeout=WAIT)
+    assert not here.can_transform('map', 'later', LATEST)
+    also.unregister()
+    also.unregister()
+
+
+def test_nothing_is_inserted_after_the_end(sender, listen):
+    """Neither the thread nor a lookup inserts a message, even if another buffer is set then."""
+    buffer, listener = listen()
+    sender.send(stamped(1))
+    assert buffer.can_transform('map', 'robot', LATEST, timeout=WAIT)
+    listener.unregister()
+    eventually(lambda: not threads_of_listeners())
+    listener.buffer = other = Buffer()
+    witness, _ = listen()
+    sender.send(stamped(2))
+    assert witness.can_transform('map', 'robot', LATEST, timeout=WAIT)
+    assert buffer.dump()['robot']['stamps'] == [1]
+    assert not other.frame_names()
+
+
+@pytest.mark.parametrize('end', ['unregister', 'destroy_node'])
+def test_all_that_had_arrived_is_there_after_the_end(ros, sender, listen, end):
+    """Messages that are still in the queue are inserted at the end."""
+    node = Node('test', context=ros.context, namespace='/own')
+    buffer, listener = listen(node=node, buffer=Late(node=node))
+    witness, _ = listen()
+    for stamp in range(1, 21):
+        sender.send(stamped(stamp))
+    eventually(lambda: witness.can_transform('map', 'robot', at(20)))  # DDS sends to it last
+    buffer.is_late = False
+    if end == 'unregister':
+        listener.unregister()
+    node.destroy_node()
+    eventually(lambda: len(threads_of_listeners()) == 1)
+    assert buffer.get_latest_common_time('map', 'robot') == at(20)
+
+
+def test_a_shutdown_without_callbacks_ends_the_spin(domain_id):
+    """Ctrl-C shuts down this way, which does not always wake an executor that is spinning."""
+    context = Context()
+    context.init(domain_id=domain_id)
+    node = Node('spun', context=context)
+    listener = TransformListener(Buffer(node=node), node)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    is_spinning = threading.Event()
+
+    def shut_down():
+        is_spinning.wait()
+        time.sleep(0.5)  # it is likely that the executor waits by then
+        assert context.handle is not None
+        context.handle.shutdown()  # this calls no shutdown callbacks
+
+    def spin():
+        with pytest.raises(ExternalShutdownException):
+            executor.spin()
+        return True
+
+    executor.create_task(is_spinning.set)
+    thread = threading.Thread(target=shut_down)
+    thread.start()
+    assert run_in_thread(spin)
+    thread.join()
+    listener.unregister()
+    executor.shutdown()
+    node.destroy_node()
+
+
+def test_the_node_name_is_free_at_once_after_destroy_node(ros, capfd):
+    """No subscription outlives its node; otherwise rcl warns that the name is in use."""
+    for _ in range(5):
+        node = Node('again', context=ros.context)
+        TransformListener(Buffer(node=node), node)
+        node.destroy_node()
+    assert ros.node.get_node_names() == ['test']
+    assert without_library_lines(capfd.readouterr().err) == ''
+
+
+@pytest.mark.parametrize('own_callback', [False, True])
+@pytest.mark.parametrize('end', ['unregister', 'destroy_node'])
+def test_an_end_within_a_block_of_the_buffer(ros, sender, end, own_callback):
+    """While messages arrive, the call returns at once, and the thread ends after the block."""
+    node = Node('test', context=ros.context, namespace='/own')
+    buffer = Buffer(node=node)
+    listener = (Ignoring if own_callback else TransformListener)(buffer, node)
+
+    def run():
+        with buffer.fetched():
+            sender.send(stamped(1))
+            {'unregister': listener.unregister, 'destroy_node': node.destroy_node}[end]()
+        return True
+
+    assert run_in_thread(run)
+    eventually(lambda: not threads_of_listeners())
+    node.destroy_node()
+
+
+def test_an_end_while_another_thread_is_in_a_block(ros):
+    """`destroy_node` does not wait for the lock, which the listener's thread needs to end."""
+    node = Node('test', context=ros.context, namespace='/own')
+    buffer = Buffer(node=node)
+    TransformListener(buffer, node)
+    is_held, is_over = threading.Event(), threading.Event()
+
+    def hold():
+        with buffer.fetched():
+            is_held.set()
+            is_over.wait()
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    assert is_held.wait(TIMEOUT)
+    try:
+        assert run_in_thread(lambda: node.destroy_node() or True)
+    finally:
+        is_over.set()
+        thread.join()
+    eventually(lambda: not threads_of_listeners())
+
+
+def wait_for_a_retry(buffer):
+    """Wait until a blocked lookup has tried once more, which it does every 0.2 s."""
+    assert not buffer.can_transform('map', 'nobody', LATEST, timeout=Duration(seconds=0.25))
+
+
+class Ignoring(TransformListener):
+    """A listener that inserts nothing."""
+
+    def callback(self, data):
+        """Insert nothing."""
+
+
+@pytest.mark.parametrize(('end', 'kind'), [
+    ('unregister', TransformListener), ('unregister', Ignoring),
+    ('destroy_node', TransformListener), ('other buffer', TransformListener)])
+def test_a_blocked_lookup_ends_when_the_last_listener_ends(ros, end, kind):
+    """The lookup raises its last error then, and not when the first of two listeners ends."""
+    node = Node('ending', context=ros.context)
+    buffer = Buffer(node=node)
+    listeners = [kind(buffer, node), kind(buffer, node)]
+    results = []
+
+    def look_up():
+        with pytest.raises(LookupException) as error:
+            buffer.lookup_transform('map', 'nowhere', LATEST, Duration(seconds=10 * TIMEOUT))
+        results.append(str(error.value))
+
+    thread = threading.Thread(target=look_up, daemon=True)
+    thread.start()
+    eventually(lambda: buffer.has_waiters)
+    listeners[0].unregister()
+    wait_for_a_retry(buffer)
+    assert not results
+    if end == 'unregister':
+        listeners[1].unregister()
+    elif end == 'destroy_node':
+        node.destroy_node()
+    else:
+        listeners[1].buffer = Buffer(node=node)
+    thread.join(TIMEOUT)
+    assert '"map" passed to lookupTransform argument target_frame does not exist' in results[0]
+    listeners[1].unregister()
+    node.destroy_node()
+
+
+def test_a_lookup_that_began_before_any_listener_waits_on(ros, sender, listen):
+    """The lookup outlasts the end of a listener that started later, and uses the next one."""
+    buffer = Buffer(node=ros.node)
+    found = []
+    thread = threading.Thread(target=lambda: found.append(
+        buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)))
+    thread.start()
+    eventually(lambda: buffer.has_waiters)
+    TransformListener(buffer, ros.node).unregister()
+    wait_for_a_retry(buffer)
+    assert thread.is_alive()
+    listen(buffer=buffer)
+    sender.send(stamped(1))
+    thread.join(TIMEOUT)
+    assert found
+
+
+@pytest.mark.parametrize('ending', [KeyboardInterrupt, SystemExit])
+def test_ctrl_c_while_a_listener_is_ended_is_not_swallowed(sender, listen, ending):
+    """A done callback that runs in the thread which ends the listener raises there."""
+    buffer, listener = listen(buffer=Late())
+
+    def end(_):
+        raise ending
+
+    buffer.wait_for_transform_async('map', 'robot', LATEST).add_done_callback(end)
+    sender.send(stamped(1))
+    eventually(lambda: buffer.can_transform('map', 'robot', LATEST))  # this completes no future
+    with pytest.raises(ending):
+        listener.unregister()
+    assert not buffer.is_held()
+    eventually(lambda: not threads_of_listeners())
+
+
+@pytest.mark.parametrize('where', ['main', 'executor', 'thread'])
+def test_every_order_of_ending(domain_id, capfd, where):
+    """unregister, destroy_node and shutdown end a listener in any order, in any thread."""
+    end_in_every_order(domain_id, where)
+    assert without_library_lines(capfd.readouterr().err) == ''
+
+
+@pytest.mark.parametrize('way', ['end', 'exit', 'spin', 'lookup'])
+def test_the_end_of_a_program(start, way):
+    """A program ends cleanly by its last line, sys.exit(), and by Ctrl-C in a spin or a lookup."""
+    process = start(str(ROOT / 'test' / 'support' / 'endings.py'), way)
+    if way in ('spin', 'lookup'):
+        process.line_with('ready')
+        process.end(signal.SIGINT)
+    assert process.exit_code() == 0
+    assert without_library_lines(process.output) in ('', 'ready\n')

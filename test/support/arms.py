@@ -1,0 +1,314 @@
+"""Arms for tests: what a right program sends, where its hand is, and small mistakes."""
+
+from math import asin, cos, pi, radians, sin
+
+import numpy as np
+
+import dummy_arm.arm
+from dummy_arm.tf._core.pose import Row
+
+S = 10**9
+BEGIN = 1_700_000_000 * S
+
+
+def hand(stamps, begin=BEGIN):
+    """
+    Return x, y, z (m), roll, pitch and yaw (rad) of end_effector in map, by the sum of the links.
+
+    :param stamps: times (ns).
+    :param begin: the time at which all phases are 0 (ns).
+    """
+    arm, t = dummy_arm.arm.Arm(), (np.asarray(stamps) - begin) / S
+    angles = np.array([arm.angles([joint.speed * at for joint in arm.joints]) for at in t])
+    turned, links, zero = angles.cumsum(axis=1), np.array([0.4, 0.3, 0.2]), np.zeros(len(t))
+    return np.stack([np.cos(turned) @ links, np.sin(turned) @ links, zero + 0.3, zero, zero,
+                     turned[:, 2]], axis=1)
+
+
+class Arm:
+    """The arm of the final task. A wrong arm overrides one method, or changes one number."""
+
+    limits = (45.0, 30.0, 60.0)  # degrees
+    speeds = (0.3, 0.5, 0.7)  # rad/s
+    hertz = 20
+    names = ('map', 'base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector')
+    positions = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.3), (0.4, 0.0, 0.0), (0.3, 0.0, 0.0),
+                 (0.2, 0.0, 0.0))
+    topics = ('/tf_static', '/tf', '/tf', '/tf', '/tf')
+
+    def angle(self, joint, t):
+        """Return the angle of joint 1, 2 or 3 (rad) at the time t (s)."""
+        return radians(self.limits[joint - 1]) * sin(self.speeds[joint - 1] * t)
+
+    def rotation(self, edge, angle):
+        """Return the quaternion x, y, z, w of an edge (0 to 4) from the angle of its joint."""
+        return (0.0, 0.0, sin(angle / 2), cos(angle / 2))
+
+    def position(self, edge, t):
+        """Return x, y, z of an edge (0 to 4)."""
+        return self.positions[edge]
+
+    def parent(self, edge):
+        """Return the name of the parent of an edge."""
+        return self.names[edge]
+
+    def stamp(self, edge, now):
+        """Return the stamp (ns) of an edge that is sent at the time now (ns)."""
+        return now
+
+    def row(self, edge, now):
+        """Return the transform of an edge at the time now (ns)."""
+        t = (now - BEGIN) / S
+        angle = self.angle(edge, t) if 1 <= edge <= 3 else 0.0
+        return Row(self.stamp(edge, now), self.parent(edge), self.names[edge + 1],
+                   (*self.position(edge, t), *self.rotation(edge, angle)))
+
+    def messages(self, seconds=25.0):
+        """Yield topic, time (ns) and transforms of all messages."""
+        static = [edge for edge in range(5) if self.topics[edge] == '/tf_static']
+        moving = [edge for edge in range(5) if self.topics[edge] == '/tf']
+        if static:
+            yield '/tf_static', BEGIN, [self.row(edge, BEGIN) for edge in static]
+        for tick in range(int(seconds * self.hertz) + 1 if moving else 0):
+            now = BEGIN + tick * S // self.hertz
+            yield '/tf', now + S // 1000, [self.row(edge, now) for edge in moving]
+
+
+def changed(**attributes):
+    """Return an arm with other attributes or methods; a method gets the arm as `self`."""
+    return type('Changed', (Arm,), attributes)()
+
+
+class Exchanged(Arm):
+    """frame_id and child_frame_id are exchanged."""
+
+    def row(self, edge, now):
+        """Return the transform with its frames exchanged."""
+        row = super().row(edge, now)
+        return row._replace(frame_id=row.child_frame_id, child_frame_id=row.frame_id)
+
+
+class SameObject(Arm):
+    """One message object is used for all frames, so all transforms are the last one."""
+
+    def messages(self, seconds=25.0):
+        """Yield messages that have the last transform four times."""
+        for topic, time, rows in super().messages(seconds):
+            yield topic, time, [rows[-1]] * len(rows)
+
+
+class SentOnce(Arm):
+    """end_effector is sent on /tf, but only once."""
+
+    def messages(self, seconds=25.0):
+        """Yield the first message with all frames, the others without end_effector."""
+        for i, (topic, time, rows) in enumerate(super().messages(seconds)):
+            yield topic, time, rows if i < 2 else rows[:-1]
+
+
+class MapHasAParent(Arm):
+    """Another static transform puts map into another frame."""
+
+    def messages(self, seconds=25.0):
+        """Yield the messages, and this one."""
+        yield '/tf_static', BEGIN, [Row(BEGIN, 'world', 'map', (*self.positions[0], 0, 0, 0, 1))]
+        yield from super().messages(seconds)
+
+
+class BrokenCamera(Arm):
+    """A frame that is not part of the arm has an invalid quaternion."""
+
+    def messages(self, seconds=25.0):
+        """Yield the messages, and this one."""
+        yield '/tf_static', BEGIN, [Row(BEGIN, 'map', 'camera', (0.0,) * 7)]
+        yield from super().messages(seconds)
+
+
+class TwoPublishers(Arm):
+    """A second node sends another frame."""
+
+    def messages(self, seconds=25.0):
+        """Yield the messages of both."""
+        for topic, time, rows in super().messages(seconds):
+            yield topic, time, rows
+            if topic == '/tf':
+                yield topic, time, [rows[0]._replace(stamp_ns=time, frame_id='map',
+                                                     child_frame_id='other')]
+
+
+class EachInItsMessage(Arm):
+    """Each frame has its own message and its own stamp."""
+
+    def messages(self, seconds=25.0):
+        """Yield one message for each frame."""
+        for topic, time, rows in super().messages(seconds):
+            for i, row in enumerate(rows):
+                yield topic, time + i * 1000, [row._replace(stamp_ns=row.stamp_ns + i * 1000)]
+
+
+class OnBothTopics(Arm):
+    """All joints are also sent as static transforms."""
+
+    def messages(self, seconds=25.0):
+        """Yield the messages, and one more."""
+        messages = [*super().messages(seconds)]
+        _, time, rows = messages[1]
+        yield from [messages[0], ('/tf_static', time, rows), *messages[1:]]
+
+
+def _triangle(self, joint, t):
+    return radians(self.limits[joint - 1]) * 2 / pi * asin(sin(self.speeds[joint - 1] * t))
+
+
+def _clipped(self, joint, t):
+    return max(-1.0, min(1.0, 1.3 * sin(self.speeds[joint - 1] * t))) * radians(
+        self.limits[joint - 1])
+
+
+def _bounded(self, joint, t):
+    """Turn at a constant speed, and start again at the limit."""
+    limit = radians(self.limits[joint - 1])
+    return (self.speeds[joint - 1] * t) % (2 * limit) - limit
+
+
+def _joint(number, angle, other=Arm.angle):
+    """Return a method that uses another function for the angle of one joint."""
+    return lambda self, joint, t: (angle if joint == number else other)(self, joint, t)
+
+
+def _edge(number, quaternion):
+    """Return a method that uses another function for the rotation of one edge."""
+    return lambda self, edge, angle: (
+        quaternion(angle) if edge == number else Arm.rotation(self, edge, angle))
+
+
+def _at(edge, position):
+    """Return the positions with that of one edge changed."""
+    return (*Arm.positions[:edge], position, *Arm.positions[edge + 1:])
+
+
+def _named(index, name):
+    return (*Arm.names[:index], name, *Arm.names[index + 1:])
+
+
+#: By name: the arm, the beginning of the requirement that it breaks, and a part of the cause.
+WRONG = {
+    'nothing': (changed(messages=lambda self, seconds=25: iter(())), 'all transforms', 'Nothing'),
+    'nan': (changed(positions=_at(2, (float('nan'), 0.0, 0.0))), 'all transforms', 'finite'),
+    'w is 0': (changed(rotation=_edge(4, lambda _: (0.0, 0.0, 0.0, 0.0))), 'all transforms',
+               'w is 1'),
+    'half an angle': (changed(rotation=_edge(3, lambda a: (0.0, 0.0, sin(a), cos(a / 2)))),
+                      'all transforms', 'same angle'),
+    'misspelt': (changed(names=_named(2, 'joint1')), 'the tree', "'joint1' is misspelt"),
+    'capital': (changed(names=_named(5, 'End_Effector')), 'the tree',
+                "'End_Effector' is misspelt"),
+    'other root': (changed(names=_named(0, 'world')), 'the tree', 'must be map, not world'),
+    'no base_link': (changed(topics=('', '/tf', '/tf', '/tf', '/tf')), 'the tree',
+                     'StaticTransformBroadcaster'),
+    'other names': (changed(names=('map', 'base', *Arm.names[2:])), 'the tree',
+                    'other frames: base.'),
+    'no end_effector': (changed(topics=(*Arm.topics[:4], '')), 'the tree',
+                        'No transform of end_effector'),
+    'star': (changed(parent=lambda self, edge: self.names[min(edge, 1)]), 'the tree', 'is a star'),
+    'wrong parent': (changed(parent=lambda self, edge: self.names[2 if edge == 3 else edge]),
+                     'the tree', 'The parent of joint_3 must be joint_2, not joint_1'),
+    'same object': (SameObject(), 'the tree', 'end_effector is in one message more than once'),
+    'exchanged': (Exchanged(), 'the tree', 'exchanged'),
+    'stamp 0': (changed(stamp=lambda self, edge, now: 0), 'the stamps', 'is not set'),
+    'one stamp 0': (changed(stamp=lambda self, edge, now: 0 if edge == 3 else now), 'the stamps',
+                    'The stamp of joint_3 is not set'),
+    'one stamp': (changed(stamp=lambda self, edge, now: BEGIN), 'the stamps', 'only once'),
+    'old stamp': (changed(stamp=lambda self, edge, now: now - 2 * S), 'the stamps',
+                  'not the current'),
+    'whole seconds': (changed(stamp=lambda self, edge, now: round(now, -9)), 'the stamps',
+                      'has no nanoseconds'),
+    'base on /tf': (changed(topics=('/tf',) * 5), 'base_link is on /tf_static',
+                    'use StaticTransformBroadcaster'),
+    'base is high': (changed(positions=_at(0, (0.0, 0.0, 0.3))), 'base_link is fixed',
+                     '(0, 0, 0)'),
+    'base is rotated': (changed(rotation=_edge(0, lambda _: (0.0, 0.0, sin(0.5), cos(0.5)))),
+                        'base_link is fixed', 'must not be rotated'),
+    'offsets at the wrong joints': (
+        changed(positions=(*Arm.positions[:2], Arm.positions[3], Arm.positions[2],
+                           Arm.positions[4])),
+        'joint_2 is 0.4 m along x', 'This is the position of joint_3'),
+    'x instead of z': (changed(positions=_at(1, (0.3, 0.0, 0.0))), 'joint_1 is 0.3 m along z',
+                       'not the direction'),
+    'centimetres': (changed(positions=_at(2, (40.0, 0.0, 0.0))), 'joint_2 is 0.4 m',
+                    'centimetres'),
+    'from the base': (changed(positions=_at(3, (0.7, 0.0, 0.3))), 'joint_3 is 0.3 m',
+                      'position in base_link'),
+    'no offset': (changed(positions=_at(4, (0.0, 0.0, 0.0))), 'end_effector is 0.2 m', 'not set'),
+    'turned by hand': (changed(position=lambda self, edge, t: (
+        (0.4 * cos(0.1 * t), 0.4 * sin(0.1 * t), 0.0) if edge == 2 else self.positions[edge])),
+        'joint_2 is 0.4 m', 'changes'),
+    'about x': (changed(rotation=_edge(1, lambda a: (sin(a / 2), 0.0, 0.0, cos(a / 2)))),
+                'joint_1 turns about z', 'turns about x'),
+    'slightly tilted': (changed(rotation=_edge(3, lambda a: (
+        0.00095, 0.0, sin(a / 2), (1 - 0.00095 ** 2 - sin(a / 2) ** 2) ** 0.5))),
+        'joint_3 turns about z', 'x and y of its quaternion are 0'),
+    'w first': (changed(rotation=_edge(2, lambda a: (cos(a / 2), 0.0, 0.0, sin(a / 2)))),
+                'joint_2 turns about z', 'w is in the place of x'),
+    'static joint': (changed(topics=('/tf_static', '/tf', '/tf_static', '/tf', '/tf')),
+                     'joint_2 moves', 'static transform'),
+    'no motion': (changed(angle=_joint(3, lambda self, joint, t: 0.5)), 'joint_3 moves',
+                  'does not change'),
+    'radians twice': (changed(limits=(45.0, radians(30.0), 60.0)), 'joint_2 moves', 'twice'),
+    'degrees': (changed(angle=lambda self, joint, t: self.limits[joint - 1] * sin(
+        self.speeds[joint - 1] * t)), 'joint_1 stays', 'degrees'),
+    'full angle': (changed(rotation=lambda self, edge, angle: (0.0, 0.0, sin(angle), cos(angle))),
+                   'joint_1 stays', 'half angle'),
+    'a little too far': (changed(limits=(45.0, 33.0, 60.0)), 'joint_2 stays', 'exceeded by 3.0°'),
+    'limits of joint_2 and joint_3 exchanged': (
+        changed(limits=(45.0, 60.0, 30.0)), 'joint_2 stays', 'limit of joint_3'),
+    'rounded limit': (changed(limits=(45.3, 30.0, 60.0)), 'joint_1 stays', 'rounded'),
+    'limits exchanged': (changed(limits=(30.0, 45.0, 60.0)), 'joint_2 stays', 'limit of joint_1'),
+    'no sine': (changed(angle=lambda self, joint, t: self.speeds[joint - 1] * t), 'joint_1 stays',
+                'all the way round'),
+    'triangle': (changed(angle=_joint(2, _triangle)), 'joint_2 moves as a sine', 'triangle'),
+    'clipped': (changed(angle=_joint(3, _clipped)), 'joint_3 moves as a sine', 'clipped'),
+    'sawtooth': (changed(angle=_joint(1, _bounded)), 'joint_1 moves as a sine', 'jumps'),
+    'two sines': (changed(angle=_joint(
+        1, lambda self, joint, t: 0.5 * sin(0.3 * t) + 0.2 * sin(t))), 'joint_1 moves as a sine',
+        'not a sine'),
+    'equal speeds': (changed(speeds=(0.5, 0.5, 0.5)), 'the joints have', 'the same speed'),
+    'no speeds': (changed(speeds=(1.0, 1.0, 1.0)), 'the joints have', 'the same speed'),
+    'two equal speeds': (changed(speeds=(0.3, 0.7, 0.7)), 'the joints have',
+                         'joint_2 and joint_3 have the same'),
+    'order of speeds': (changed(speeds=(0.7, 0.5, 0.3)), 'the joints have', 'The order'),
+    'speeds in degrees': (changed(speeds=(radians(0.3), radians(0.5), radians(0.7))),
+                          'the joints have', 'do not convert'),
+    'hand is sent once': (SentOnce(), 'end_effector does not', 'has not been sent'),
+    'map has a parent': (MapHasAParent(), 'the tree', 'map is the root'),
+    'star of two and a misspelt joint': (
+        changed(names=_named(2, 'joint1'), parent=lambda self, edge: self.names[1 if edge in (
+            2, 3) else edge]), 'the tree', "'joint1' is misspelt"),
+    'too fast': (changed(speeds=(25.0, 30.0, 35.0), hertz=50), 'joint_1 moves as a sine',
+                 'too fast to see a wave'),
+    'on both topics': (OnBothTopics(), 'the tree', 'on /tf and on /tf_static'),
+    'hand turns': (changed(row=lambda self, edge, now: Arm.row(self, edge, now)
+        if edge < 4 else Arm.row(self, edge, now)._replace(pose=(
+            0.2, 0.0, 0.0, *Arm.rotation(self, edge, sin(now / S))))), 'end_effector does not',
+        'must not rotate'),
+}
+
+#: By name: arms that meet all requirements.
+RIGHT = {
+    'model': Arm(),
+    'cosine with offset': changed(angle=lambda self, joint, t: radians(self.limits[joint - 1]) * (
+        0.2 + 0.7 * cos(self.speeds[joint - 1] * t))),
+    'faster rate': changed(hertz=200),
+    'slow rate': changed(hertz=10),
+    'changing sign of the quaternion': changed(row=lambda self, edge, now: Arm.row(
+        self, edge, now)._replace(pose=(*Arm.positions[edge], *(
+            (-1) ** (now // S) * part for part in Arm.row(self, edge, now).pose[3:])))),
+    'second reading of the speeds': changed(speeds=tuple(
+        speed / radians(limit) for speed, limit in zip(Arm.speeds, Arm.limits))),
+    'small amplitudes': changed(limits=(22.0, 10.0, 25.0), speeds=(0.9, 1.5, 2.1)),
+    'slashes': changed(names=('/map', '/base_link', *Arm.names[2:])),
+    'other direction': changed(speeds=(-0.3, -0.5, -0.7)),
+    'static hand': changed(topics=(*Arm.topics[:4], '/tf_static')),
+    'another node': TwoPublishers(),
+    'a broken camera': BrokenCamera(),
+    'a message for each frame': EachInItsMessage(),
+}

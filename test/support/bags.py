@@ -1,0 +1,234 @@
+"""Bags for tests, written by rosbags from messages that rosbags serializes."""
+
+import bz2
+from functools import cache
+from random import randrange
+import struct
+import sys
+
+import lz4.frame
+from rosbags.rosbag1 import Writer as Writer1
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
+from rosbags.rosbag2 import Writer as Writer2
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+
+if sys.version_info >= (3, 14):
+    from compression import zstd
+else:
+    from backports import zstd
+
+from dummy_arm.tf._core.pose import Row
+
+S = 10**9
+#: Every kind of bag, with each of its compressions.
+ROS2 = ('db3', 'mcap', 'db3 file', 'db3 message', 'mcap file', 'mcap message', 'mcap storage')
+ROS1 = ('bag', 'bag bz2', 'bag lz4')
+TF = 'tf2_msgs/msg/TFMessage'
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def row(stamp, parent, child, pose=STILL):
+    """Return a transform as a row of the wire format; the stamp in ns."""
+    return Row(stamp, parent, child, pose)
+
+
+def walk(seconds=10, hertz=10, begin=100 * S):
+    """
+    Yield the messages of a bag of a robot: topic, time (ns) and rows.
+
+    Static: map -> odom. Dynamic: odom -> base_link, which moves along x at 1 m/s.
+
+    :param begin: the time of the first message (ns).
+    """
+    yield '/tf_static', begin, [row(begin, 'map', 'odom', (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0))]
+    for i in range(seconds * hertz + 1):
+        stamp = begin + i * S // hertz
+        yield '/tf', stamp + 1_000_000, [
+            row(stamp, 'odom', 'base_link', (i / hertz, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))]
+
+
+def make(path, kind, messages):
+    """
+    Write a bag.
+
+    :param path: where to write it; in a directory, under a name of its own.
+    :param kind: 'db3', 'mcap' or 'bag', and after a blank how it is compressed.
+    :param messages: topic, time (ns), and a list of rows or the bytes of a message; optionally the
+        type of the message, and then its publisher, which only ROS 1 records.
+    :returns: the path.
+    """
+    storage, _, compression = kind.partition(' ')
+    path = path / f'walk.{kind.replace(" ", "_")}' if path.is_dir() else path
+    if storage == 'bag':
+        _write_ros1(path, compression, messages)
+    else:
+        _write_ros2(path, storage, compression, messages)
+    return path
+
+
+def file_of(path):
+    """Return the storage file of a bag that has only one."""
+    (file,) = [path] if path.is_file() else (
+        each for each in path.iterdir() if each.suffix != '.yaml')
+    return file
+
+
+def point(frame, stamp=S, version=2):
+    """Serialize a PointStamped, which begins with a header."""
+    types = _types(version)
+    number = (7,) if version == 1 else ()
+    message = types.types['geometry_msgs/msg/PointStamped'](
+        types.types['std_msgs/msg/Header'](
+            *number, types.types['builtin_interfaces/msg/Time'](*divmod(stamp, S)), frame),
+        types.types['geometry_msgs/msg/Point'](1.0, 2.0, 3.0))
+    serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
+    return bytes(serialize(message, 'geometry_msgs/msg/PointStamped'))
+
+
+def ros1(rows):
+    """Serialize a message in the format of ROS 1."""
+    return bytes(_types(1).serialize_ros1(_message(_types(1), rows), TF))
+
+
+def ros2(rows):
+    """Serialize a message in the format of ROS 2."""
+    return bytes(_types(2).serialize_cdr(_message(_types(2), rows), TF))
+
+
+def _write_ros2(path, storage, compression, messages):
+    writer = Writer2(path, version=9, storage_plugin={
+        'db3': StoragePlugin.SQLITE3, 'mcap': StoragePlugin.MCAP}[storage])
+    if compression:
+        writer.set_compression(CompressionMode[compression.upper()], CompressionFormat.ZSTD)
+    connections = {}
+    with writer:
+        for topic, time, content, msgtype, _ in map(_filled, messages):
+            if topic not in connections:
+                connections[topic] = writer.add_connection(topic, msgtype, typestore=_types(2))
+            writer.write(connections[topic], time,
+                         content if isinstance(content, bytes) else ros2(content))
+
+
+def _write_ros1(path, compression, messages):
+    writer = Writer1(path)
+    if compression:
+        writer.set_compression(Writer1.CompressionFormat[compression.upper()])
+    connections = {}
+    with writer:
+        for topic, time, content, msgtype, publisher in map(_filled, messages):
+            if (topic, publisher) not in connections:
+                connections[topic, publisher] = writer.add_connection(
+                    topic, msgtype, typestore=_types(1), callerid=publisher, latching=0)
+            writer.write(connections[topic, publisher], time,
+                         content if isinstance(content, bytes) else ros1(content))
+
+
+def _filled(message):
+    return (*message, *(TF, '/sender')[len(message) - 3:])
+
+
+@cache
+def _types(version):
+    types = get_typestore(Stores.ROS2_JAZZY if version == 2 else Stores.ROS1_NOETIC)
+    if version == 1:
+        for name in ('tf2_msgs/msg/TFMessage', 'tf/msg/tfMessage'):
+            types.register(get_types_from_msg('geometry_msgs/TransformStamped[] transforms', name))
+    return types
+
+
+def _message(types, rows):
+    def new(name, *fields):
+        return types.types[name](*fields)
+
+    number = (randrange(2**32),) if types is _types(1) else ()
+    return new(TF, [
+        new('geometry_msgs/msg/TransformStamped',
+            new('std_msgs/msg/Header', *number,
+                new('builtin_interfaces/msg/Time', *divmod(stamp, S)), parent),
+            child,
+            new('geometry_msgs/msg/Transform', new('geometry_msgs/msg/Vector3', *pose[:3]),
+                new('geometry_msgs/msg/Quaternion', *pose[3:])))
+        for stamp, parent, child, pose in rows])
+
+
+def packed(data, method):
+    """Compress data by 'zstd', 'lz4' or 'bz2'; return it unchanged for ''."""
+    return {'': bytes, 'zstd': zstd.compress, 'lz4': lz4.frame.compress,
+            'bz2': bz2.compress}[method](data)
+
+
+def mcap(path, *records, summary=b''):
+    """
+    Write an mcap file that consists of the given records.
+
+    :param summary: the records of its index, if it has one.
+    :returns: the path.
+    """
+    data = b'\x89MCAP0\r\n' + mcap_record(1, _text('ros2') + _text('test')) + b''.join(records)
+    data += mcap_record(0x0F, bytes(4))
+    start = len(data) if summary else 0
+    path.write_bytes(data + summary + mcap_record(2, struct.pack('<QQI', start, 0, 0))
+                     + b'\x89MCAP0\r\n')
+    return path
+
+
+def mcap_record(opcode, content, length=None):
+    """
+    Return a record of an mcap file.
+
+    :param length: the length that it declares (bytes); None: its real one.
+    """
+    return struct.pack('<BQ', opcode, len(content) if length is None else length) + content
+
+
+def mcap_channel(topic='/tf', number=1, msgtype=TF, encoding='cdr', definition=''):
+    """Return the records of a channel and of its type."""
+    return mcap_record(3, struct.pack('<H', number) + _text(msgtype) + _text('ros2msg')
+                       + _text(definition)) + mcap_record(
+        4, struct.pack('<HH', number, number) + _text(topic) + _text(encoding) + _text(''))
+
+
+def mcap_message(rows, time=0, number=1):
+    """
+    Return the record of a message.
+
+    :param rows: its transforms, or its bytes, which are written as they are.
+    """
+    return mcap_record(5, struct.pack('<HIQQ', number, 0, time, time) + (
+        rows if isinstance(rows, bytes) else ros2(rows)))
+
+
+def mcap_chunk(data, method='', size=None, crc=0):
+    """
+    Return the record of a chunk.
+
+    :param size: the uncompressed size that it declares (bytes); None: its real one.
+    :param crc: the checksum that it declares; 0: none.
+    """
+    content = packed(data, method)
+    return mcap_record(6, struct.pack('<QQQI', 0, 0, len(data) if size is None else size, crc)
+                       + _text(method) + struct.pack('<Q', len(content)) + content)
+
+
+def ros1_chunk(data, method='none', size=None):
+    """
+    Return a chunk of a ROS 1 bag.
+
+    :param size: the uncompressed size that it declares (bytes); None: its real one.
+    """
+    return ros1_record({'op': b'\5', 'compression': method.encode(), 'size': struct.pack(
+        '<I', len(data) if size is None else size)}, packed(data, method.replace('none', '')))
+
+
+def ros1_record(fields, data):
+    """Return a record of a ROS 1 bag."""
+    header = b''.join(_bytes(name.encode() + b'=' + value) for name, value in fields.items())
+    return _bytes(header) + _bytes(data)
+
+
+def _bytes(data):
+    return struct.pack('<I', len(data)) + data
+
+
+def _text(text):
+    return _bytes(text.encode())

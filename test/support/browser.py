@@ -1,0 +1,190 @@
+"""The page of web_view in a real browser: headless Chromium, driven by Playwright."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+import shutil
+import time
+from typing import Any, TYPE_CHECKING
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import ConsoleMessage, Page
+
+pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
+playwright = pytest.importorskip('playwright.sync_api', reason='playwright is not installed')
+
+CHROMIUM = next(filter(None, map(shutil.which, (
+    'chromium', 'chromium-browser', 'google-chrome', 'google-chrome-stable'))), None)
+if CHROMIUM is None:
+    pytest.skip('there is no Chromium: apt install chromium', allow_module_level=True)
+
+_TIMEOUT = 60.0  # s; drawing without a GPU is slow
+_PAUSE = partial(time.sleep, 0.05)
+_NOTHING_BEYOND_LOOPBACK = (
+    '--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1', '--disable-background-networking',
+    '--disable-component-update', '--disable-sync', '--disable-quic', '--no-first-run')
+_IN_SOFTWARE = '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'
+_SCENE = """() => {
+    const mutable = window.__viserMutable, tree = window.__viserSceneTree.getState();
+    const names = {};
+    for (const [key, node] of Object.entries(tree))
+        if (key.startsWith('/names/') && node.effectiveVisibility)
+            names[node.message.props.text] = mutable.nodePoseData[key].position;
+    let mesh = null;
+    mutable.nodeRefFromName['/frames']?.traverse(o => { if (o.isInstancedMesh2) mesh = o; });
+    const rods = [];
+    for (let i = 0; i < (mesh?.instancesCount ?? 0); i++)
+        rods.push([...mesh.getMatrixAt(i).elements, ...mesh.getColorAt(i).toArray()]);
+    const trail = tree['/trail'];
+    return {names, rods,
+            trail: trail?.effectiveVisibility ? Array.from(trail.message.props.points) : []};
+}"""
+
+_WHERE = """point => {
+    const {camera, canvas, nodeRefFromName} = window.__viserMutable;
+    const seen = camera.position.clone().set(...point)
+        .applyMatrix4(nodeRefFromName['/frames'].matrixWorld).project(camera);
+    const {left, top, width, height} = canvas.getBoundingClientRect();
+    return [left + (1 + seen.x) / 2 * width, top + (1 - seen.y) / 2 * height];
+}"""
+
+
+_TEXTS = """() => Array.from(document.querySelectorAll('[data-text]'),
+    text => `${text.dataset.text}:\\n${text.innerText}`).join('\\n')"""
+
+
+class Scene:
+    """The scene that the page draws."""
+
+    def __init__(self, drawn: dict[str, Any]) -> None:
+        """Create a scene from the result of _SCENE."""
+        #: The names that are shown, and their positions (m).
+        self.names = {name: np.array(place) for name, place in drawn['names'].items()}
+        rods = np.array(drawn['rods']).reshape(4, -1, 19)
+        #: (4, n, 3): the beginnings of x, y and z axes and of lines to the parents (m).
+        self.begins = rods[..., 12:15]
+        #: (4, n, 3): their ends (m).
+        self.ends = self.begins + rods[..., 8:11]
+        #: (n,): the radii of the axes of each frame (m).
+        self.radii = np.linalg.norm(rods[0, :, :3], axis=1)
+        #: (4, n, 3): red, green and blue, from 0 to 1.
+        self.colours = rods[..., 16:]
+        #: (m, 2, 3): the segments of the trail (m).
+        self.trail = np.array(drawn['trail']).reshape(-1, 2, 3)
+
+    def index(self, name: str) -> int:
+        """Return the index of the frame that is drawn at the position of a name."""
+        distances = np.linalg.norm(self.begins[0] - self.names[name], axis=1)
+        assert distances.min() < 0.05, f'{name} is {distances.min()} m from the next axes'
+        return int(distances.argmin())
+
+
+class BrowserPage:
+    """The page of web_view, open in a browser."""
+
+    def __init__(self, page: 'Page', url: str) -> None:
+        """Open the page."""
+        self.page = page
+        self.faults: list[str] = []
+        self.hosts: set[str] = set()
+        page.set_default_timeout(_TIMEOUT * 1e3)
+        page.on('request', lambda request: self.hosts.add(urlsplit(request.url).hostname))
+        page.on('websocket', lambda socket: self.hosts.add(urlsplit(socket.url).hostname))
+        page.on('pageerror', lambda error: self.faults.append(str(error)))
+        page.on('console', self._note)
+        page.goto(url)
+
+    def _note(self, message: 'ConsoleMessage') -> None:
+        if message.type == 'error':
+            self.faults.append(message.text)
+
+    def scene(self) -> Scene:
+        """Return the scene that is drawn now."""
+        return Scene(self.page.evaluate(_SCENE))
+
+    def scene_with(self, *names: str) -> Scene:
+        """Wait until names are shown and their frames drawn, and return the scene."""
+        found: Scene = self.until(lambda: (scene := self.scene()).names.keys() >= {*names}
+                                  and (scene.begins.size or not names) and scene)
+        return found
+
+    def until(self, condition, timeout=_TIMEOUT, pause=_PAUSE):
+        """
+        Wait until a condition is true, and return its value.
+
+        :param pause: what is called between two checks.
+        """
+        deadline = time.monotonic() + timeout
+        while True:
+            try:
+                if holds := condition():
+                    return holds
+            except playwright.Error:  # there is no scene yet
+                holds = None
+            assert time.monotonic() < deadline, f'waited in vain; {self.description()}'
+            pause()
+
+    def description(self) -> str:
+        """Return what the page shows, for the message of a test that fails."""
+        try:
+            texts, names = self.page.evaluate(_TEXTS), self.scene().names
+        except playwright.Error as error:
+            texts, names = f'no page: {error}', {}
+        places = ', '.join(f'{name} at {place.tolist()}' for name, place in names.items())
+        return f'faults: {self.faults}\n{texts}\nnames: {places}'
+
+    def value(self, key: str) -> str:
+        """Return a value in the table of the selected frame."""
+        text: str = self.page.inner_text(f'[data-value="{key}"]')
+        return text
+
+    def numbers(self, key: str) -> list[float]:
+        """Return the numbers of a value."""
+        return [*map(float, self.value(key).split())]
+
+    def overview(self) -> str:
+        """Return the text about all frames."""
+        text: str = self.page.inner_text('[data-text="overview"]')
+        return text
+
+    def choose(self, label: str, frame: str) -> None:
+        """Choose a frame in a dropdown."""
+        self.page.get_by_label(label, exact=True).click()
+        self.page.get_by_role('option', name=frame, exact=True).click()
+
+    def click(self, point: np.ndarray) -> None:
+        """Click the point of the scene (m)."""
+        self.page.mouse.click(*self.page.evaluate(_WHERE, point.tolist()))
+
+    def tick(self, label: str, is_on: bool) -> None:
+        """Check or uncheck a checkbox."""
+        # `set_checked` fails if a busy page shows the new state only after a while.
+        box = self.page.get_by_label(label, exact=True)
+        if box.is_checked() != is_on:
+            box.click(force=True)
+        self.until(lambda: box.is_checked() == is_on)
+
+
+@contextmanager
+def pages() -> Iterator[Callable[[str], BrowserPage]]:
+    """Start a browser; return a function that opens a page, which must have no faults."""
+    with playwright.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=CHROMIUM, args=[
+            '--no-sandbox', *_NOTHING_BEYOND_LOOPBACK, *_IN_SOFTWARE])
+        opened: list[BrowserPage] = []
+
+        def open_page(url: str) -> BrowserPage:
+            opened.append(BrowserPage(
+                browser.new_page(viewport={'width': 1000, 'height': 700}), url))
+            return opened[-1]
+
+        yield open_page
+        for each in opened:
+            each.page.close()
+            assert each.hosts <= {'127.0.0.1', None}  # None: of data: and blob: URLs
+            assert not each.faults
+        browser.close()

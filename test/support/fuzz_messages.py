@@ -1,0 +1,651 @@
+"""
+Fuzz targets: the bytes of messages and of bags.
+
+A target is a function that takes bytes and raises an exception if it finds a fault. `fuzz.py`
+calls the targets with bytes that libFuzzer makes up; `test_fuzz.py`, with the seeds and with the
+bytes that found a fault before. No target imports ROS before it is called.
+"""
+
+from collections.abc import Generator, Iterator, Sequence
+from contextlib import closing, contextmanager, ExitStack, suppress
+from functools import cache
+import json
+import logging
+from pathlib import Path
+import pickle
+import random
+import shutil
+import struct
+import subprocess
+import sys
+from tempfile import TemporaryDirectory
+from typing import Any, cast, NamedTuple, Optional, Union
+
+import bags
+from environment import DATA
+from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+
+from dummy_arm.tf import BufferCore, TransformException
+from dummy_arm.tf._core import insertion
+from dummy_arm.tf._core.pose import Row
+from dummy_arm.tf._wire import cdr, ros1
+from dummy_arm.tf._wire.cdr import MalformedMessage
+from dummy_arm.tf._wire.streams import Encoding, MessageReader
+from dummy_arm.tf.bag import BagError, BagMessage, messages, read
+
+S = 10**9
+T = 1_700_000_000 * S
+#: tf2_msgs/msg/TFMessage, and the same type with the bytes of each name in place of a string.
+TF, TF_BYTES = 'tf2_msgs/msg/TFMessage', 'fuzz_msgs/msg/TFMessage'
+_TIME = 'builtin_interfaces/msg/Time'
+
+
+#: What is closed at the end.
+_opened = ExitStack()
+
+
+def close() -> None:
+    """End the process and remove the files of the targets; they can be called again."""
+    _opened.close()
+    for made in _worker, folder, seed_bag:
+        made.cache_clear()
+
+
+class Input:
+    """Values that are taken off the beginning of bytes; zeros, when all bytes are used up."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data, self._at = data, 0
+
+    def __bool__(self) -> bool:
+        """Whether bytes are left."""
+        return self._at < len(self._data)
+
+    def raw(self, size: int) -> bytes:
+        """Take bytes; fewer than asked for at the end."""
+        self._at += size
+        return self._data[self._at - size:self._at]
+
+    def integer(self, largest: int) -> int:
+        """Take an integer from 0 to `largest`."""
+        size = (largest.bit_length() + 7) // 8
+        return int.from_bytes(self.raw(size), 'little') % (largest + 1)
+
+    def choice(self, values: Sequence[Any]) -> Any:
+        """Take one of some values."""
+        return values[self.integer(len(values) - 1)]
+
+    def text(self, longest: int = 40) -> str:
+        """Take a text, as Python decodes the arguments of a program: with lone surrogates."""
+        return self.raw(self.integer(longest)).decode('utf-8', 'surrogateescape')
+
+    def number(self) -> float:
+        """Take a number: small, or any float64, which may be NaN."""
+        kind = self.integer(3)
+        if kind == 0:
+            return (self.integer(255) - 128) / 64
+        if kind == 1:
+            return float(self.choice((0.0, 1.0, -1.0, 1e300, 1e-300, 'inf', 'nan')))
+        (number,) = struct.unpack('<d', self.raw(8).ljust(8, b'\0'))
+        return float(number)
+
+
+class Fields(NamedTuple):
+    """The values of a transform that another implementation has read; the pose as 56 bytes."""
+
+    sec: int
+    nanosec: int
+    names: tuple[Any, ...]  #: frame_id and child_frame_id, as bytes or as texts
+    pose: bytes
+
+
+@cache
+def golden_messages() -> list[bytes]:
+    """Return the bytes of messages that the type support of tf2_msgs has serialized."""
+    cases = json.loads((DATA / 'tf_message_cdr.json').read_text())['cases']
+    return [bytes.fromhex(case['cdr_hex']) for case in cases]
+
+
+@cache
+def golden_rows() -> list[list[Row]]:
+    """Return transforms that the real tf2 has received, one list for each of its buffers."""
+    # Python's JSON writes NaN and infinity as these names, and reads them so.
+    cases = json.loads((DATA / 'tf2_answers.json').read_text())
+    return [[Row(op['stamp_ns'], op['parent'], op['child'], (*op['xyz'], *op['xyzw']))
+             for op in case['ops'] if 'stamp_ns' in op] for case in cases]
+
+
+@cache
+def _types(version: int) -> Any:
+    """Return rosbags' types of a version of ROS, and those with the bytes of each name."""
+    types = get_typestore(Stores.ROS2_JAZZY if version == 2 else Stores.ROS1_NOETIC)
+    seq = 'uint32 seq\n' if version == 1 else ''
+    for name, definition in (
+            ('fuzz_msgs/msg/Header', f'{seq}{_TIME} stamp\nuint8[] frame_id'),
+            ('fuzz_msgs/msg/TransformStamped',
+             'fuzz_msgs/msg/Header header\nuint8[] child_frame_id\n'
+             'geometry_msgs/msg/Transform transform'),
+            (TF_BYTES, 'fuzz_msgs/msg/TransformStamped[] transforms'),
+            (TF, 'geometry_msgs/msg/TransformStamped[] transforms')):
+        if name not in types.types:
+            types.register(get_types_from_msg(definition, name))
+    return types
+
+
+def _read_by_rosbags(data: bytes, version: int, msgtype: str) -> Optional[tuple[Any, int]]:
+    """
+    Read a message by the code that rosbags has generated for its type.
+
+    :returns: the transforms, and the number of bytes that were read; None if rosbags refuses it.
+        Bytes after the end are not refused, which `deserialize_cdr` and `deserialize_ros1` do.
+    """
+    types = _types(version)
+    definition = types.get_msgdef(msgtype)
+    if version == 1:
+        deserialize, head = definition.deserialize_ros1, 0
+    else:
+        if len(data) < 4 or data[0] or data[1] > 1:
+            return None
+        deserialize = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
+        head = 4
+    try:
+        message, end = deserialize(data[head:], 0, definition.cls, types)
+    except Exception:  # errors of many types
+        return None
+    return message.transforms, end + head
+
+
+def _fields(transform: Any) -> Fields:
+    """Return the values of a transform, as rosbags or rclpy have read it."""
+    header, pose = transform.header, transform.transform
+    xyz, xyzw = pose.translation, pose.rotation
+    stamp, names = header.stamp, (header.frame_id, transform.child_frame_id)
+    return Fields(
+        getattr(stamp, 'sec', 0), stamp.nanosec,
+        tuple(name.encode() if isinstance(name, str) else bytes(name) for name in names),
+        struct.pack('<7d', xyz.x, xyz.y, xyz.z, xyzw.x, xyzw.y, xyzw.z, xyzw.w))
+
+
+def check_cdr(data: bytes) -> None:
+    """Read a message of ROS 2, and compare the values with those of rosbags and of Fast CDR."""
+    try:
+        ours = [Fields(*each[:2], each[2:4], struct.pack('<7d', *each[4]))
+                for each in cdr.fields(data)]
+    except MalformedMessage:
+        # The other way round: of plain CDR, nothing is refused that others read.
+        assert _read_by_rosbags(data, 2, TF_BYTES) is None, 'rosbags reads it'
+        return
+    assert [*cdr.rows(data)] or not ours
+    answer = _read_by_rosbags(data, 2, TF_BYTES)
+    assert answer, 'rosbags does not read it'
+    raw = [_fields(each) for each in answer[0]]
+    # Rule: a name ends at its first NUL or, without one, at the length that is given; what is not
+    # valid UTF-8 is replaced. This is what rclpy does, see `_check_by_fast_cdr`.
+    assert [each._replace(names=tuple(map(_text, each.names))) for each in raw] == ours
+    # Rule: rosbags refuses a string without a NUL at its end, and invalid UTF-8; and it keeps
+    # what is between the first and the last NUL. All other names are the same.
+    if all(name[-1:] == b'\0' and name.count(b'\0') == 1 and '\ufffd' not in _text(name)
+           for each in raw for name in each.names):
+        answer = _read_by_rosbags(data, 2, TF)
+        assert answer, 'rosbags does not read its strings'
+        assert [_fields(each) for each in answer[0]] == [
+            each._replace(names=tuple(name.encode() for name in each.names)) for each in ours]
+    _check_by_fast_cdr(raw, ours, '<' if data[1] else '>')
+
+
+def _text(name: bytes) -> str:
+    return name.partition(b'\0')[0].decode('utf-8', 'replace')
+
+
+def _check_by_fast_cdr(raw: list[Fields], ours: list[Fields], order: str) -> None:
+    """Compare our values with those that rclpy reads, one message for each transform."""
+    try:
+        from geometry_msgs.msg import TransformStamped
+        from rclpy.serialization import deserialize_message
+    except ImportError:  # there is no ROS
+        return
+    for each, our in zip(raw, ours):
+        body = struct.pack(order + 'iI', each.sec, each.nanosec)
+        for name in each.names:
+            body += bytes(-len(body) % 4) + struct.pack(order + 'I', len(name)) + name
+        body += bytes(-len(body) % 8)
+        body += each.pose if order == '<' else struct.pack('>7d', *struct.unpack('<7d', each.pose))
+        theirs = _fields(deserialize_message(
+            bytes([0, order == '<', 0, 0]) + body, TransformStamped))
+        assert theirs == our._replace(names=tuple(name.encode() for name in our.names))
+
+
+def seeds_of_cdr() -> Iterator[bytes]:
+    """Yield golden messages, one of them big-endian, and one with odd strings."""
+    yield from golden_messages()
+    rows = golden_rows()[0][:2]
+    types = _types(2)
+    message = types.deserialize_cdr(cdr.pack(rows), TF)
+    yield bytes(types.serialize_cdr(message, TF, little_endian=False))
+    for name in b'', b'ab', b'a\0b\0', b'\xff\0', b'a/\xe6\x97\xa5\0', b'\xed\xa0\x80\0':
+        body = struct.pack('<IiII', 1, 5, 2**32 - 1, len(name)) + name
+        body += bytes(-len(body) % 4) + b'\1\0\0\0\0'
+        yield b'\0\1\0\0' + body + bytes(-len(body) % 8) + struct.pack('<7d', *range(7)) + b'end'
+
+
+def check_ros1(data: bytes) -> None:
+    """Read a message of ROS 1, and compare the values with those of rosbags."""
+    answer = _read_by_rosbags(data, 1, TF_BYTES)
+    try:
+        rows = ros1.unpack(data)
+    except MalformedMessage:
+        assert answer is None, 'rosbags reads it'
+        return
+    assert answer, 'rosbags does not read it'
+    raw = [_fields(each) for each in answer[0]]
+    stamps = [each.header.stamp for each in answer[0]]
+    # Rules: seconds are unsigned, which rosbags reads as signed; a name may have any byte, also
+    # NUL; what is not valid UTF-8 is replaced; bytes after the end are ignored.
+    assert [(row.stamp_ns, row.frame_id, row.child_frame_id, struct.pack('<7d', *row.pose))
+            for row in rows] == [
+        (stamp.sec % 2**32 * S + stamp.nanosec,
+         *(name.decode('utf-8', 'replace') for name in each.names), each.pose)
+        for stamp, each in zip(stamps, raw)]
+    if not any('\ufffd' in name for row in rows for name in row[1:3]):
+        answer = _read_by_rosbags(data, 1, TF)
+        assert answer, 'rosbags does not read its strings'
+        assert [_fields(each) for each in answer[0]] == raw
+
+
+def seeds_of_ros1() -> Iterator[bytes]:
+    """Yield the transforms of golden data as messages of ROS 1."""
+    for rows in golden_rows()[:12]:
+        yield _as_ros1(rows[:4])
+    yield _as_ros1([Row(T, '\0', '日本\x1b', bags.STILL)]) + b'end'
+
+
+def _as_ros1(rows: list[Row]) -> bytes:
+    data = struct.pack('<I', len(rows))
+    for stamp, *names, pose in rows:
+        data += struct.pack('<III', 7, *divmod(stamp, S))
+        for name in names:
+            data += struct.pack('<I', len(name.encode())) + name.encode()
+        data += struct.pack('<7d', *pose)
+    return data
+
+
+# Streams and batches
+
+
+_EDGES = [(parent, child) for parent in ('map', 'a', 'b', '/c', '', 'é' * 513)
+          for child in ('a', 'b', 'c', 'd', '/e', 'map', '', 'x' * 1025)]
+_STEPS = 0, 1, S // 50, S, -1, -S, 20 * S, -20 * S, 2**62
+_CACHES = 10 * S, S, 1, 2**63 - 1
+
+
+def check_streams(data: bytes) -> None:
+    """Insert messages as batches and one by one: the buffers have the same data and answers."""
+    source = Input(data)
+    encoding: Encoding = source.choice((cdr, ros1))
+    cache_time, many = source.choice(_CACHES), source.choice((insertion._MANY, 1, 3))
+    fast, slow, errors = BufferCore(cache_time), BufferCore(cache_time), list[Exception]()
+    reader = MessageReader(errors.append, encoding)
+    before, insertion._MANY = insertion._MANY, many
+    pending: list[bytes] = []
+    sent: list[bytes] = []
+    layouts = [[('map', 'a'), ('a', 'b')]]
+    now = T
+    try:
+        with logged_texts():
+            for _ in range(60):
+                if not source:
+                    break
+                op = source.integer(15)
+                if op == 0:
+                    layouts.append([source.choice(_EDGES) for _ in range(source.integer(3))])
+                elif op == 1 and sent:  # change bytes of an earlier message
+                    message = bytearray(source.choice(sent[-16:]))
+                    at = source.integer(len(message))
+                    changed = source.raw(source.integer(8))
+                    message[at:at + len(changed)] = changed
+                    pending.append(bytes(message))
+                elif op == 2:
+                    pending.append(source.raw(source.integer(255)))
+                elif op in (3, 4):
+                    _insert_both(fast, slow, reader, encoding, pending, errors, op == 3)
+                    pending.clear()
+                elif op == 5:
+                    fast.clear()
+                    slow.clear()
+                else:
+                    now = min(max(now + source.choice(_STEPS), 0), 2**62)
+                    rows = []
+                    for parent, child in source.choice(layouts[-4:]):
+                        stamp = now + (S if op == 6 and source.integer(1) else 0)
+                        pose: Any = [source.number(), *bags.STILL[1:]] if op < 12 else [
+                            source.number() for _ in range(7)]
+                        rows.append(Row(stamp % (2**31 * S), parent, child, tuple(pose)))
+                    pending.append(cdr.pack(rows) if encoding is cdr else _as_ros1(rows))
+                sent += pending[-1:]
+            _insert_both(fast, slow, reader, encoding, pending, errors, False)
+            _compare_answers(fast, slow, now)
+    finally:
+        insertion._MANY = before
+
+
+def _insert_both(fast: BufferCore, slow: BufferCore, reader: MessageReader, encoding: Encoding,
+                 pending: list[bytes], errors: list[Exception], is_static: bool) -> None:
+    """Insert messages into both buffers."""
+    errors.clear()
+    fast.insert_batches(reader.read(pending, 'node', is_static))
+    malformed = []
+    for message in pending:
+        try:
+            rows = encoding.unpack(message)
+        except MalformedMessage as error:
+            malformed.append(str(error))
+            continue
+        for row in rows:
+            slow.insert(*row, 'node', is_static)
+    assert [*map(str, errors)] == malformed
+    assert _state(fast) == _state(slow)
+    # Rule: a batch is inserted frame by frame. If the first transform of a frame is refused, the
+    # frames may be in another order.
+    assert sorted(map(str, fast.frames())) == sorted(map(str, slow.frames()))
+
+
+def _state(buffer: BufferCore) -> dict[str, str]:
+    """Return all data of a buffer, as texts, since a NaN is not equal to itself."""
+    return {name: str(known) for name, known in buffer.dump().items()}
+
+
+def _compare_answers(fast: BufferCore, slow: BufferCore, now: int) -> None:
+    """Compare what two buffers answer; the texts of errors list frames, in their order."""
+    with_text = [*fast.dump()] == [*slow.dump()]
+    for target, source in ('map', 'b'), ('d', 'a'), ('c', 'map'), ('e', 'nobody'):
+        for time in 0, now, now - S:
+            answers = [_answer(buffer, target, source, time, with_text) for buffer in (fast, slow)]
+            assert answers[0] == answers[1]
+
+
+def _answer(buffer: BufferCore, target: str, source: str, time: int, with_text: bool) -> str:
+    try:
+        return repr(buffer.lookup_transform(target, source, max(0, time)))
+    except TransformException as error:
+        return repr(error if with_text else type(error))
+
+
+@contextmanager
+def logged_texts() -> Iterator[list[str]]:
+    """Record what the package logs; fail if it is a traceback, as it is if there is a bug."""
+    records: list[str] = []
+    handler = logging.Handler()
+    handler.emit = lambda record: records.append(  # type: ignore[method-assign]
+        record.getMessage())
+    logger = logging.getLogger('dummy_arm.tf')
+    logger.addHandler(handler)
+    propagates, logger.propagate = logger.propagate, False
+    try:
+        yield records
+    finally:
+        logger.propagate = propagates
+        logger.removeHandler(handler)
+    for text in records:
+        assert 'Traceback' not in text, text
+
+
+def seeds_of_streams() -> Iterator[bytes]:
+    """Yield streams of one layout, of several layouts, and with faults."""
+    stream = b''.join(bytes([7, 2, 0, 0, 100 + i, 0, i]) for i in range(6))
+    other = b''.join(bytes([7, 3, 1, 0, 100 + i, 0, i]) for i in range(6))
+    yield bytes(3) + stream + b'\4' + stream + b'\4'
+    yield bytes([1, 1, 1]) + stream + b'\3' + stream + b'\4'
+    for index in 0, 2:  # two parents of a child; the index is that of the cache time
+        yield bytes([0, index, 0]) + b'\0\2\0\20' + other + other + b'\4' + other + other
+    yield bytes([0, 2, 2]) + b'\0\2\11\22' + stream + other + stream + b'\4' + other + b'\5'
+    yield bytes(3) + stream + bytes([1, 0, 9, 3, 1, 2, 3]) + b'\2\5junk!' + b'\4' + stream
+    yield bytes([0, 0, 1]) + bytes([13, 3, 0, *[1, 6] * 14]) * 3 + bytes([6, 1, 0, 1, 0, 9]) * 4
+
+
+# The run-time type
+
+
+#: Reads messages, each after its length, by rclpy; answers with what it has read, pickled.
+_WORKER = """
+import pickle, struct, sys
+from rclpy.serialization import deserialize_message, serialize_message
+from dummy_arm.tf import TFMessage
+from dummy_arm.tf._ros.transform_stamped import fields_of
+read, answers = sys.stdin.buffer.read, sys.stdout.buffer
+while head := read(4):
+    try:
+        message = deserialize_message(read(*struct.unpack('<I', head)), TFMessage)
+        answer = [fields_of(each) for each in message.transforms], serialize_message(message)
+    except (ValueError, RuntimeError) as error:
+        answer = str(error)
+    answer = pickle.dumps(answer)
+    answers.write(struct.pack('<I', len(answer)) + answer)
+    answers.flush()
+"""
+
+
+class _Worker:
+    """A process that reads messages by rclpy, where a fault may be the end of the process."""
+
+    def __init__(self) -> None:
+        """Start the process."""
+        self._process = subprocess.Popen(
+            [sys.executable, '-c', _WORKER], stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        _opened.callback(self.close)
+
+    def ask(self, data: bytes) -> Any:
+        """Return what the process answers."""
+        assert self._process.stdin
+        assert self._process.stdout
+        with suppress(BrokenPipeError):
+            self._process.stdin.write(struct.pack('<I', len(data)) + data)
+            self._process.stdin.flush()
+        head = self._process.stdout.read(4)
+        if len(head) < 4:
+            code = self._process.wait()
+            _worker.cache_clear()
+            raise AssertionError(f'the process that reads messages has died: exit code {code}')
+        return pickle.loads(self._process.stdout.read(*struct.unpack('<I', head)))
+
+    def close(self) -> None:
+        """End the process, which ends at the end of its input."""
+        if self._process.poll() is None:
+            assert self._process.stdin
+            self._process.stdin.close()
+            self._process.wait()
+
+
+@cache
+def _worker() -> _Worker:
+    return _Worker()
+
+
+def check_type(data: bytes) -> None:
+    """Read a message by the run-time type of rclpy, in a process of its own, and write it."""
+    answer = _worker().ask(data)
+    try:
+        ours = str([*cdr.fields(data)])
+    except MalformedMessage as error:
+        ours = str(error)
+        # Rule: our decoder reads for the TFMessage that is made at run time, so it refuses the
+        # same bytes for the same reason. That of tf2_msgs, where it is installed, may read them.
+        if answer != ours and not _has_tf2_msgs():
+            raise AssertionError(f'refused: {ours}; by rclpy: {answer}') from error
+        return
+    assert not isinstance(answer, str), f'rclpy does not read it: {answer}'
+    fields, again = answer
+    assert str(fields) == ours
+    assert str([*cdr.fields(again)]) == ours
+    if fields:
+        result = _read_by_rosbags(again, 2, TF)
+        assert result
+        assert [_fields(each)[:3] for each in result[0]] == [
+            (*each[:2], (each[2].encode(), each[3].encode())) for each in fields]
+
+
+seeds_of_type = seeds_of_cdr
+
+
+@cache
+def _has_tf2_msgs() -> bool:
+    from dummy_arm.tf import TFMessage
+    return bool(TFMessage.__module__.startswith('tf2_msgs.'))
+
+
+# Bags
+
+
+_BAG_MESSAGES = [
+    ('/tf_static', 100 * S, [Row(100 * S, 'map', 'odom', bags.STILL)]),
+    *(('/tf', (100 + i) * S, [Row((100 + i) * S, 'odom', 'base_link', (i, *bags.STILL[1:])),
+                              Row((100 + i) * S, 'base_link', 'tool', bags.STILL)])
+      for i in range(3))]
+KINDS = (*bags.ROS2, *bags.ROS1, 'mcap chunk', 'bag chunk')
+#: The largest decompressed size that is allowed (bytes).
+_MAX_BYTES = 2**22
+_INTERESTING = (b'\0', b'\xff', b'\0' * 8, b'\xff' * 8, b'\x7f\xff\xff\xff', b'\xff\xff\xff\x7f')
+
+
+@cache
+def folder() -> Path:
+    """Return a temporary directory of this process."""
+    return Path(_opened.enter_context(TemporaryDirectory(prefix='fuzz')))
+
+
+@cache
+def seed_bag(kind: str) -> dict[str, bytes]:
+    """Return the files of a small bag, by name; the first one is the bag itself, if it is one."""
+    path = folder() / 'seed'
+    state = random.getstate()
+    random.seed(0)  # bags.py numbers the messages of ROS 1 at random
+    point = bags.point('laser', version=1 if kind.startswith('bag') else 2)
+    made = bags.make(path, kind, [
+        *_BAG_MESSAGES, ('/point', 105 * S, point, 'geometry_msgs/msg/PointStamped')])
+    random.setstate(state)
+    if made.is_file():
+        files = {'x.bag': made.read_bytes()}
+        made.unlink()
+    else:
+        files = {each.name: each.read_bytes()
+                 for each in sorted(made.iterdir(), key=lambda each: each.suffix == '.yaml')}
+        shutil.rmtree(made)
+    return files
+
+
+def _chunk_content(kind: str) -> bytes:
+    """Return the records in a chunk, which are changed before the chunk is compressed."""
+    data: bytes = b''
+    if kind == 'mcap chunk':
+        data += bags.mcap_channel() + bags.mcap_channel('/tf_static', 2) + b''.join(
+            bags.mcap_message(bags.ros2(rows), time, 2 if topic == '/tf_static' else 1)
+            for topic, time, rows in _BAG_MESSAGES)
+        return data
+    for number, topic in enumerate(('/tf', '/tf_static')):
+        data += bags.ros1_record(
+            {'op': b'\7', 'conn': struct.pack('<I', number), 'topic': topic.encode()},
+            b''.join(struct.pack('<I', len(field)) + field for field in (
+                b'topic=' + topic.encode(), b'type=tf2_msgs/TFMessage',
+                b'md5sum=94810edda583a504dfda3829e70d7eec', b'message_definition=x',
+                b'callerid=/node')))
+    for topic, time, rows in _BAG_MESSAGES:
+        data += bags.ros1_record(
+            {'op': b'\2', 'conn': struct.pack('<I', topic == '/tf_static'),
+             'time': struct.pack('<II', *divmod(time, S))}, _as_ros1(rows))
+    return data
+
+
+def _changed(data: bytes, source: Input) -> bytes:
+    """Change bytes at places: overwrite, insert, cut off, remove or repeat."""
+    changed = bytearray(data)
+    for _ in range(8):
+        if not source:
+            break
+        op, at = source.integer(7), source.integer(max(1, len(changed)))
+        if op <= 2:
+            new = source.raw(1 + source.integer(15))
+            changed[at:at + (len(new) if op else 0)] = new
+        elif op == 3:
+            new = source.choice(_INTERESTING)
+            changed[at:at + len(new)] = new
+        elif op == 4:
+            del changed[at:]
+        elif op == 5:
+            del changed[at:at + source.integer(2**16)]
+        elif op == 6:
+            part = changed[at:at + source.integer(2**12)]
+            changed[at:at] = part
+        elif at < len(changed):  # a bit
+            changed[at] ^= 1 << source.integer(7)
+    return bytes(changed)
+
+
+def check_bags(data: bytes) -> None:
+    """Change bytes of a bag and read it: it is read, or a BagError says in one line why not."""
+    source = Input(data)
+    kind = source.choice(KINDS)
+    bag = path = folder() / 'bag'
+    try:
+        if kind.endswith(' chunk'):
+            method = source.choice(('', 'lz4', 'zstd' if kind[0] == 'm' else 'bz2'))
+            content = _changed(_chunk_content(kind), source)
+            if kind == 'mcap chunk':
+                bags.mcap(path, bags.mcap_channel(), bags.mcap_chunk(content, method))
+            else:
+                path.write_bytes(
+                    b'#ROSBAG V2.0\n' + bags.ros1_record(
+                        {'op': b'\3', 'index_pos': bytes(8), 'conn_count': b'\2\0\0\0',
+                         'chunk_count': b'\1\0\0\0'}, b' ' * 100)
+                    + bags.ros1_chunk(content, method or 'none'))
+        else:
+            files, how = dict(seed_bag(kind)), source.integer(3)
+            name = list(files)[how % 2 if len(files) > 1 else 0]
+            files[name] = _changed(files[name], source)
+            path.mkdir()
+            for each, content in files.items():
+                if how or each == name:
+                    (path / each).write_bytes(content)
+            if not how or len(files) == 1:  # the file of the bag alone, without its metadata
+                bag = path / name
+        with logged_texts() as logged:
+            whole = _read_bag(bag, False)
+            count = len(logged)
+            in_parts = _read_bag(bag, True)
+        # Rule: with partial=True, a file is read from its beginning to its end, also where it has
+        # an index that says something else. Where it has none, or the index is not used, the same
+        # is read; and a bag that is refused without partial=True is not read without a warning.
+        if kind == 'mcap chunk' or kind.startswith('bag'):
+            assert in_parts == whole if isinstance(whole, dict) else (
+                isinstance(in_parts, str) or logged[count:]), (whole, in_parts)
+    finally:
+        if path.is_dir():
+            shutil.rmtree(path)
+        else:
+            path.unlink(missing_ok=True)
+
+
+def _read_bag(path: Path, partial: bool) -> Union[dict[str, str], str]:
+    """Read a bag; return the data of the buffer, or why the bag is refused."""
+    if not partial:
+        headers: list[Any] = []
+        with suppress(BagError), closing(cast(Generator[BagMessage, None, None], messages(
+                path, partial=True, max_bytes=_MAX_BYTES, on_headers=headers.append))) as found:
+            for message in found:
+                with suppress(MalformedMessage):
+                    message.rows()
+    try:
+        return _state(read(path, partial=partial, max_bytes=_MAX_BYTES))
+    except BagError as error:
+        text = str(error)
+    assert text.isprintable(), repr(text)
+    assert 0 < len(text) < 5000
+    return text
+
+
+def seeds_of_bags() -> Iterator[bytes]:
+    """Yield every kind of bag: unchanged, with its metadata, cut off, and overwritten."""
+    for number, kind in enumerate(KINDS):
+        yield bytes([number])
+        yield bytes([number, 2])
+        yield bytes([number, len(kind) % 4, 4, 200, 3])
+        yield bytes([number, 0, 3, 0, 5, 1, 1, 9, 4, 2, 1, 2, 3])
+    yield bytes([0, 1, 1, 9, 0, 1]) + b'[{'  # in the metadata

@@ -1,0 +1,643 @@
+"""
+Fuzz targets: names of frames in every text that shows them, WebSocket messages, command lines.
+
+See fuzz_messages.py for what a target is.
+"""
+
+import atexit
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, redirect_stderr, redirect_stdout, suppress
+from functools import cache
+from html import unescape
+from html.parser import HTMLParser
+from importlib import import_module
+import io
+import json
+import logging
+import math
+import os
+from pathlib import Path
+import re
+import shutil
+import socket
+import struct
+import sys
+import threading
+import time
+from typing import Any, NamedTuple, Optional
+from unittest.mock import patch
+
+import bags
+from environment import ROS
+from fuzz_messages import folder, Input, logged_texts, S, T
+
+from dummy_arm.inspection.forest import Forest
+from dummy_arm.inspection.graph import as_dot
+from dummy_arm.inspection.traffic import Stream, Summary
+from dummy_arm.tf import BufferCore, TransformException
+from dummy_arm.tf._core.frames import as_dot as frames_as_dot
+from dummy_arm.tf._core.pose import Row
+from dummy_arm.tf._wire import cdr
+from dummy_arm.tf.formatting import visible, visible_lines
+from dummy_arm.tools.tf2_monitor import format_streams
+from dummy_arm.tools.view_frames import format_tree
+from dummy_arm.view.details import details, overview
+from dummy_arm.view.snapshot import FrameWatcher
+from dummy_arm.view.source import BagSource
+
+#: A line of a terminal may have this many characters: some names, abbreviated and then escaped.
+_LONGEST_LINE = 8000
+
+
+class Stopped(BaseException):
+    """A command line has been accepted, and the command was about to do something outside."""
+
+
+#: The directory in which commands may write files now; None: no command is running.
+_writable: Optional[Path] = None
+_WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+_OUTSIDE = ('subprocess.Popen', 'os.system', 'os.exec', 'os.fork', 'os.forkpty',
+            'os.posix_spawn', 'socket.bind', 'socket.connect', 'socket.getaddrinfo',
+            'socket.gethostbyname', 'socket.sendto')
+_CHANGES = ('os.remove', 'os.rename', 'os.mkdir', 'os.rmdir', 'os.truncate', 'os.link',
+            'os.symlink', 'os.chmod', 'os.chown')
+
+
+def _audit(event: str, args: tuple[Any, ...]) -> None:
+    """Stop a command before it starts a process, opens a socket or writes elsewhere."""
+    if _writable is None or threading.current_thread() is not threading.main_thread():
+        return
+    paths: tuple[Any, ...] = ()
+    if event in _OUTSIDE:
+        raise Stopped(event)
+    if event == 'open' and isinstance(args[0], (str, bytes)) and (
+            args[2] & _WRITES or set(args[1] or '') & set('wax+')):
+        paths = args[:1]
+    elif event in _CHANGES:
+        paths = tuple(path for path in args[:2] if isinstance(path, (str, bytes)))
+    for path in map(os.fsdecode, paths):
+        if path != os.devnull and not Path(path).absolute().is_relative_to(_writable):
+            raise Stopped(f'{event} {path}')
+
+
+@cache
+def _install_audit() -> None:
+    sys.addaudithook(_audit)  # cannot be removed
+
+
+class Outcome(NamedTuple):
+    """How a command has ended."""
+
+    code: Optional[int]  #: the exit code; None: it was stopped
+    output: str
+    errors: str
+
+
+def run_command(name: str, arguments: Sequence[str]) -> Outcome:
+    """
+    Run a command in this process, up to the point where it would start a node, serve or draw.
+
+    :param name: the name of its module.
+    :param arguments: the command line; the working directory is a temporary one.
+    """
+    global _writable
+    _install_audit()
+    module = _module(name)
+    assert module is not None
+    output, errors = (io.TextIOWrapper(io.BytesIO(), 'utf-8', 'strict') for _ in range(2))
+    directory = folder() / 'work'
+    directory.mkdir(exist_ok=True)
+    before = Path.cwd()
+    code: Optional[int]
+
+    def stop(*_: object, **__: object) -> None:
+        raise Stopped
+
+    with ExitStack() as stack:
+        stack.enter_context(redirect_stdout(output))
+        stack.enter_context(redirect_stderr(errors))
+        with suppress(ImportError):
+            stack.enter_context(patch.object(import_module('rclpy'), 'init', stop))
+        for attribute in {'_grade_all', '_check_running', '_show'} & vars(module).keys():
+            # These start programs or threads, or serve; that of view_frames shows a tree.
+            if (name, attribute) != ('view_frames', '_show'):
+                stack.enter_context(patch.object(module, attribute, stop))
+        os.chdir(directory)
+        _writable = directory
+        try:
+            code = module.main(list(arguments))
+        except SystemExit as error:
+            code = error.code if isinstance(error.code, int) else 1
+        except Stopped:
+            code = None
+        except ModuleNotFoundError as error:  # a node cannot be started without ROS
+            if not (error.name or '').startswith(ROS):
+                raise
+            code = None
+        finally:
+            _writable = None
+            os.chdir(before)
+            for path in directory.iterdir():
+                if path.name != 'walk.mcap':
+                    shutil.rmtree(path) if path.is_dir() else path.unlink()
+    for stream in output, errors:
+        stream.flush()
+    return Outcome(code, *(stream.buffer.getvalue().decode()
+                           for stream in (output, errors)))
+
+
+@cache
+def _module(name: str) -> Any:
+    """Import the module of a command; None if it needs ROS and there is none."""
+    try:
+        return import_module('dummy_arm.dummy_arm' if name == 'dummy_arm' else
+                             f'dummy_arm.tools.{name}')
+    except ModuleNotFoundError as error:
+        if not (error.name or '').startswith(ROS):
+            raise
+        return None
+
+
+def check_lines(text: str, longest: int = _LONGEST_LINE) -> None:
+    """Check that lines can be printed to a terminal, and are not long."""
+    for line in text.split('\n'):
+        assert line.isprintable(), f'control characters: {line!r}'
+        assert len(line) <= longest, f'{len(line)} characters: {line[:2000]!r}'
+
+
+# Names
+
+
+def _rows(source: Input) -> list[Row]:
+    """Return transforms between frames with odd names, in which there may be loops."""
+    names = [source.text(source.choice((8, 40, 255, 1100))).replace('\0', '') or 'x'
+             for _ in range(1 + source.integer(5))]
+    names += ['map', 'tool']
+    return [Row(T + source.integer(3) * S, source.choice(names), source.choice(names),
+                (source.number(), *bags.STILL[1:])) for _ in range(1 + source.integer(8))]
+
+
+def check_names(data: bytes) -> None:
+    """Show frames in every text: nothing in it is a control character or gets too long."""
+    source = Input(data)
+    rows = _rows(source)
+    authority = source.text()
+    buffer = BufferCore(2**63 - 1)
+    with logged_texts() as records:
+        for row in rows:
+            buffer.insert(*row, authority, source.integer(3) == 0)
+    for record in records:
+        check_lines(record)
+    frames = buffer.frames()
+    names = list(dict.fromkeys(name for frame in frames for name in (frame.parent, frame.name)))
+    ends = source.choice([*names, 'map']), source.choice([*names, 'tool'])
+    _check_errors(buffer, names, ends)
+    if frames:
+        _check_graphs(buffer, frames, names)
+        _check_page(buffer, frames, authority, source.choice([*names, 'no']))
+    forest = Forest(frames)
+    check_lines('\n'.join(format_tree(forest, T)))
+    check_lines('\n'.join(format_streams([
+        Stream(name, authority, i % 2 == 0, i % 3 == 0, Summary(1.0, 0.0, 0.0) if i else None, 1.0)
+        for i, name in enumerate([*names, *names, ''])])))
+    _check_commands(rows, ends, source.integer(3))
+
+
+def _check_errors(buffer: BufferCore, names: list[str], ends: tuple[str, str]) -> None:
+    """Check the errors of lookups, and the texts of tf2_echo and tf2_monitor about them."""
+    for target, frame in ends, ('map', 'nobody'), (ends[0], f'{ends[1]}x'):
+        for stamp in 0, T + S // 2, T + 20 * S:
+            try:
+                buffer.lookup_transform(target, frame, stamp)
+            except TransformException as error:
+                text = str(error)
+                # A loop has a line for each frame, as in tf2. In other errors, names that the
+                # caller has not named are escaped and abbreviated.
+                if 'exists with parent' not in text:
+                    for own in sorted((target, frame), key=len, reverse=True):
+                        text = text.replace(own, '')
+                    check_lines(text, 3000)
+        with suppress(TransformException):
+            buffer.chain(target, frame)
+        offline = _offline_listener()
+        if offline is not None:
+            listener = offline(buffer)
+            check_lines(visible_lines(listener.why_no_transform(target, frame)), 12_000)
+            from dummy_arm.tools.tf2_monitor import Chain
+            check_lines('\n'.join(Chain(listener, (target, frame)).lines()), 12_000)
+
+
+@cache
+def _offline_listener() -> Any:
+    """Return a class of FrameListener with the frames of any buffer; None without ROS."""
+    try:
+        from dummy_arm.inspection.frame_listener import FrameListener
+    except ImportError:
+        return None
+    from dummy_arm.tf import MessageBufferCore
+
+    class Offline(FrameListener):
+        """A listener without a node, whose frames have all arrived."""
+
+        def __init__(self, buffer: BufferCore) -> None:
+            self.buffer: Any = MessageBufferCore()
+            for frame in buffer.frames():
+                self.buffer.insert(frame.latest, frame.parent, frame.name, bags.STILL,
+                                   frame.authority, frame.is_static)
+            self._start, self._has_explained = 0.0, False
+
+        def now(self) -> int:
+            return T
+
+        def other_topics_hint(self) -> str:
+            return ''
+
+        def why_no_frames(self) -> str:
+            return ''
+
+    return Offline
+
+
+def _check_graphs(buffer: BufferCore, frames: Any, names: list[str]) -> None:
+    """Read the YAML and the graphs with other libraries: they have the same names."""
+    known = _yaml_reader()(buffer.all_frames_as_yaml())
+    assert known.keys() == {frame.name for frame in frames}
+    for frame in frames:
+        assert known[frame.name]['parent'] == frame.parent
+        assert known[frame.name]['broadcaster'] == frame.authority
+    try:
+        from pygraphviz import AGraph
+    except ImportError:
+        return
+    graph = AGraph(string=as_dot(Forest(frames), T))
+    assert len(graph.edges()) == len(frames)
+    labels = [unescape(re.sub(r'\\(.)', lambda found: found[1].replace('n', '\n'),
+                              node.attr['label'])) for node in graph.nodes()]
+    assert sorted(labels) == sorted(map(visible_lines, names))
+    # Rules for the graph of tf2's format, in which a name stands as it is: a backslash in an
+    # identifier is doubled, and graphviz leaves it so; a name that begins with a percent sign is
+    # one of graphviz's own, which pygraphviz cannot read; a lone surrogate is not UTF-8; and a
+    # NUL, which no name from ROS 2 has, is the end of the text.
+    dot = frames_as_dot(frames, names, T)
+    if _encodable(dot) and '\0' not in dot and not any(name.startswith('%') for name in names):
+        graph = AGraph(string=dot)
+        identifiers = {name: name.replace('\\', '\\\\').replace('\n', '\\n') for name in names}
+        assert {*map(str, graph.nodes())} == {*identifiers.values()}
+        assert {(str(a), str(b)) for a, b in graph.edges()} == {
+            (identifiers[frame.parent], identifiers[frame.name]) for frame in frames}
+
+
+def _encodable(text: str) -> bool:
+    return not any('\ud800' <= character <= '\udfff' for character in text)
+
+
+@cache
+def _yaml_reader() -> Any:
+    try:
+        return import_module('yaml').safe_load
+    except ImportError:  # it comes with ROS; the other one, with what reads bags
+        return import_module('ruamel.yaml').YAML(typ='safe', pure=True).load
+
+
+class _Page(HTMLParser):
+    """Reads a text of the page; it may have the elements that we write, and no others."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.text = ''
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, Optional[str]]]) -> None:
+        assert tag in ('div', 'br', 'table', 'tr', 'td', 'b'), tag
+        assert {name for name, _ in attrs} <= {'style', 'data-text', 'data-value', 'colspan'}
+        values = dict(attrs)
+        assert (values.get('data-value') or '').replace('-', '').isalpha() or (
+            not values.get('data-value')), attrs
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def _check_page(buffer: BufferCore, frames: Any, authority: str, selected: str) -> None:
+    """Check the texts of the panel of the page, and the labels."""
+    shown = BagSource(buffer, authority or 'bag')
+    snapshot = FrameWatcher(buffer).snapshot('')
+    for text in (overview(snapshot, shown, selected),
+                 *(details(snapshot, name, shown) for name in [*snapshot.names[:3], selected])):
+        check_lines(text, 60_000)
+        page = _Page()
+        page.feed(text)
+        page.close()
+    for name in snapshot.names[:3]:
+        page = _Page()
+        page.feed(details(snapshot, name, shown))
+        page.close()
+        if name in snapshot.frames:
+            assert visible(snapshot.frames[name].parent) in page.text
+            assert visible(snapshot.frames[name].authority) in page.text
+
+
+def _check_commands(rows: list[Row], ends: tuple[str, str], number: int) -> None:
+    """Run commands that read bags, two for each number: what they print is fit for a terminal."""
+    path = folder() / 'names.mcap'
+    bags.mcap(path, bags.mcap_channel(), *(
+        bags.mcap_message(cdr.pack([row]), row.stamp_ns + S // 100)
+        for row in rows if _encodable(row.frame_id + row.child_frame_id)))
+    lines = (('view_frames', '--text'), ('tf_doctor', '--json'), ('tf_doctor', '--', *ends),
+             ('tf2_echo', '--', *ends), ('tf_doctor',), ('tf_trajectory', '--', *ends),
+             ('check_arm',), ('view_frames', '--text', f'--root={ends[0]}'))
+    for name, *options in lines[2 * number:2 * number + 2]:
+        outcome = run_command(name, [f'--bag={path}', *options])
+        # Rule: rclpy refuses arguments that are not UTF-8.
+        assert outcome.code in (0, 1) or not _encodable(''.join(options)), outcome
+        check_lines(outcome.output)
+        check_lines(outcome.errors)
+        if '--json' in options and outcome.output:
+            json.loads(outcome.output)
+
+
+def seeds_of_names() -> Iterator[bytes]:
+    """Yield names with quotes, markup, escape sequences, bidirectional text, and long names."""
+    for number, texts in enumerate(((b'base_link', b'odom'), (b'\x1b[2J\x1b]0;x\7', b'\n\r\t'),
+                  ('\u202eabc\u2066 \u200b'.encode(), b"it's"), (b'"}\\', b'<script>&amp;'),
+                  (b'\xff\xfe\x80', '日本 é'.encode()), (b'{a: [b]}', b'# - ? :'),
+                  (b'null', b'"\\"'), (b"'a\\n'", b'a\n'), (b'x' * 1000, b'x' * 999 + b'y'),
+                  (b'a->b', b'; subgraph {'), (b'%s %d {0}', b'\\N \\G \\l'))):
+        data = bytes([1])
+        for text in texts:
+            data = data + (struct.pack('<BB', 1, len(text)) if len(text) <= 40 else
+                           struct.pack('<BH', 3, len(text))) + text
+        edges = bytes([1, 2, 0, 0, 192]) + bytes([2, 0, 1, 0, 128]) + bytes([0, 2, 0, 0, 192])
+        yield data[:1] + data[1:] + bytes([2]) + edges + b'\4node' + bytes([
+            1, 1, 1, 1, 0, 1, 1, number])
+
+
+# WebSocket messages
+
+
+class _Server:
+    """A page that shows a few frames, and what the process logs, prints and raises meanwhile."""
+
+    def __init__(self) -> None:
+        """Start to serve."""
+        import viser
+        import viser._messages as viser_messages
+
+        from dummy_arm.view.server import Server
+        from dummy_arm.view.view import View
+        self.faults: list[str] = []
+        self._before = threading.excepthook
+        threading.excepthook = lambda args: self.faults.append(f'a thread died: {args}')
+        self._handler = logging.Handler(logging.WARNING)
+        self._handler.emit = lambda record: self.faults.append(  # type: ignore[method-assign]
+            f'{record.name}: {record.getMessage()} {record.exc_info}')
+        logging.getLogger().addHandler(self._handler)
+        listening = socket.create_server(('127.0.0.1', 0))
+        self.server = Server(listening)
+        self.port = self.server.get_port()
+        buffer = BufferCore(2**63 - 1)
+        for i, name in enumerate(('arm', 'tool', '\x1b[2J', '<b>')):
+            for stamp in T, T + S:
+                buffer.insert(stamp, 'map', name, (float(i), *bags.STILL[1:]), 'node')
+        self.view = View(BagSource(buffer, 'bag'), self.server)
+        self.view.update()
+        self.protocol = f'viser-v{viser.__version__}'
+        self.types = sorted(
+            name for name, each in vars(viser_messages).items()
+            if isinstance(each, type) and issubclass(each, viser_messages.Message))
+        self.fields = {name: [*getattr(viser_messages, name).__annotations__]
+                       for name in self.types}
+        self.uuids = [*self.server.gui._gui_input_handle_from_uuid]
+        self.slider = next(uuid for uuid in self.uuids if self.control(uuid).label == (
+            'Axis length (m)'))
+        self.valid = {
+            'GuiUpdateMessage': {'uuid': self.slider, 'updates': {'value': 0.5}},
+            'ViewerCameraMessage': {
+                'wxyz': [1.0, 0.0, 0.0, 0.0], 'position': [0.0, 0.0, 1.0], 'fov': 1.0,
+                'near': 0.1, 'far': 100.0, 'image_height': 600, 'image_width': 800,
+                'look_at': [0.0, 0.0, 0.0], 'up_direction': [0.0, 0.0, 1.0]},
+            'SceneNodeClickMessage': {
+                'name': '/frames', 'instance_index': 1, 'ray_origin': [0.0, 0.0, 0.0],
+                'ray_direction': [0.0, 0.0, 1.0], 'screen_pos': [0.5, 0.5], 'modifier': None,
+                'owner': ''}}
+        self.values = {uuid: self.control(uuid).value for uuid in self.uuids}
+        #: The client that sends, and another one, which must not suffer.
+        self.sending, self.other = self.client(), self.client()
+        self.threads = {*threading.enumerate()}
+
+    def client(self) -> Any:
+        """Return a new connection."""
+        from websockets.sync.client import connect
+        return connect(f'ws://127.0.0.1:{self.port}', subprotocols=[self.protocol], proxy=None,
+                       max_size=None, max_queue=None, close_timeout=0.1, ping_interval=None)
+
+    def check(self) -> None:
+        """Check that the connections stay open, and that one client sees what another has done."""
+        import msgspec
+        for client in self.sending, self.other:
+            with suppress(TimeoutError):
+                while True:
+                    client.recv(timeout=0)
+        value = 0.5 if self.control(self.slider).value != 0.5 else 1.0
+        self.sending.send(msgspec.msgpack.encode({
+            'type': 'GuiUpdateMessage', 'uuid': self.slider, 'updates': {'value': value}}))
+        end = time.monotonic() + 20
+        while self.control(self.slider).value != value:
+            assert time.monotonic() < end, 'a valid message has no effect'
+            time.sleep(0.0005)
+        self.view.update()
+        assert self.other.recv(timeout=20)  # the axes have got another length
+        for uuid, first in self.values.items():
+            control = self.control(uuid)
+            assert type(control.value) in ((int, float) if isinstance(first, float) else (
+                type(first),)), (control.label, control.value)
+            assert not isinstance(first, float) or math.isfinite(control.value), control.label
+            assert control.value in getattr(control, 'options', [control.value]), control.label
+
+    def control(self, uuid: str) -> Any:
+        """Return a control of the panel."""
+        return self.server.control(uuid)
+
+    def close(self) -> None:
+        """Stop to serve."""
+        self.sending.close()
+        self.other.close()
+        self.server.stop()
+        threading.excepthook = self._before
+        logging.getLogger().removeHandler(self._handler)
+
+
+@cache
+def page() -> Any:
+    """Return the page of this process."""
+    with redirect_stdout(io.StringIO()):
+        server = _Server()
+    atexit.register(close_page)
+    return server
+
+
+def close_page() -> None:
+    """Stop to serve, if the page has been started."""
+    if page.cache_info().currsize:
+        page().close()
+        page.cache_clear()
+
+
+def _structure(source: Input, served: Any, depth: int = 3) -> Any:
+    """Return a value that msgpack can write."""
+    kind = source.integer(11)
+    if kind < 3 or (depth == 0 and kind > 8):
+        return source.number()
+    if kind == 3:
+        return source.integer(2**63 - 1) - source.integer(2**63 - 1)
+    if kind == 4:
+        return source.text().encode('utf-8', 'replace').decode()
+    if kind == 5:
+        return source.raw(source.integer(64))
+    if kind == 6:
+        return source.choice((None, True, False, float('nan'), float('inf'), 10**18, '', 'map'))
+    if kind == 7:
+        return source.choice(served.uuids)
+    if kind == 8:
+        return [source.number() for _ in range(source.choice((2, 3, 4, 7)))]
+    if kind == 9:
+        return [_structure(source, served, depth - 1) for _ in range(source.integer(4))]
+    return {source.choice(('value', 'type', 'uuid', 'visible', 'a')): _structure(
+        source, served, depth - 1) for _ in range(source.integer(4))}
+
+
+def _message(source: Input, served: Any) -> Any:
+    """Return a message as viser's page sends it, with other values, or another structure."""
+    kind = source.integer(7)
+    if kind == 0:
+        return _structure(source, served)
+    if kind < 4:
+        return {'type': 'GuiUpdateMessage', 'uuid': source.choice(served.uuids),
+                'updates': {source.choice(('value', 'value', 'visible', 'options', 'on_update')):
+                            _structure(source, served)}}
+    name = source.choice([*served.valid, *served.types] if kind == 7 else [*served.valid])
+    message = {'type': name, **served.valid.get(name, dict.fromkeys(served.fields[name], 0))}
+    for _ in range(source.integer(3)):
+        message[source.choice([*message])] = _structure(source, served)
+    if source.integer(15) == 1:
+        message.pop(source.choice([*message]))
+    return message
+
+
+def check_websocket(data: bytes) -> None:
+    """Send messages to the page: it serves its clients after that, and prints nothing."""
+    import msgspec
+    from websockets.exceptions import WebSocketException
+    source, served = Input(data), page()
+    served.faults.clear()
+    with redirect_stdout(io.StringIO()) as output, redirect_stderr(output):
+        kind = source.integer(9)
+        if kind == 0:  # no WebSocket at all
+            with socket.create_connection(('127.0.0.1', served.port), timeout=10) as connection:
+                connection.sendall(source.raw(2000))
+        elif kind == 1:  # bytes that are no frames
+            with suppress(WebSocketException, OSError), served.client() as client:
+                client.socket.sendall(source.raw(2000))
+                client.socket.shutdown(socket.SHUT_WR)
+        try:
+            for _ in range(32):
+                if not source or kind < 2:
+                    break
+                form = source.integer(7)
+                served.sending.send(source.raw(500) if form == 0 else source.text(255).encode(
+                    'utf-8', 'replace').decode() if form == 1 else
+                    msgspec.msgpack.encode(_message(source, served)))
+            served.check()
+        except WebSocketException:
+            served.sending, served.other = served.client(), served.client()
+            raise
+    faults = [*served.faults, *filter(None, [output.getvalue()])]
+    assert not faults, '\n'.join(faults)
+    dead = [thread.name for thread in served.threads if not thread.is_alive()]
+    assert not dead, f'threads have ended: {dead}'
+
+
+def seeds_of_websocket() -> Iterator[bytes]:
+    """Yield messages of the page, with right and wrong values, and other bytes."""
+    yield b'\0GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n'
+    yield b'\1\x81\x85\0\0\0\0hello\xff\xff'
+    values = (b'\0\0\200', b'\6\0', b'\6\3', b'\4\4text', b'\5\4text', b'\7\2',
+              b'\10\1\0\0\1\0\2\0\3', b'\11\1\0\0\1', b'\12\2\0\6\1\3\6\2')
+    for value in values:
+        yield b'\2' + b''.join(
+            bytes([7, 1, control, 0]) + value for control in range(12))
+        yield b'\2' + b''.join(  # types of messages, and their fields
+            bytes([7, 5, number, 1, field]) + value + b'\0'
+            for number in range(3) for field in range(1, 9))
+    yield b'\2\7\0\12\0'
+    yield b'\2\0\xc1\xff\1\12anything'
+
+
+# Command lines
+
+
+_COMMANDS = ('check_arm', 'dummy_arm', 'dynamic_tf_publisher', 'param',
+             'static_transform_publisher', 'tf2_echo', 'tf2_monitor', 'tf_doctor',
+             'tf_trajectory', 'view_frames', 'web_view')
+_WORDS = ('map', 'odom', 'base_link', 'walk.mcap', '', '0', '1', '-1', '2.5', '-1e-3', 'nan',
+          '-nan', 'inf', '-inf', '1e400', '9' * 30, '1_0', '0x10', '٣', '/', '//', '.', '..',
+          './x.csv', 'x.png', 'x.npz', 'x.tum', 'a.pdf', 'a.gv', 'missing/x.csv', '/proc/self/mem',
+          '127.0.0.1', 'localhost', '8080', '0', '65536', 'é', '\udcff', 'a\nb', '\x1b[2J', ' ',
+          '--', '-', '---', '--ros-args', '-r', '-p', 'rate:=5', '__ns:=/a', 'tf:=/b', 'x' * 3000,
+          '{', '[', '%s', '%(prog)s', '*', 'rotation', 'identity', '2**63', '9223372036.854775807')
+
+
+@cache
+def _options(command: str) -> tuple[str, ...]:
+    """Return the options of a command, as its help lists them."""
+    text = run_command(command, ['--help']).output
+    return tuple(dict.fromkeys(re.findall(r'(?<![\w-])--?[a-zA-Z][\w-]*', text)))
+
+
+def _command_line(source: Input) -> tuple[str, list[str]]:
+    """Return the name of a command, and arguments of the kind that it knows, or others."""
+    known = [name for name in _COMMANDS if _module(name) is not None]
+    command = source.choice(_COMMANDS)
+    command = command if command in known else known[0]
+    arguments = []
+    for _ in range(source.integer(9)):
+        kind = source.integer(7)
+        option = source.choice(_options(command))
+        word = source.choice(_WORDS) if kind % 2 else source.text()
+        arguments += ([word] if kind < 3 else [option] if kind == 3 else [f'{option}={word}']
+                      if kind == 4 else ['--bag', 'walk.mcap'] if kind == 5 else [option, word])
+    return command, [argument.replace('\0', '') for argument in arguments]
+
+
+def check_commands(data: bytes) -> None:
+    """Run a command line: it is accepted, or refused by one clear line."""
+    path = folder() / 'work' / 'walk.mcap'
+    if not path.exists():
+        path.parent.mkdir(exist_ok=True)
+        bags.mcap(path, bags.mcap_channel(), bags.mcap_channel('/tf_static', 2), *(
+            bags.mcap_message(rows, time, 2 if topic == '/tf_static' else 1)
+            for topic, time, rows in bags.walk(1)))
+    command, arguments = _command_line(Input(data))
+    outcome = run_command(command, arguments)
+    what = f'{command} {arguments}: {outcome}'
+    longest = _LONGEST_LINE + 12 * sum(map(len, arguments))
+    check_lines(outcome.output, longest)
+    check_lines(outcome.errors, longest)
+    assert 'Traceback' not in outcome.errors, what
+    assert outcome.code in (None, 0, 1, 2), what
+    if outcome.code == 2:
+        assert outcome.output == '', what
+        assert outcome.errors.startswith(f'{command}: '), what
+        assert outcome.errors.count('\n') == 1, what
+        assert outcome.errors.endswith('\n'), what
+
+
+def seeds_of_commands() -> Iterator[bytes]:
+    """Yield command lines with a bag, with options, and with junk."""
+    for number in range(len(_COMMANDS)):
+        yield bytes([number, 0])
+        yield bytes([number, 1, 5, 0, 0])
+        yield bytes([number, 3, 5, 0, 0, 1, 0, 0, 1, 0, 2])
+        for option in range(6):
+            yield bytes([number, 2, 6, option, 4, 97, 98, 99, 100, 7, option, 8])
+            yield bytes([number, 3, 5, 0, 0, 7, option, 10, 4, option, 1, 7])
+

@@ -1,0 +1,63 @@
+"""TFMessages for tests: recorded ones, and a source that has them."""
+
+from functools import cache
+import json
+from typing import Any, NoReturn
+
+from environment import DATA
+import pytest
+
+from dummy_arm.tf._bag.context import Stream
+from dummy_arm.tf._core.pose import BatchOrRows, Row
+from dummy_arm.tf._wire import cdr
+from dummy_arm.tf._wire.cdr import Fields
+from dummy_arm.tf._wire.streams import MessageReader
+from dummy_arm.tf.bag import BagMessage
+
+
+@cache
+def golden_messages() -> list[dict[str, Any]]:
+    """Return TFMessages, with the bytes into which the type support of tf2_msgs packs them."""
+    cases: list[dict[str, Any]] = json.loads((DATA / 'tf_message_cdr.json').read_text())['cases']
+    return cases
+
+
+def ignore(_message: object) -> None:
+    """Do nothing; a callback with a signature, which `print` lacks on Python 3.10."""
+
+
+def fail_on_error(error: Exception) -> NoReturn:
+    """Fail the test: the error callback of readers and sources that must not report any."""
+    pytest.fail(repr(error))
+
+
+class ArrivedMessages:
+    """A source of a buffer whose messages have all arrived on /tf."""
+
+    def __init__(self, *messages: bytes) -> None:
+        self._batches = MessageReader(fail_on_error).read(messages, 'sent', False)
+
+    def take(self) -> list[BatchOrRows]:
+        """Return the decoded messages; the buffer clears this list when it has inserted them."""
+        return self._batches
+
+    def wake(self) -> None:
+        """Do nothing, since no thread waits for messages."""
+
+
+def recorded(time: int, data: bytes, is_static: bool = False, publisher: str = '',
+             encoding: Any = cdr) -> BagMessage:
+    """Return a message as `bag.messages` returns it; the time in ns."""
+    return BagMessage(Stream(is_static, publisher, encoding), time, data)
+
+
+def golden_fields(case: dict[str, Any]) -> list[Fields]:
+    """Return the transforms of a golden case with their fields as on the wire."""
+    return [(t['sec'], t['nanosec'], t['frame_id'], t['child_frame_id'], (*t['xyz'], *t['xyzw']))
+            for t in case['transforms']]
+
+
+def golden_rows(case: dict[str, Any]) -> list[Row]:
+    """Return the transforms of a golden case as rows."""
+    return [Row(sec * 10**9 + nanosec, parent, child, pose)
+            for sec, nanosec, parent, child, pose in golden_fields(case)]

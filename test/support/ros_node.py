@@ -1,0 +1,178 @@
+"""A ROS node of the test itself."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+import signal
+import threading
+import time
+from typing import Optional, TypeVar
+
+from geometry_msgs.msg import TransformStamped
+from processes import own_pids, Process, TIMEOUT
+import pytest
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.time import Time
+from rclpy.utilities import (
+    get_default_context,
+    get_rmw_implementation_identifier,
+    ok,
+    try_shutdown,
+)
+
+from dummy_arm.cli.fast_dds import destroy
+from dummy_arm.cli.node import ros_context
+
+NodeType = TypeVar('NodeType', bound=Node)
+_Result = TypeVar('_Result')
+_RECOVERY = 3.0  # s; Fast DDS gives up the lock of a killed process after 1 s
+
+
+class Ros:
+    """A node of the test itself, and the executor that spins it."""
+
+    def __init__(self, domain: int, context: Optional[Context] = None) -> None:
+        """Create a node and its executor, and a context in the domain if none is given."""
+        self.context = context or Context()
+        if context is None:
+            self.context.init(domain_id=domain)
+        self.node = Node('test', context=self.context)
+        self.executor = SingleThreadedExecutor(context=self.context)
+        self.executor.add_node(self.node)
+
+    def until(self, condition: Callable[[], object], timeout: float = TIMEOUT) -> None:
+        """Spin until the condition holds; fail if it does not within the timeout (s)."""
+        deadline = time.monotonic() + timeout
+        while not condition():
+            assert time.monotonic() < deadline, f'waited in vain{self.foreign_publishers_text()}'
+            self.executor.spin_once(timeout_sec=0.05)
+
+    @contextmanager
+    def spinning(self) -> Iterator[None]:
+        """Spin in a thread until the end of the block, such as while a command is called."""
+        is_over = threading.Event()
+
+        def spin() -> None:
+            while not is_over.is_set():
+                self.executor.spin_once(timeout_sec=0.05)
+
+        thread = threading.Thread(target=spin)
+        thread.start()
+        try:
+            yield
+        finally:
+            is_over.set()
+            thread.join()
+
+    def foreign_publishers(self) -> list[str]:
+        """
+        Return the publishers of TF in this domain that no process of the tests has created.
+
+        Fast DDS writes the lower half of the process id into the fifth and sixth byte of a gid.
+        """
+        if not self.context.ok() or 'fastrtps' not in get_rmw_implementation_identifier():
+            return []
+        own = {pid & 0xffff for pid in own_pids}
+        return sorted({
+            f'{info.node_namespace.rstrip("/")}/{info.node_name} of process {pid}'
+            for topic in ('/tf', '/tf_static')
+            for info in self.node.get_publishers_info_by_topic(topic)
+            if (pid := int.from_bytes(bytes(info.endpoint_gid[4:6]), 'little')) not in own})
+
+    def foreign_publishers_text(self) -> str:
+        """Return a text that names the foreign publishers and the remedy; '' if there is none."""
+        if publishers := self.foreign_publishers():
+            return (f'; in the domain {self.context.get_domain_id()} of this test, other '
+                    f'processes publish TF: {", ".join(publishers)}. End them')
+        return ''
+
+    def close(self) -> None:
+        """Destroy the executor, the node and the context."""
+        self.executor.shutdown()
+        destroy(self.node)
+        self.context.try_shutdown()
+
+
+@contextmanager
+def command_node(make_node: Callable[[], NodeType], domain: int, *arguments: str
+                 ) -> Iterator[tuple[NodeType, Ros]]:
+    """
+    Create the node of a command with ROS arguments, and a node of the test that is spun with it.
+
+    Both are in rclpy's default context, and have one participant: `destroy` needs the only one.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv('ROS_DOMAIN_ID', str(domain))
+        with ros_context(['command', *arguments]):
+            ros = Ros(domain, get_default_context())
+            try:
+                node = make_node()
+                ros.executor.add_node(node)
+                try:
+                    yield node, ros
+                finally:
+                    ros.executor.remove_node(node)
+                    node.destroy_node()
+            finally:
+                ros.close()
+
+
+def eventually(condition: Callable[[], object]) -> None:
+    """Wait until a condition holds, without spinning anything."""
+    deadline = time.monotonic() + TIMEOUT
+    while not condition():
+        assert time.monotonic() < deadline, 'the condition did not become true in time'
+        time.sleep(0.002)
+
+
+def run_in_thread(work: Callable[[], _Result]) -> _Result:
+    """Call a function in a thread, wait until it returns, and return its result."""
+    results: list[_Result] = []
+    thread = threading.Thread(target=lambda: results.append(work()), daemon=True)
+    thread.start()
+    thread.join(2 * TIMEOUT)
+    assert results, 'the function did not return in time, or has failed'
+    return results[0]
+
+
+def stamped(parent: str, child: str, stamp: int = 0, x: float = 0.0) -> TransformStamped:
+    """Return a message with a transform that does not rotate; the stamp in ns, x in m."""
+    message = TransformStamped()
+    message.header.frame_id, message.child_frame_id = parent, child
+    message.header.stamp = Time(nanoseconds=stamp).to_msg()
+    message.transform.translation.x = x
+    return message
+
+
+@pytest.fixture
+def ros(domain_id: int) -> Iterator[Ros]:
+    """A node in the ROS domain of the test."""
+    node = Ros(domain_id)
+    yield node
+    text = node.foreign_publishers_text()
+    node.close()
+    assert not text, text
+
+
+@pytest.fixture
+def kill(ros: 'Ros') -> Iterator[Callable[[Process], object]]:
+    """
+    Kill a process by `kill(process)`; after the test, wait until Fast DDS has recovered.
+
+    The process leaves half a megabyte in shared memory, and it may have held the lock of a port
+    there, through which it was sending. The owner of the port gives up this lock after a second. A
+    participant that is destroyed before that, such as that of the test itself, crashes in Fast DDS
+    (2.14.5, in SharedMemChannelResource::release).
+    """
+    yield lambda process: process.end(signal.SIGKILL)
+    time.sleep(_RECOVERY)
+
+
+@pytest.fixture(autouse=True)
+def closed_context() -> Iterator[None]:
+    """Fail a test that leaves rclpy's default context open: the next command could not open it."""
+    yield
+    is_open = ok()
+    try_shutdown()
+    assert not is_open, "rclpy's default context was left open"

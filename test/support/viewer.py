@@ -1,0 +1,128 @@
+"""A viewer of the page of web_view, without a browser: it sends and receives messages."""
+
+from collections.abc import Callable
+from contextlib import suppress
+import re
+import time
+from typing import Any
+
+import numpy as np
+from processes import TIMEOUT
+import pytest
+
+viser = pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
+msgspec, zstandard = map(pytest.importorskip, ('msgspec', 'zstandard'))
+connect = pytest.importorskip('websockets.sync.client').connect
+
+#: The message that makes viser call the program: "a client is there".
+CAMERA = {'type': 'ViewerCameraMessage', 'wxyz': [1.0, 0.0, 0.0, 0.0], 'position': [1, 2, 3],
+          'fov': 0.8, 'near': 0.01, 'far': 1000, 'image_height': 600, 'image_width': 800,
+          'look_at': [0, 0.0, 0], 'up_direction': [0.0, 0.0, 1.0]}
+CLICK = {'type': 'SceneNodeClickMessage', 'name': '/frames', 'instance_index': 1,
+         'ray_origin': [0.0, 0.0, 1.0], 'ray_direction': [0, 0, 1], 'screen_pos': [0.5, 0.5],
+         'modifier': None, 'owner': ''}
+
+
+def update(uuid: str, /, **updates: object) -> dict[str, object]:
+    """Return the message by which a control changes."""
+    return {'type': 'GuiUpdateMessage', 'uuid': uuid, 'updates': updates}
+
+
+class Viewer:
+    """A client of the page, and what it has been told of the page."""
+
+    def __init__(self, port: int) -> None:
+        """Connect as the page does."""
+        self._connection = connect(
+            f'ws://127.0.0.1:{port}', subprotocols=[f'viser-v{viser.__version__}'],
+            max_size=None, compression=None, close_timeout=1.0)
+        #: The properties of each control and text by its uuid, and of each node by its name.
+        self.gui: dict[str, dict[str, Any]] = {}
+        self.nodes: dict[str, dict[str, Any]] = {}
+        #: By type: the last message of those that are neither of the panel nor of the scene.
+        self.last: dict[str, dict[str, Any]] = {}
+
+    def send(self, message: object) -> None:
+        """Send bytes, a text or a message."""
+        self._connection.send(
+            message if isinstance(message, (bytes, str)) else msgspec.msgpack.encode(message))
+
+    def receive(self, timeout: float) -> None:
+        """Receive the next messages; `TimeoutError`: there are none."""
+        window = self._connection.recv(timeout)
+        begin = 16 + int.from_bytes(window[8:16], 'little')
+        content = msgspec.msgpack.decode(
+            zstandard.ZstdDecompressor().decompress(window[16:begin]))
+        arrays = []
+        for length in content['binaryBufferLengths']:
+            begin = -(-begin // 8) * 8
+            arrays.append(window[begin:begin + length])
+            begin += length
+
+        def filled(value: Any) -> Any:
+            if isinstance(value, dict) and '__binary_index' in value:
+                return np.frombuffer(arrays[value['__binary_index']], value['dtype'])
+            return value
+
+        for message in content['messages']:
+            place = (self.gui.setdefault(message['uuid'], {}) if 'uuid' in message else
+                     self.nodes.setdefault(message['name'], {}) if 'name' in message else
+                     self.last.setdefault(message['type'], {}))
+            for part in message, message.get('props', {}), message.get('updates', {}):
+                place.update((key, filled(value)) for key, value in part.items())
+
+    def until(self, condition: Callable[[], object],
+              update: Callable[[], object] = lambda: None) -> None:
+        """
+        Receive messages until a condition holds.
+
+        :param update: what is called before each check, such as `View.update`.
+        """
+        deadline = time.monotonic() + TIMEOUT
+        while not condition():
+            assert time.monotonic() < deadline, f'waited in vain: {self.gui}'
+            update()
+            with suppress(TimeoutError):
+                self.receive(0.02)
+
+    def uuid(self, label: str) -> str:
+        """Return the uuid of a control."""
+        return next(uuid for uuid, props in self.gui.items() if props.get('label') == label)
+
+    def value(self, label: str) -> Any:
+        """Return the value of a control."""
+        return self.gui[self.uuid(label)]['value']
+
+    def set(self, label: str, value: object) -> None:
+        """Change the value of a control."""
+        self.gui[self.uuid(label)]['value'] = value
+        self.send(update(self.uuid(label), value=value))
+
+    def text(self, key: str) -> str:
+        """Return the text 'overview' or 'details'; '' if it is not there yet."""
+        return next((props['content'] for props in self.gui.values()
+                     if f'data-text="{key}"' in props.get('content', '')), '')
+
+    def detail(self, key: str) -> str:
+        """Return a value in the table of the selected frame; '' if there is none."""
+        found = re.search(f'data-value="{key}">([^<]*)<', self.text('details'))
+        return found[1] if found else ''
+
+    def names(self) -> dict[str, list[float]]:
+        """Return the names that are shown, and their positions (m)."""
+        return {node['text']: [*node.get('position', (0.0, 0.0, 0.0))]  # viser's default
+                for name, node in self.nodes.items()
+                if name.startswith('/names/') and node.get('visible')}
+
+    def rods(self, key: str) -> Any:
+        """
+        Return a property of the rods of the frames: (4, n, …), see `dummy_arm.view.rods`.
+
+        :param key: 'positions', 'wxyzs', 'scales' or 'colors'.
+        """
+        width = 4 if key == 'wxyzs' else 3
+        return self.nodes['/frames'][f'batched_{key}'].reshape(4, -1, width)
+
+    def close(self) -> None:
+        """Disconnect."""
+        self._connection.close()

@@ -1,0 +1,234 @@
+"""Which arms meet the requirements, by messages of right and wrong arms."""
+
+from functools import cache
+import re
+
+from arms import Arm, changed, RIGHT, S, WRONG
+from hypothesis import assume, given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from dummy_arm import arm as own_arm
+from dummy_arm.inspection.arm_check import (
+    ADVICE,
+    check,
+    EDGES,
+    fit_sine,
+    FRAMES,
+    JOINTS,
+    Line,
+    Message,
+    NOT_JUDGED,
+    NOT_OK,
+    OK,
+)
+
+
+def received(arm, seconds=25.0):
+    """Return the messages of an arm as they are received, in the time of the arm."""
+    return [Message(time, topic == '/tf_static', 'one', rows)
+            for topic, time, rows in arm.messages(seconds)]
+
+
+def failures(report):
+    """Return the lines that are not ok."""
+    return [line for line in report.lines if line.verdict == NOT_OK]
+
+
+def line_of(report, beginning):
+    """Return the first line of a report whose requirement begins with a text."""
+    return next(line for line in [*report.lines, *report.advice]
+                if line.requirement.startswith(beginning))
+
+
+@cache
+def report_of_the_model():
+    """Return the report of a right arm."""
+    return check(received(Arm()))
+
+
+@pytest.mark.parametrize('name', RIGHT)
+def test_a_right_arm_passes(name):
+    """Only a late listener cannot be judged."""
+    report = check(received(RIGHT[name]))
+    assert [line for line in report.lines if line.verdict != OK] == [
+        Line('base_link reaches a late listener', '', NOT_JUDGED, 'A bag does not show this.')]
+    assert report.passed
+    assert report.first_failure is None
+
+
+@pytest.mark.parametrize('name', WRONG)
+def test_a_wrong_arm_fails_where_it_is_wrong(name):
+    """The first failure is the broken requirement; what cannot be judged has a reason."""
+    arm, requirement, cause = WRONG[name]
+    report = check(received(arm))
+    assert not report.passed
+    first = failures(report)[0]
+    assert first == report.first_failure
+    assert first.requirement.startswith(requirement)
+    assert cause in first.text
+    for line in report.lines:
+        assert line.verdict in (OK, NOT_OK, NOT_JUDGED)
+        assert bool(line.text) == (line.verdict != OK)
+        assert re.fullmatch(r'|[^\n]+[.?)]', line.text)
+    # What is broken once does not fail again elsewhere, unless it is wrong at several joints.
+    kinds = {re.sub(r'joint_\d|[\d.]+', '', line.requirement) for line in failures(report)}
+    assert len(kinds) == 1
+
+
+def test_what_cannot_be_judged_says_why():
+    """After a misspelt frame, the lines of this frame and of its child are not judged."""
+    report = check(received(WRONG['misspelt'][0]))
+    not_judged = {line.requirement: line.text for line in report.lines
+                  if line.verdict == NOT_JUDGED}
+    assert not_judged.pop('base_link reaches a late listener')
+    assert not_judged.pop('the joints have three different speeds') == (
+        'The speed of joint_1 cannot be measured.')
+    assert {text for requirement, text in not_judged.items() if 'joint_1' in requirement.split()[0]
+            } == {'There is no joint_1.'}
+    assert {text for requirement, text in not_judged.items() if 'joint_2' in requirement.split()[0]
+            } == {'The parent of joint_2 is not joint_1.'}
+    assert line_of(report, 'joint_3 moves as a sine').verdict == OK
+
+
+def test_the_requirements_are_those_of_the_arm():
+    """The sheet in arm_check and the arm of this package, which is written apart, agree."""
+    arm = own_arm.Arm()
+    assert ('map', *arm.frames) == FRAMES
+    assert [joint.speed for joint in JOINTS] == [joint.speed for joint in arm.joints]
+    assert [joint.limit for joint in JOINTS] == [joint.limit for joint in arm.joints]
+    assert [edge.position for edge in EDGES[1:]] == [
+        tuple(pose[:3]) for pose in arm.poses([0.0, 0.0, 0.0]).tolist()]
+
+
+def test_the_sine_is_found():
+    """Noise, uneven times and few periods do not matter."""
+    random = np.random.default_rng(7)
+    for speed in (0.05, 0.3, 0.7, 3.0, 15.0):
+        for periods in (1.0, 1.2, 7.7):
+            times = np.sort(random.uniform(0.0, periods * 2 * np.pi / speed, 400))
+            angles = 0.1 + 0.5 * np.sin(speed * (times - times[0]) + 2.0)
+            sine = fit_sine(times, angles)
+            assert (sine.speed, sine.amplitude, sine.phase) == pytest.approx((speed, 0.5, 2.0))
+            assert sine.residual < 1e-6
+            noisy = fit_sine(times, angles + random.normal(0.0, 0.005, 400))
+            assert noisy.speed == pytest.approx(speed, rel=0.02)
+            assert noisy.residual == pytest.approx(0.01, rel=0.2)
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 1e5), st.floats(-4.0, 4.0)), min_size=20))
+def test_any_angles_can_be_fitted(samples):
+    """The fit of odd motions is poor, but it is not an error."""
+    times, angles = np.array(sorted(samples)).T
+    assume(np.ptp(times) >= 1.0)
+    assume(np.ptp(angles) > 0.01)
+    assert np.isfinite(fit_sine(times, angles)).all()
+
+
+@pytest.mark.parametrize(('residual', 'verdict'), [(0.019, OK), (0.021, NOT_OK)])
+def test_the_limit_of_the_residual(residual, verdict):
+    """A second harmonic of 2 % of the amplitude (as root mean square) is the limit."""
+    share = residual * 2 ** 0.5
+    arm = changed(angle=lambda self, joint, t: 0.4 * (
+        np.sin(self.speeds[joint - 1] * t) + share * np.sin(2 * self.speeds[joint - 1] * t)))
+    # Seven periods of joint_1 are not whole periods of the others, so only joint_1 is judged.
+    report = check(received(arm, 7 * 2 * np.pi / 0.3))
+    assert line_of(report, 'joint_1 moves as a sine').verdict == verdict
+
+
+def test_too_short_an_observation_does_not_pass():
+    """If less than a period is seen, the sine is not judged, and the arm does not pass."""
+    report = check(received(Arm(), 15.0), True)
+    assert not report.passed
+    assert not failures(report)
+    assert report.first_failure == line_of(report, 'joint_1 moves as a sine')
+    assert 'longer (--time)' in line_of(report, 'joint_1 moves as a sine').text
+    assert line_of(report, 'joint_2 moves as a sine').verdict == OK
+
+
+@pytest.mark.parametrize('seconds', [2.5, 10.0])
+def test_a_short_observation_is_no_slow_arm(seconds):
+    """Nothing fails because the observation is short."""
+    assert failures(check(received(Arm(), seconds), True)) == []
+
+
+def test_a_long_observation():
+    """The speeds are found in an hour of messages, too."""
+    speeds = RIGHT['second reading of the speeds'].speeds
+    assert check(received(changed(speeds=speeds, hertz=5), 3600.0), True).passed
+
+
+def test_an_arm_that_stops():
+    """It fails if it is sent no more when the observation ends, or when other frames go on."""
+    messages = received(Arm())
+    end = messages[-1].time
+    assert check(messages, True, end + 2 * S).passed  # also a late listener is judged
+    report = check(messages, True, end + 4 * S)
+    assert report.first_failure == line_of(report, 'joint_1 moves')
+    assert 'has not been sent for the last 4.0 s' in line_of(report, 'joint_1 moves').text
+    report = check([message._replace(rows=[
+        row for row in message.rows if row.child_frame_id != 'joint_2'
+        or message.time < end - 10 * S]) for message in messages], True)
+    assert report.first_failure == line_of(report, 'joint_2 moves')
+
+
+def test_old_stamps_and_static_transforms_without_times():
+    """Joints on both topics, without times and with old stamps, are judged without an error."""
+    messages = received(changed(stamp=lambda self, edge, now: now - 10 * S))
+    static = Message(0, True, 'one', messages[1].rows)
+    report = check([static, *messages], True)
+    assert not report.passed
+
+
+def test_a_late_listener():
+    """It is a requirement where it can be judged."""
+    report = check(received(Arm()), False)
+    assert not report.passed
+    assert [line.requirement for line in failures(report)] == ['base_link reaches a late listener']
+
+
+def test_two_publishers_of_one_frame():
+    """Frames that two programs publish at once fail; a program that was restarted does not."""
+    messages = received(Arm())
+    both = [message._replace(publisher=publisher) for message in messages
+            for publisher in ('one', 'two')]
+    (failure,) = failures(check(both))
+    assert failure.requirement == 'the tree'
+    assert 'Two publishers send joint_1' in failure.text
+    half = len(messages) // 2
+    assert check([*messages[:half], *(
+        message._replace(publisher='two') for message in [messages[0], *messages[half:]])]).passed
+
+
+@pytest.mark.parametrize(('arm', 'practice', 'text'), [
+    (changed(hertz=8), 'at least 10', 'joint_1 is sent 8.0 times'),
+    (RIGHT['a message for each frame'], 'all frames have the same stamp', 'once in each tick'),
+    (changed(limits=(45.0, 14.0, 60.0)), 'the joints use', 'joint_2 uses only 47 %'),
+    (RIGHT['another node'], 'no other frames', 'Other frames: other.'),
+    (changed(speeds=(1.5, 2.5, 3.5)), 'speeds of about', 'time in seconds')])
+def test_good_practice(arm, practice, text):
+    """It is advised, and has no influence on the result; a good arm follows it."""
+    report = check(received(arm))
+    assert report.passed
+    assert [line.requirement for line in report.advice if line.verdict == ADVICE] == [
+        line_of(report, practice).requirement]
+    assert text in line_of(report, practice).text
+    assert line_of(report_of_the_model(), practice).verdict == OK
+
+
+def test_names_of_others_cannot_harm_the_terminal():
+    """Escape sequences in the names of frames are escaped."""
+    arm = changed(names=(*Arm.names[:5], 'end_effector\x1b[2J'))
+    report = check(received(arm))
+    texts = [text for line in [*report.lines, *report.advice] for text in line]
+    assert all(text.isprintable() for text in texts)
+    assert 'end_effector\\x1b[2J' in ' '.join(texts)
+
+
+def test_the_measured_values():
+    """They are those of the arm, and stand in the line."""
+    assert line_of(report_of_the_model(), 'at least 10').measured == '20.0 Hz'
+    line = line_of(check(received(WRONG['full angle'][0])), 'joint_1 stays')
+    assert line.measured == '-90.0° to 90.0°'
+    assert line.text.startswith('The limit is exceeded by 45.0°: the angle is twice as large')

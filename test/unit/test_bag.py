@@ -1,0 +1,1012 @@
+"""TF read from bags: of every kind, with the oddities of real ones, damaged, and within limits."""
+
+from contextlib import closing
+from io import StringIO
+from itertools import count, cycle, islice
+import os
+from pathlib import Path
+import random
+import re
+import shutil
+import signal
+import sqlite3
+import struct
+import sys
+import tracemalloc
+from types import SimpleNamespace
+
+from environment import on_unix
+from hypothesis import given
+from hypothesis import strategies as st
+import pytest
+
+from dummy_arm.cli.bag_options import read_bag
+from dummy_arm.cli.signals import record_signals
+from dummy_arm.tf import bag, BufferCore, Transform
+from dummy_arm.tf.bag import BagError, read
+
+bags = pytest.importorskip('bags')
+S = bags.S
+MIB = 2**20
+KINDS = bags.ROS2 + bags.ROS1
+PLAIN = 'db3', 'mcap', 'bag'
+POINT = 'geometry_msgs/msg/PointStamped'
+
+
+def messages(logs):
+    """Return all that was logged, as one text."""
+    return '\n'.join(record.getMessage() for record in logs)
+
+
+def outcome(path, **kwargs):
+    """Read a bag; return the names of its frames, or the error."""
+    try:
+        return [frame.name for frame in read(path, **kwargs).frames()]
+    except BagError as error:
+        return str(error)
+
+
+def texts(kind, count, size=5):
+    """Return messages that are not TF, each with a text of some bytes."""
+    text = size.to_bytes(4, 'little') + bytes(size)
+    return [('/text', 200 * S, text if kind == 'bag' else b'\0\1\0\0' + text,
+             'std_msgs/msg/String')] * count
+
+
+# What is read
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_every_kind_gives_the_same(tmp_path, logs, kind):
+    """Frames, poses and messages are those that were written; only ROS 1 records publishers."""
+    path = bags.make(tmp_path, kind, bags.walk())
+    publisher = '/sender' if kind.startswith('bag') else 'not recorded'
+    for partial in False, True:
+        buffer = read(path, partial=partial)
+        assert [tuple(frame) for frame in buffer.frames()] == [
+            ('odom', 'map', publisher, True, 1, 0, 0),
+            ('base_link', 'odom', publisher, False, 101, 110 * S, 100 * S)]
+        assert buffer.lookup_transform('map', 'base_link', 105 * S + S // 20).translation == (
+            pytest.approx((6.05, 2.0, 3.0)))
+        assert [(message.is_static, message.time, message.rows(), message.publisher)
+                for message in bag.messages(path, partial=partial)] == [
+            (topic == '/tf_static', time, rows, publisher) for topic, time, rows in bags.walk()]
+    assert not logs
+
+
+@pytest.mark.parametrize('kind', PLAIN)
+def test_messages_of_odd_bags(tmp_path, kind):
+    """What `read` refuses, `messages` refuses, too; a damaged message is left to the caller."""
+    path = bags.make(tmp_path, kind, [('/robot/tf', S, [bags.row(S, 'map', 'odom')])])
+    assert len([*bag.messages(path, namespace='robot')]) == 1
+    with pytest.raises(BagError, match='in the namespace /robot'):
+        next(bag.messages(path))
+    with pytest.raises(ValueError, match='max_bytes'):
+        next(bag.messages(path, max_bytes=0))
+    with pytest.raises(FileNotFoundError):
+        next(bag.messages(tmp_path / 'missing'))
+    with pytest.raises(ZeroDivisionError):
+        next(bag.messages(path, namespace='robot', on_progress=lambda done: 1 / 0))
+    nonsense = tmp_path / 'nonsense'
+    (message,) = bag.messages(bags.make(nonsense, kind, [('/tf', S, b'nonsense')]))
+    with pytest.raises(ValueError, match=r'they announce|unknown encoding'):
+        message.rows()
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_headers_of_other_topics(tmp_path, logs, kind):
+    """The frames of the first ten messages are read, of topics whose type begins with a header."""
+    version = 1 if kind.startswith('bag') else 2
+    path = bags.make(tmp_path, kind, [
+        *bags.walk(), *(('/point', 200 * S + i, bags.point(f'frame_{i}', S, version), POINT)
+                        for i in range(12)),
+        ('/tf_old', 300 * S, [bags.row(S, 'map', 'odom')])])
+    for partial in False, True:
+        topics: list[bag.TopicHeaders] = []
+        assert len([*bag.messages(path, partial=partial, on_headers=topics.extend)]) == 102
+        assert topics == [
+            bag.TopicHeaders('/point', POINT, frozenset(f'frame_{i}' for i in range(10))),
+            bag.TopicHeaders('/tf_old', bags.TF, frozenset())]
+    assert not logs
+
+
+@pytest.mark.parametrize(('definition', 'frames'), [
+    ('std_msgs/Header header\nfloat64 x', {'laser'}),
+    ('# a comment\n\nuint8 A=1\nstd_msgs/msg/Header header # first', {'laser'}),
+    ('float64 x\nstd_msgs/Header header', None),
+    ('uint8 A=1\n' + '=' * 80 + '\nMSG: std_msgs/Header\nstd_msgs/Header x', None),
+    ('module my { struct Thing { @verbatim (text="x")\n std_msgs::msg::Header header; }; };',
+     {'laser'}),
+    ('module my { struct Thing { double x; std_msgs::msg::Header header; }; };', None),
+    ('module my {\n  struct Thing\n  {\n    @verbatim (language="comment", text=\n      "one)"'
+     '"two")\n    @unit (value="m") std_msgs::msg::Header header;\n  };\n};', {'laser'}),
+    ('module my { struct Thing { ' + '@a ' * 10_000 + 'x y; }; };', None),
+    ('module my { union Thing switch (long) {}; };', frozenset()),  # not understood
+    ('string<=10 name\nstd_msgs/Header header', None),
+    ('uint8[<=3] A\nuint8 B = 1\nstd_msgs/Header header', None),
+    ('', frozenset()),  # an unknown type
+])
+def test_definitions_of_types(tmp_path, definition, frames):
+    """Whether messages begin with a header is read from the definition in the bag."""
+    path = bags.mcap(
+        tmp_path / 'own.mcap', bags.mcap_channel(),
+        bags.mcap_channel('/thing', 2, 'my/msg/Thing', definition=definition),
+        bags.mcap_message([bags.row(S, 'map', 'odom')]),
+        bags.mcap_message(bags.point('laser'), number=2),
+        bags.mcap_message(b'\0\1\0\0\1', number=2))  # a damaged one
+    topics: list[bag.TopicHeaders] = []
+    assert len([*bag.messages(path, on_headers=topics.extend)]) == 1
+    assert [topic.frames for topic in topics] == (
+        [] if frames is None else [frozenset(frames)] if frames else [None])
+
+
+def test_types_of_rosbags(tmp_path):
+    """Where a bag has no definitions, those of rosbags are used; a damaged table is none."""
+    path = bags.make(tmp_path, 'db3', [*bags.walk(), ('/point', 300 * S, bags.point('laser'),
+                                                      POINT)])
+    for statement in ('DROP TABLE IF EXISTS message_definitions',
+                      'CREATE TABLE message_definitions (wrong TEXT)'):
+        change(bags.file_of(path), statement)
+        topics: list[bag.TopicHeaders] = []
+        assert len([*bag.messages(path, on_headers=topics.extend)]) == 102
+        assert [topic.frames for topic in topics] == [frozenset(['laser'])]
+        assert len(read(path).frames()) == 2
+
+
+def change(database, *statements):
+    """Change a database by SQL."""
+    with closing(sqlite3.connect(database)) as connection:
+        for statement in statements:
+            connection.execute(statement)
+        connection.commit()
+
+
+def test_chunks_without_wanted_messages_are_not_read(tmp_path, logs):
+    """The index tells which these are, so only partial=True notices damage in them."""
+    path = bags.make(tmp_path, 'mcap storage', [
+        *bags.walk(1), *(('/point', i * S, bags.point('x' * 500_000), POINT)
+                         for i in range(200, 220)), *bags.walk(1, begin=300 * S)])
+    file = bags.file_of(path)
+    data = bytearray(file.read_bytes())
+    magic = [found.start() for found in re.finditer(rb'\x28\xb5\x2f\xfd', data)]
+    assert len(magic) > 5
+    data[magic[-2]:magic[-2] + 4] = bytes(4)
+    file.write_bytes(data)
+    assert read(path).frames()[1].length == 22
+    topics: list[bag.TopicHeaders] = []
+    assert len([*bag.messages(path, on_headers=topics.extend)]) == 24
+    assert topics[0].frames == frozenset(['x' * 500_000])
+    assert not logs
+    assert read(path, partial=True).frames()[1].length == 22
+    assert f'{file}: ' in logs[0].getMessage()
+
+
+def test_a_time_that_is_no_number(tmp_path):
+    """A message of a database or of ROS 1 whose time is missing or a text has the time 0."""
+    file = bags.file_of(bags.make(tmp_path, 'db3', bags.walk(1, 1)))
+    change(file, "UPDATE messages SET timestamp = 'today'")
+    assert [message.time for message in bag.messages(file)] == [0, 0, 0]
+    ros1 = bags.make(tmp_path, 'bag', bags.walk(1, 1))
+    ros1.write_bytes(ros1.read_bytes().replace(b'time=', b'tame='))
+    assert [message.time for message in bag.messages(ros1)] == [0, 0, 0]
+
+
+@pytest.mark.parametrize('kind', ['db3', 'mcap', 'db3 message', 'mcap storage'])
+def test_a_file_of_a_bag(tmp_path, kind):
+    """One file of a bag can be read alone, without metadata.yaml and under any name."""
+    file = bags.file_of(bags.make(tmp_path, kind, bags.walk()))
+    assert len(read(file).frames()) == 2
+    assert len(read(file.rename(tmp_path / 'no_suffix')).frames()) == 2
+
+
+@pytest.mark.parametrize('kind', PLAIN)
+def test_what_real_bags_do(tmp_path, kind):
+    """Static transforms may come late and in several messages, stamps out of order or twice."""
+    def moving(*tenths):
+        return [('/tf', 100 * S + i, [bags.row(
+            tenth * S // 10, 'odom', 'base', (tenth, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))])
+            for i, tenth in enumerate(tenths)]
+
+    def static(time, child, x):
+        return '/tf_static', time, [bags.row(0, 'map', child, (x, *bags.STILL[1:]))]
+
+    buffer = read(bags.make(tmp_path, kind, [
+        static(100 * S, 'odom', 1.0), *moving(1000, 1020, 1010, 1010, 1001, 1030, 5000),
+        static(101 * S, 'lidar', 2.0), static(102 * S, 'odom', 3.0),
+        ('/other', 103 * S, [bags.row(0, 'map', 'not TF')])]))
+    assert [(frame.name, frame.is_static, frame.length) for frame in buffer.frames()] == [
+        ('odom', True, 1), ('base', False, 6), ('lidar', True, 1)]
+    assert buffer.lookup_transform('map', 'lidar', 7).translation[0] == 2.0
+    for tenth in 1000, 1001, 1015, 1030, 4000, 5000:
+        assert buffer.lookup_transform('map', 'base', tenth * S // 10).translation[0] == (
+            pytest.approx(3.0 + tenth))
+
+
+def test_publishers_of_ros1(tmp_path):
+    """Each frame names its own publisher; static transforms keep the order of the bag."""
+    def message(number, publisher, child, static=False, x=0.0):
+        return ('/tf_static' if static else 'tf', 100 * S + number, [
+            bags.row(100 * S + number, 'map', child, (x, *bags.STILL[1:]))], bags.TF, publisher)
+
+    content = [message(i, f'/node_{i % 3}', f'frame_{i % 3}') for i in range(300)]
+    content += [message(300 + i, f'/node_{i % 2}', 'fixed', True, i) for i in range(5)]
+    content += [('/tf', 100 * S + 400, bags.ros1([bags.row(100 * S, 'map', 'old')]),
+                 'tf/msg/tfMessage', '/old_node')]
+    buffer = read(bags.make(tmp_path, 'bag', content))
+    assert [(frame.name, frame.authority, frame.length) for frame in buffer.frames()] == [
+        *((f'frame_{i}', f'/node_{i}', 100) for i in range(3)),
+        ('fixed', '/node_0', 1), ('old', '/old_node', 1)]
+    assert buffer.lookup_transform('map', 'fixed').translation[0] == 4.0
+
+
+def test_two_publishers_of_one_frame_and_a_short_cache(tmp_path, logs):
+    """Messages that are in order in the bag are not discarded as too old."""
+    read(bags.make(tmp_path, 'bag', [
+        ('/tf', 100 * S + i * S // 10, [bags.row(100 * S + i * S // 10, 'map', 'odom')], bags.TF,
+         f'/node_{i % 2}') for i in range(400)]), cache_time=5 * S)
+    assert not logs
+
+
+def test_the_cache_is_as_long_as_the_bag_by_default(tmp_path):
+    """All samples are kept, however far apart their stamps are, unless cache_time limits them."""
+    path = bags.make(tmp_path, 'mcap', [
+        *bags.walk(5, begin=1000 * S), *bags.walk(5, begin=2_000_000_000 * S)])
+    assert read(path).frames()[1].length == 102
+    for kept in 2 * S, 5 * S:
+        frame = read(path, cache_time=kept).frames()[1]
+        # Expired samples are dropped before each insertion, so one more may be left.
+        assert kept <= frame.latest - frame.oldest <= kept + S // 10
+
+
+def test_a_bag_has_no_limit_of_samples_unless_asked(tmp_path, logs):
+    """By default neither a buffer nor a frame has one, whatever the cache time is."""
+    path = bags.make(tmp_path, 'mcap', [
+        ('/tf', S + i, [bags.row(S + i, 'map', child)]) for i in range(700) for child in 'ab'])
+    assert [frame.length for frame in read(path, cache_time=S // 100).frames()] == [700, 700]
+    assert not logs
+    assert sum(frame.length for frame in read(path, max_samples=100).frames()) <= 101
+    assert 'TF_FULL_BUFFER' in messages(logs)
+    logs.clear()
+    assert [frame.length for frame in read(
+        path, cache_time=S // 20, max_samples=10_000).frames()] == [500, 500]
+    assert 'TF_TOO_MANY_SAMPLES' in messages(logs)
+
+
+def of_rosbags(path):
+    """Read a bag by rosbags' reader, and insert its transforms one by one in that order."""
+    from rosbags.highlevel import AnyReader
+    buffer = BufferCore(2**62)
+    with AnyReader([path]) as reader:
+        for connection, _, data in reader.messages(
+                [each for each in reader.connections if each.msgtype == bags.TF]):
+            for each in reader.deserialize(data, connection.msgtype).transforms:
+                stamp, p = each.header.stamp, each.transform.translation
+                transform = Transform(
+                    stamp.sec * S + stamp.nanosec, each.header.frame_id, each.child_frame_id,
+                    (p.x, p.y, p.z), (0.0, 0.0, 0.0, 1.0))
+                if connection.topic == '/tf':
+                    buffer.set_transform(transform, 'not recorded')
+                else:
+                    buffer.set_transform_static(transform, 'not recorded')
+    return buffer
+
+
+@pytest.mark.parametrize('kind', ['db3', 'mcap', 'mcap storage'])
+def test_times_in_no_order(tmp_path, kind):
+    """Messages are inserted by time, as rosbags does: the last static transform wins."""
+    choice = random.Random(7)
+    content = []
+    for number in range(60):
+        stamp = choice.randrange(100 * S, 200 * S)
+        content += [
+            ('/tf', stamp, [bags.row(stamp, 'map', f'moving_{number % 10}', (
+                number, *bags.STILL[1:]))]),
+            ('/tf_static', choice.randrange(100 * S, 200 * S), [
+                bags.row(0, 'map', f'still_{number % 3}', (number, *bags.STILL[1:]))]),
+            *texts(kind, 1, 300_000)]  # so that there are several chunks
+    path = bags.make(tmp_path, kind, content)
+    ours, theirs = read(path), of_rosbags(path)
+    assert {*ours.frames()} == {*theirs.frames()}
+    for frame in ours.frames():
+        for stamp in (frame.oldest, frame.latest):
+            assert ours.lookup_transform('map', frame.name, stamp) == (
+                theirs.lookup_transform('map', frame.name, stamp))
+
+
+def test_times_in_no_order_in_a_chunk_without_an_index(tmp_path):
+    """The messages of one chunk are inserted by time."""
+    still = [bags.mcap_message([bags.row(0, 'map', 'still', (time, *bags.STILL[1:]))], time)
+             for time in (3, 5, 4)]
+    path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_chunk(
+        bags.mcap_channel('/tf_static') + b''.join(still)))
+    for partial in False, True:
+        assert read(path, partial=partial).lookup_transform('map', 'still').translation[0] == 5.0
+
+
+def test_what_tf2_refuses_is_refused(tmp_path, logs):
+    """The warning has the words of tf2's log and names the publisher."""
+    read(bags.make(tmp_path, 'bag', [*bags.walk(1), (
+        '/tf', 102 * S, [bags.row(102 * S, 'odom', 'odom')], bags.TF, '/culprit')]))
+    assert 'TF_SELF_TRANSFORM: Ignoring transform from authority "/culprit"' in messages(logs)
+
+
+# Paths, files and metadata
+
+
+def test_paths_may_be_text(tmp_path):
+    """A path is a str or a pathlib.Path."""
+    path = bags.make(tmp_path, 'bag', bags.walk())
+    assert read(str(path)).frames() == read(Path(path)).frames()
+
+
+@pytest.mark.parametrize('name', [
+    'odd#name', 'pct%20name', pytest.param('what?', marks=on_unix),
+    pytest.param('ctrl\nname', marks=on_unix)])
+def test_odd_paths(tmp_path, name):
+    """The characters of a path are taken literally, also those that are special in a URI."""
+    for kind in PLAIN:
+        path = bags.make(tmp_path / 'plain', kind, bags.walk(1)).rename(
+            tmp_path / f'{name}.{kind}')
+        assert len(read(path).frames()) == 2
+        assert len(read(path, partial=True).frames()) == 2
+
+
+@pytest.mark.parametrize('kind', PLAIN)
+def test_a_namespace(tmp_path, kind):
+    """A namespace is accepted with or without slashes; without it, the error names it."""
+    path = bags.make(tmp_path, kind, [
+        (f'/robot/left{topic}', *rest) for topic, *rest in bags.walk(1)])
+    for namespace in 'robot/left', '/robot/left', '/robot/left/':
+        assert len(read(path, namespace=namespace).frames()) == 2
+    for partial in False, True:
+        with pytest.raises(BagError, match=re.escape(
+                f'{path} has no TF: no TFMessage on /tf or /tf_static, but in the namespace '
+                '/robot/left: pass it as namespace (--namespace)')):
+            read(path, partial=partial)
+        with pytest.raises(BagError, match='no TFMessage on /left/tf or /left/tf_static, but in'):
+            read(path, namespace='left', partial=partial)
+    with pytest.raises(BagError, match='but on topics without a namespace: omit the namespace'):
+        read(bags.make(tmp_path / 'plain', kind, bags.walk(1)), namespace='left')
+
+
+@pytest.mark.parametrize('kind', PLAIN)
+def test_a_bag_without_tf(tmp_path, kind):
+    """The error lists the topics that the bag has instead, at most ten of them."""
+    path = bags.make(tmp_path, kind, [
+        (f'/topic_{i:02}', *rest) for i, (_, *rest) in enumerate(texts(kind, 12))])
+    empty = bags.make(tmp_path / 'empty', kind, [])
+    for partial in False, True:
+        with pytest.raises(BagError, match=(
+                r'has no TF: no tf2_msgs/msg/TFMessage on /tf or /tf_static; its topics: '
+                r'/topic_00 \(std_msgs/msg/String\), .*/topic_09 \(std_msgs/msg/String\) and 2 '
+                'more$')):
+            read(path, partial=partial)
+        with pytest.raises(BagError, match=r'empty has no TF: .* its topics: none$'):
+            read(empty, partial=partial)
+
+
+def test_another_type_or_encoding_on_tf(tmp_path):
+    """A topic /tf of another type or encoding is not TF, and the error names it."""
+    path = bags.make(tmp_path, 'mcap', [('/tf', S, b'\0\1\0\0\0', 'std_msgs/msg/Bool')])
+    with pytest.raises(BagError, match=r'its topics: /tf \(std_msgs/msg/Bool\)'):
+        read(path)
+    path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(encoding='json'))
+    with pytest.raises(BagError, match=re.escape(f'its topics: /tf ({bags.TF} in json)')):
+        read(path)
+
+
+def test_control_characters_of_a_bag(tmp_path):
+    """Control characters are escaped in errors, and long names are shortened."""
+    path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(
+        '/\x1b[2J', msgtype='\x07' + 'x' * 200))
+    error = outcome(path)
+    assert error.isprintable()
+    assert '\\x1b[2J' in error
+    assert '(201 characters)' in error
+
+
+@pytest.mark.parametrize('partial', [False, True])
+def test_what_is_no_bag(tmp_path, partial):
+    """The error is one line that names the path; a missing file is a FileNotFoundError."""
+    for name, content, why in (
+            ('notes.mcap', b'Dear diary', 'is not a bag: a bag is a directory written by'),
+            ('empty.db3', b'', 'is not a bag: it is empty'),
+            ('packed.db3.zstd', b'\x28\xb5\x2f\xfd....', 'read the directory of its')):
+        path = tmp_path / name
+        path.write_bytes(content)
+        error = outcome(path, partial=partial)
+        assert error.startswith(f'{path} ')
+        assert why in error
+        assert '\n' not in error
+    with pytest.raises(FileNotFoundError):
+        read(tmp_path / 'nowhere', partial=partial)
+    (tmp_path / 'directory').mkdir()
+    assert 'directory is not a bag' in outcome(tmp_path / 'directory', partial=partial)
+    change(tmp_path / 'x.db3', 'CREATE TABLE friends (name TEXT)')
+    assert re.search(r'x\.db3.*(missing tables|no such table)',
+                     outcome(tmp_path / 'x.db3', partial=partial))
+
+
+@on_unix
+@pytest.mark.parametrize('name', [
+    'pipe', 'metadata.yaml', 'x.db3', 'x.db3-wal', 'x.db3-journal', 'y.db3.zstd'])
+def test_a_pipe_is_no_bag(tmp_path, logs, name):
+    """A pipe is refused, since reading it might never end."""
+    path = bags.make(tmp_path / 'x', 'db3', bags.walk(1))
+    (path / name).unlink(missing_ok=True)
+    os.mkfifo(path / name)
+    metadata = path / 'metadata.yaml'
+    if name[0] == 'y':
+        metadata.write_text(metadata.read_text().replace('- x.db3', '- x.db3\n  - y.db3.zstd'))
+    refusal = f'{path / name} is not a bag: it is not a regular file'
+    each = path / name if name == 'pipe' else path
+    assert refusal in outcome(each)
+    others = outcome(each, partial=True)
+    if name[0] == 'y':
+        assert others == ['odom', 'base_link']
+        assert refusal in messages(logs)
+    else:
+        assert refusal in others
+
+
+def test_a_recording_that_was_killed(tmp_path, logs):
+    """Without metadata.yaml, the files are read in numeric order, if partial=True asks for it."""
+    directory = tmp_path / 'killed'
+    directory.mkdir()
+    for number, content in (0, bags.walk(3)), *((number, [
+            ('/tf_static', S, [bags.row(S, 'map', 'newest', (number, *bags.STILL[1:]))])])
+            for number in (2, 10)):
+        bags.file_of(bags.make(tmp_path / f'part_{number}', 'mcap', content)).rename(
+            directory / f'robot_{number}.mcap')
+    with pytest.raises(BagError, match=(
+            r'killed has no metadata.yaml, .*: read one of its files \(robot_0.mcap, '
+            r'robot_2.mcap, robot_10.mcap\), .* ros2 bag reindex or read it with partial=True ')):
+        read(directory)
+    buffer = read(directory, partial=True)
+    assert buffer.lookup_transform('map', 'newest').translation[0] == 10.0
+    assert len(buffer.frames()) == 3
+    assert messages(logs) == (
+        f'{directory} has no metadata.yaml; reading robot_0.mcap, robot_2.mcap, robot_10.mcap')
+
+
+def test_a_database_that_was_not_closed(tmp_path):
+    """Its newest messages are in a second file, which is read with partial=True only."""
+    path = bags.make(tmp_path / 'robot', 'db3', bags.walk(3))
+    with closing(sqlite3.connect(path / 'robot.db3')) as database:
+        database.execute('PRAGMA journal_mode = wal')
+        database.execute('INSERT INTO messages (topic_id, timestamp, data) VALUES (2, 0, ?)',
+                         [bags.ros2([bags.row(200 * S, 'odom', 'base_link')])])
+        database.commit()
+        (tmp_path / 'killed').mkdir()
+        for file in path.glob('robot.db3*'):
+            shutil.copy(file, tmp_path / 'killed')
+    killed = tmp_path / 'killed' / 'robot.db3'
+    with pytest.raises(BagError, match=(
+            r'robot.db3 was not closed .*, and robot.db3-wal has data that are not in the '
+            r'database yet: read the bag with partial=True \(--partial\)')):
+        read(killed)
+    assert read(killed, partial=True).frames()[1].latest == 200 * S
+
+
+def test_a_bag_of_several_files(tmp_path):
+    """All files that ros2 bag record has split a bag into are read; none may be missing."""
+    path = bags.make(tmp_path / 'robot', 'db3', bags.walk(3))
+    other = bags.make(tmp_path / 'second', 'db3', bags.walk(3, begin=104 * S))
+    (other / 'second.db3').rename(path / 'second.db3')
+    metadata = path / 'metadata.yaml'
+    text = metadata.read_text()
+    assert '  - robot.db3\n' in text
+    metadata.write_text(text.replace('  - robot.db3\n', '  - robot.db3\n  - second.db3\n'))
+    assert read(path).frames()[1].length == 62
+    (path / 'second.db3').unlink()
+    with pytest.raises(BagError, match=r'files that its metadata\.yaml lists are missing'):
+        read(path)
+
+
+@pytest.mark.parametrize('partial', [False, True])
+def test_messages_are_decompressed_where_metadata_declare_it(tmp_path, logs, partial):
+    """Otherwise a message that begins like zstd is one that cannot be decoded."""
+    packed = bags.packed(bags.ros2([bags.row(105 * S, 'map', 'packed')]), 'zstd')
+    path = bags.make(tmp_path / 'plain', 'db3', [*bags.walk(1), ('/tf', 105 * S, packed)])
+    for each in path, path / 'plain.db3', tmp_path / 'x.db3':
+        if each.name == 'x.db3':
+            (path / 'plain.db3').rename(each)
+        logs.clear()
+        assert len(read(each, partial=partial).frames()) == 2
+        assert 'skipped 1 of 13 TF messages' in logs[0].getMessage()
+
+
+@pytest.mark.parametrize('partial', [False, True])
+def test_metadata_beside_a_file(tmp_path, partial):
+    """A metadata.yaml that names a file applies to it; old databases have no metadata inside."""
+    path = bags.make(tmp_path / 'walk', 'db3 message', bags.walk(1))
+    change(path / 'walk.db3', 'DROP TABLE metadata')
+    assert len(read(path / 'walk.db3', partial=partial).frames()) == 2
+    other = (path / 'walk.db3').rename(path / 'other.db3')
+    with pytest.raises(BagError, match='no valid transform'):
+        read(other, partial=partial)
+
+
+def test_metadata_that_cannot_be_read(tmp_path, logs):
+    """Unsupported or malformed metadata are an error; with partial=True, a warning."""
+    for number, (kind, old, new, why) in enumerate([
+            # Long metadata are not parsed, since that would take minutes.
+            ('mcap', 'version: 9', '#' * 10_000_000, 'metadata.yaml: it has more than 10000000 '),
+            ('db3 message', 'version: 9', 'version: 10',
+             'its version is 10, the newest supported version is 9'),
+            ('db3 message', 'compression_format: zstd', 'compression_format: rar',
+             "its compression format is 'rar', not zstd"),
+            ('db3 message', 'version: 9', '"', 'metadata.yaml: ')]):
+        path = bags.make(tmp_path / str(number), kind, bags.walk(1))
+        metadata = path / 'metadata.yaml'
+        assert old in metadata.read_text()
+        metadata.write_text(metadata.read_text().replace(old, new))
+        error = outcome(path)
+        assert error.startswith(f'{path} cannot be read: {why}')
+        assert '\n' not in error
+        assert len(read(path, partial=True).frames()) == 2
+    assert f'{metadata}: ' in messages(logs)
+
+
+def test_a_library_that_is_missing(tmp_path, monkeypatch):
+    """The error says how to install it; it is not damage of the bag."""
+    path = bags.make(tmp_path, 'mcap', bags.walk(1))
+    monkeypatch.setitem(sys.modules, 'mcap.records', None)
+    for partial in False, True:
+        assert re.fullmatch(r'a library that reads bags cannot be imported \(.*\): pip install .*',
+                            outcome(path, partial=partial))
+
+
+# Damage
+
+
+def is_a_part(buffer):
+    """Return True if a buffer has the beginning of a walk without gaps, and nothing else."""
+    moving = {frame.name: frame for frame in buffer.frames()}.get('base_link')
+    if moving is None:
+        return True
+    number = moving.length - 1
+    return (moving.oldest == 100 * S and moving.latest == 100 * S + number * S // 100
+            and buffer.lookup_transform('odom', 'base_link').translation == (
+                number / 100, 0.0, 0.0))
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_truncated_file(tmp_path, logs, kind):
+    """A truncated file is an error; with partial=True its beginning is read, with a warning."""
+    path = bags.make(tmp_path, kind, bags.walk(20, 100))
+    file = bags.file_of(path)
+    whole = file.read_bytes()
+    lengths: list[int] = []
+    for tenth in 1, 4, 7, 9:
+        file.write_bytes(whole[:len(whole) * tenth // 10])
+        with pytest.raises(BagError, match=re.escape(f'{path} cannot be read: ') + (
+                r'.*\. If it is damaged or cut off, '
+                r'partial=True \(--partial\) reads what is left$')):
+            read(path)
+        result = outcome(path, partial=True)
+        if isinstance(result, str):
+            assert f'no TF message can be read from {file}: ' in result
+            assert not lengths
+            continue
+        logs.clear()
+        buffer = read(path, partial=True)
+        assert re.fullmatch(re.escape(str(file)) + r': .*\. Read \d+ TF messages', messages(logs))
+        assert is_a_part(buffer)
+        lengths.append(sum(frame.length for frame in buffer.frames()))
+    assert lengths == sorted(lengths)
+    assert lengths[-1] > 1000
+
+
+@pytest.fixture(scope='module')
+def small_bags(tmp_path_factory):
+    """A small bag of each kind."""
+    directory = tmp_path_factory.mktemp('bags')
+    return {kind: bags.make(directory, kind, bags.walk(5)) for kind in KINDS}
+
+
+@given(kind=st.sampled_from(KINDS), at=st.integers(0, 2**16),
+       new=st.binary(min_size=1, max_size=8), partial=st.booleans())
+def test_a_damaged_file(small_bags, kind, at, new, partial):
+    """Wherever bytes are damaged, the only error is a BagError with a text of one line."""
+    path = small_bags[kind]
+    file = bags.file_of(path)
+    whole = file.read_bytes()
+    damaged = bytearray(whole)
+    at %= len(whole)
+    damaged[at:at + len(new)] = new
+    file.write_bytes(damaged)
+    try:
+        assert '\n' not in outcome(path, partial=partial)
+    finally:
+        file.write_bytes(whole)
+
+
+HEADER = bags.mcap_channel() + bags.mcap_chunk(bags.mcap_channel() + bags.mcap_message(
+    [bags.row(S, 'map', 'before')], S))
+TRAILER = bags.mcap_chunk(bags.mcap_message([bags.row(S, 'map', 'after')], S))
+
+
+def ros1_with(path, chunk):
+    """Write a bag of ROS 1 with a chunk between those of `bags.walk` and of the frame 'after'."""
+    path, other = (bags.make(path / f'{name}.bag', 'bag', content) for name, content in (
+        ('before', bags.walk(1)), ('after', [('/tf', S, [bags.row(S, 'map', 'after')])])))
+    with path.open('ab') as file:
+        file.write(chunk)
+        file.write(other.read_bytes()[len('#ROSBAG V2.0\n') + 4096:])
+    return path
+
+
+DAMAGES = [
+    (bags.mcap_chunk(bags.mcap_message([], S), crc=7), 'the checksum of a chunk is wrong'),
+    (bags.mcap_chunk(bags.mcap_message([], S), size=7), 'not the 7 that it declares'),
+    (bags.mcap_chunk(bags.mcap_message([], S), 'zstd', size=7), 'not the 7 that it declares'),
+    (bags.mcap_chunk(bags.mcap_message([], S), 'zstd', size=999), 'not the 999 that it declares'),
+    (bags.mcap_chunk(bytes(99), 'zstd').replace(b'\x28\xb5', b'\x28\xb6'), 'magic|[Uu]nknown'),
+    (bags.mcap_record(6, bytes(32) + struct.pack('<Q', 1000)), 'larger than its record'),
+    (bags.mcap_record(6, bytes(28) + b'\1' + bytes(11)), 'the header of a chunk is damaged'),
+    (bags.mcap_record(6, b'short'), 'a record ends too early'),
+    (bags.mcap_chunk(bags.mcap_record(5, b'1')), 'the length of a record is wrong'),
+    (bags.mcap_chunk(bags.mcap_record(5, b'1', 2**63)), 'the length of a record is wrong'),
+    (bags.mcap_chunk(bytes(30)), 'the length of a record is wrong'),
+    (bags.mcap_record(5, b'1'), 'a record ends too early'),
+    (bags.mcap_record(4, b'\1\0\1\0' + b'\xff\xff\xff\xff'), 'EndOfFile')]
+
+
+@pytest.mark.parametrize(('damage', 'why'), DAMAGES, ids=map(str, range(len(DAMAGES))))
+def test_damaged_records(tmp_path, logs, damage, why):
+    """A damaged record is an error; with partial=True it is skipped with a warning."""
+    path = bags.mcap(tmp_path / 'x.mcap', HEADER, damage, TRAILER)
+    with pytest.raises(BagError, match=why):
+        read(path)
+    assert outcome(path, partial=True) == ['before', 'after']
+    (record,) = logs
+    assert re.search(why, record.getMessage())
+
+
+@pytest.mark.parametrize(('chunk', 'why'), [
+    (bags.ros1_chunk(b'', 'lz4').replace(b'\x04\x22\x4d', bytes(3)), 'LZ4F'),
+    (bags.ros1_chunk(bags.ros1_chunk(b'')), 'a chunk is inside another chunk')])
+def test_a_damaged_chunk_of_ros1(tmp_path, logs, chunk, why):
+    """A damaged chunk is an error; with partial=True it is skipped with a warning."""
+    path = ros1_with(tmp_path, chunk)
+    with pytest.raises(BagError, match=why):
+        read(path)
+    assert outcome(path, partial=True) == ['odom', 'base_link', 'after']
+    (record,) = logs
+    assert re.search(why, record.getMessage())
+
+
+def test_a_chunk_in_a_chunk(tmp_path):
+    """Nested chunks are damage, at any depth."""
+    inner = TRAILER
+    for _ in range(2000):
+        inner = bags.mcap_chunk(inner)
+    path = bags.mcap(tmp_path / 'x.mcap', HEADER, inner, TRAILER)
+    assert 'a chunk is inside another chunk' in outcome(path)
+    assert outcome(path, partial=True) == ['before', 'after']
+
+
+def test_zeros_at_the_end(tmp_path, logs):
+    """A file system may leave zeros at the end of a file after a crash."""
+    path = bags.mcap(tmp_path / 'x.mcap', HEADER)
+    path.write_bytes(path.read_bytes()[:-50] + bytes(10_000))
+    assert outcome(path, partial=True) == ['before']
+    assert 'no record begins where one should' in messages(logs)
+
+
+def test_several_damaged_files(tmp_path, logs):
+    """A warning names each of the damaged files."""
+    directory = tmp_path / 'robot'
+    directory.mkdir()
+    for number in range(3):
+        data = bags.file_of(bags.make(tmp_path / f'part_{number}', 'mcap', bags.walk(
+            10, begin=(100 + 100 * number) * S))).read_bytes()
+        (directory / f'robot_{number}.mcap').write_bytes(
+            data if number == 1 else data[:len(data) * 2 // 3])
+    buffer = read(directory, partial=True)
+    for number, is_damaged in enumerate((True, False, True)):
+        assert (f'robot_{number}.mcap: it ends too early.' in messages(logs)) is is_damaged
+    count = sum(frame.length for frame in buffer.frames() if not frame.is_static)
+    assert f'Read {count + 3} TF messages' in messages(logs)
+
+
+@pytest.mark.parametrize('kind', PLAIN)
+def test_messages_that_cannot_be_decoded(tmp_path, logs, kind):
+    """They are skipped with a warning; a bag that has no other TF messages is an error."""
+    bad = [('/tf', 105 * S, b'\0\1\0\0\7\0\0\0' if kind != 'bag' else b'\7\0\0\0')]
+    buffer = read(bags.make(tmp_path / 'some', kind, [*bags.walk(), *bad * 3]))
+    assert buffer.frames()[1].length == 101
+    (record,) = logs
+    assert 'skipped 3 of 105 TF messages, which cannot be decoded: impossible count' in (
+        record.getMessage())
+    with pytest.raises(BagError, match=r'all has TF messages \(1\), but no valid transform'):
+        read(bags.make(tmp_path / 'all', kind, bad))
+
+
+@pytest.mark.parametrize('partial', [False, True])
+def test_values_of_a_database_that_are_no_messages_or_topics(tmp_path, logs, partial):
+    """They are skipped and counted, whatever their type is."""
+    values = "'text'", "CAST(X'ff00ff' AS TEXT)", '7', '1.5', "X''", 'NULL'
+    path = bags.file_of(bags.make(tmp_path, 'db3', bags.walk(10)))
+    change(path, 'CREATE TABLE other (id INTEGER PRIMARY KEY, topic_id, timestamp, data)',
+           'INSERT INTO other SELECT id, topic_id, timestamp, data FROM messages',
+           'DROP TABLE messages', 'ALTER TABLE other RENAME TO messages',
+           "INSERT INTO topics VALUES (9, CAST(X'ff' AS TEXT), X'00', '', '', '')",
+           *(f'UPDATE messages SET data = {value} WHERE id = {5 + i}'
+             for i, value in enumerate(values)))
+    assert read(path, partial=partial).frames()[1].length == 101 - len(values)
+    skipped = re.findall('skipped ([0-9]+) of 102 TF messages, which cannot be', messages(logs))
+    assert sum(map(int, skipped)) == len(values)
+
+
+# Progress, and what ends the reading
+
+
+class Terminal(StringIO):
+    """What tqdm takes for a terminal."""
+
+    def isatty(self):
+        """Return True."""
+        return True
+
+
+def test_a_bar_on_a_terminal_and_none_in_a_pipe(tmp_path, monkeypatch, capsys):
+    """The progress bar is written to stderr if that is a terminal, and only goes forward."""
+    import tqdm
+    monkeypatch.setattr(tqdm, 'tqdm', lambda bar=tqdm.tqdm, **kwargs: bar(mininterval=0, **kwargs))
+    path = str(bags.make(tmp_path, 'mcap', bags.walk(100)))
+    read_bag(path, '', False)
+    assert capsys.readouterr() == ('', '')
+    terminal = Terminal()
+    monkeypatch.setattr(sys, 'stderr', terminal)
+    read_bag(path, '', True)
+    parts = [int(part) for part in re.findall(r'\rreading walk\.mcap [^\r]* (\d+) %',
+                                              terminal.getvalue())]
+    assert parts[0] == 0
+    assert parts == sorted(parts)
+    assert parts[-1] > 50
+    assert not capsys.readouterr().out
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_progress_is_called_back(tmp_path, kind):
+    """The callback receives the fraction that has been read, which grows up to 1."""
+    path = bags.make(tmp_path, kind, bags.walk(100))
+    for partial in False, True:
+        parts: list[float] = []
+        read(path, partial=partial, on_progress=parts.append)
+        assert len(parts) > 1
+        assert parts == sorted(parts)
+        assert 0.0 <= parts[0] < 0.5
+        assert parts[-1] == 1.0
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_what_the_callback_raises_ends_the_reading(tmp_path, kind):
+    """read() raises the same exception, also if its type is one by which damage is detected."""
+    def fail(number, error):
+        calls = count()
+
+        def on_progress(_):
+            if next(calls) >= number:
+                raise error
+        return on_progress
+
+    path = bags.make(tmp_path, kind, bags.walk(10))
+    errors = cycle([KeyboardInterrupt(), ValueError('enough'), EOFError(), BagError('mine'),
+                    ImportError('mine'), sqlite3.DatabaseError('mine')])
+    next(islice(errors, KINDS.index(kind), None))
+    for partial in False, True:
+        parts: list[float] = []
+        read(path, partial=partial, on_progress=parts.append)
+        for step in {0, 1, len(parts) // 2, len(parts) - 2, len(parts) - 1}:
+            error = next(errors)
+            with pytest.raises(type(error)) as raised:
+                read(path, partial=partial, on_progress=fail(step, error))
+            assert raised.value is error
+
+
+def calls_of(path, **kwargs):
+    """Return how often the callback is called while a bag is read."""
+    parts: list[float] = []
+    outcome(path, on_progress=parts.append, **kwargs)
+    return len(parts)
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'bag'])
+def test_the_callback_can_end_the_reading_at_each_message(tmp_path, kind):
+    """It is called as often where hardly any messages are TF."""
+    path = bags.make(tmp_path, kind, [*bags.walk(1), *texts(kind, 1000)])
+    for partial in False, True:
+        assert calls_of(path, partial=partial) > 1000
+
+
+def test_the_callback_can_end_the_reading_of_one_thing(tmp_path):
+    """It is called again and again while a huge chunk or file is decompressed."""
+    zeros = bytes(8 * MIB)
+    path = ros1_with(tmp_path, bags.ros1_chunk(zeros, 'bz2'))
+    assert calls_of(path) > 30
+    path = bags.make(tmp_path / 'x', 'mcap file', bags.walk(1))
+    head = bags.mcap(tmp_path / 'x.mcap').read_bytes()[:-37] + bags.mcap_record(0x80, b'', 2**40)
+    bags.file_of(path).write_bytes(bags.packed(head, 'zstd') + bags.packed(zeros, 'zstd') * 2)
+    assert calls_of(path) > 60
+
+
+def test_a_signal_ends_a_command_that_reads(tmp_path):
+    """It is not an error of the bag."""
+    path = bags.make(tmp_path, 'mcap', bags.walk())
+    handlers = record_signals()
+    try:
+        assert read_bag(str(path), '', False) is not None
+        signal.raise_signal(signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            read_bag(str(path), '', False)
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+# Limits
+
+
+TOOL = 'tool' * 250
+LIMIT = MIB
+BOMB = 32 * MIB
+
+
+def mcap_bomb(path, method, declared):
+    """Write an mcap file with a chunk of zeros that may declare a wrong size."""
+    return bags.mcap(path / 'bomb.mcap', HEADER, bags.mcap_chunk(
+        bytes(BOMB), method, declared), TRAILER)
+
+
+def ros1_bomb(path, method, declared):
+    """Write a bag of ROS 1 with a chunk of zeros that may declare a wrong size."""
+    return ros1_with(path, bags.ros1_chunk(bytes(BOMB), method, declared))
+
+
+def peak(path, **kwargs):
+    """Read a bag; return the frames or the error, and the peak memory in Python (bytes)."""
+    outcome(path, **kwargs)  # so that no module is imported later
+    tracemalloc.start()
+    try:
+        return outcome(path, **kwargs), tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+@pytest.mark.parametrize('declared', [None, 1000])
+@pytest.mark.parametrize(('make', 'method'), [
+    (mcap_bomb, 'zstd'), (mcap_bomb, 'lz4'), (ros1_bomb, 'bz2'), (ros1_bomb, 'lz4')])
+def test_a_chunk_that_is_too_large(tmp_path, logs, make, method, declared):
+    """It is refused in one line before it takes memory, also if it declares a wrong size."""
+    path = make(tmp_path, method, declared)
+    why = (f'takes {BOMB} bytes, more than the limit of {LIMIT}: if this size is expected, pass '
+           'a larger max_bytes to bag.read' if declared is None else
+           'takes more than the 1000 bytes that it declares')
+    error, memory = peak(path, max_bytes=LIMIT)
+    assert re.fullmatch(rf'{re.escape(str(path))} cannot be read: a chunk of \d+ bytes {why}\..*',
+                        error)
+    assert memory < BOMB / 2
+    frames, memory = peak(path, max_bytes=LIMIT, partial=True)
+    assert frames == [*(['before'] if make is mcap_bomb else ['odom', 'base_link']), 'after']
+    assert memory < BOMB / 2
+    assert why in logs[-1].getMessage()
+
+
+@pytest.mark.parametrize('kind', ['mcap message', 'db3 message'])
+def test_a_message_that_is_too_large(tmp_path, logs, kind):
+    """A compressed message is refused before it takes memory."""
+    path = bags.make(tmp_path, kind, [*bags.walk(1), ('/tf', S, bytes(BOMB))])
+    why = f'takes more than {LIMIT} bytes, more than the limit of {LIMIT}'
+    error, memory = peak(path, max_bytes=LIMIT)
+    assert re.search(f'{why}.*max_bytes', error)
+    assert memory < BOMB / 2
+    frames, memory = peak(path, max_bytes=LIMIT, partial=True)
+    assert frames == ['odom', 'base_link']
+    assert memory < BOMB / 2
+    assert why in messages(logs)
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_limit_that_is_large_enough(tmp_path, logs, kind):
+    """Such a limit changes nothing, while a limit of one byte refuses everything."""
+    path = bags.make(tmp_path, kind, bags.walk(1))
+    for partial in False, True:
+        assert len(read(path, partial=partial, max_bytes=100_000).frames()) == 2
+        assert not logs
+        assert 'max_bytes' in outcome(path, partial=partial, max_bytes=1)
+
+
+@pytest.mark.parametrize('limit', [0, -1])
+def test_a_limit_must_be_positive(tmp_path, limit):
+    """Zero and negative numbers are a ValueError, and a float is a TypeError."""
+    with pytest.raises(ValueError, match=f'max_bytes must be a positive .*, got {limit}'):
+        read(tmp_path, max_bytes=limit)
+    with pytest.raises(TypeError):
+        read(tmp_path, max_bytes=1.5)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize('opcode', [3, 5, 6, 9])
+def test_a_length_of_exabytes(tmp_path, logs, opcode):
+    """Memory is not allocated by the length that a record declares."""
+    path = bags.mcap(tmp_path / 'x.mcap', HEADER, bags.mcap_record(
+        opcode, b'\1\0' + bytes(100), 2**62))
+    error, memory = peak(path, max_bytes=2**62)
+    assert 'cannot be read: ' in error
+    assert 'MemoryError' not in error
+    assert memory < BOMB / 2
+    assert outcome(path, max_bytes=2**62, partial=True) == ['before']
+    assert 'MemoryError' not in messages(logs)
+
+
+def test_a_file_that_is_compressed_as_a_whole(tmp_path):
+    """A huge mcap file is decompressed as a stream, of which nothing is kept."""
+    plain = bags.mcap(tmp_path / 'x.mcap', HEADER, bags.mcap_record(0x80, bytes(BOMB)), TRAILER)
+    path = bags.make(tmp_path, 'mcap file', bags.walk(1))
+    bags.file_of(path).write_bytes(bags.packed(plain.read_bytes(), 'zstd'))
+    for partial in False, True:
+        frames, memory = peak(path, partial=partial, max_bytes=LIMIT)
+        assert frames == ['before', 'after']
+        assert memory < BOMB / 2
+
+
+def test_a_database_that_computes_large_values(tmp_path):
+    """A generated column of huge values is refused in one line, before it takes memory."""
+    path = bags.file_of(bags.make(tmp_path, 'db3', bags.walk(1)))
+    change(path, 'ALTER TABLE messages RENAME TO others',
+           'CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, timestamp, '
+           f'data AS (zeroblob({BOMB})))',
+           'INSERT INTO messages SELECT id, topic_id, timestamp FROM others')
+    for partial in False, True:
+        error, memory = peak(path, partial=partial, max_bytes=LIMIT)
+        assert re.fullmatch('.*(too big|more than the limit).*', error)
+        assert memory < BOMB / 2
+
+
+def test_memory_does_not_grow_with_other_messages(tmp_path):
+    """Bags of ROS 1 are read without their index, which lists the messages of all topics."""
+    few, many = (peak(bags.make(tmp_path / f'{number}.bag', 'bag', [
+        *bags.walk(1), *texts('bag', number)]))[1] for number in (1000, 11_000))
+    assert many - few < 1_200_000  # bytes; the index of rosbags would be 1.7 MB
+
+
+def test_a_temporary_directory_without_room(tmp_path, monkeypatch):
+    """The error names the directory and the remedy, before the directory is full."""
+    path = bags.make(tmp_path, 'db3 file', bags.walk(10))
+    monkeypatch.setattr(shutil, 'disk_usage', lambda _: SimpleNamespace(free=20_000))
+    for partial in False, True:
+        error = outcome(path, partial=partial)
+        assert re.search(
+            r'takes more than 10000 bytes, half of the free space in \S+: set TMPDIR to a '
+            'directory with more space', error)
+        assert '\n' not in error
+
+
+def long_message(kind):
+    """Return the bytes of a message with 4300 transforms, which takes more than 4 MiB."""
+    rows = [bags.row(S + i, 'map', TOOL, (float(i), *bags.STILL[1:])) for i in range(4300)]
+    return (bags.ros1 if kind == 'bag' else bags.ros2)(rows)
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'bag'])
+def test_a_long_message(tmp_path, kind):
+    """It is inserted whole and in order; the callback can end the reading at each transform."""
+    path = bags.make(tmp_path, kind, [
+        ('/tf', S, [bags.row(S, 'map', TOOL)]), ('/tf', 2 * S, long_message(kind)),
+        ('/tf_static', 3 * S, [bags.row(S, 'map', 'fixed')])])
+    parts: list[float] = []
+    buffer = read(path, on_progress=parts.append)
+    assert len(parts) > 2 * 4300
+    assert [frame.length for frame in buffer.frames()] == [4300, 1]
+    assert buffer.lookup_transform('map', TOOL, S + 1234).translation[0] == 1234.0
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'bag'])
+def test_a_long_message_that_is_cut_off(tmp_path, logs, kind):
+    """It is skipped as a whole, like a short one."""
+    path = bags.make(tmp_path, kind, [
+        ('/tf', S, [bags.row(S, 'map', TOOL)]), ('/tf', 2 * S, long_message(kind)[:-1])])
+    assert read(path).frames()[0].length == 1
+    assert 'skipped 1 of 2 TF messages, which cannot be decoded: ' in messages(logs)

@@ -1,0 +1,822 @@
+"""BufferCore: the rules of insertion and lookup, errors, Ctrl-C and threads."""
+
+from contextlib import suppress
+import gc
+from itertools import pairwise
+import json
+import logging
+import math
+import pickle
+import signal
+import sys
+import threading
+import tracemalloc
+import weakref
+
+from ctrl_c import interruptions
+from environment import on_unix
+from model import Model
+import numpy as np
+import pytest
+import yaml
+
+from dummy_arm.tf import (
+    BufferCore,
+    ConnectivityException,
+    ExtrapolationException,
+    InvalidArgumentException,
+    LookupException,
+    Transform,
+    TransformException,
+)
+
+S = 1_000_000_000
+T = 1_700_000_000 * S
+STILL = (0.0, 0.0, 0.0, 1.0)
+
+
+def put(buffer, parent, child, stamp=T, x=0.0, **kwargs):
+    """Insert the pose of a child x m along the x axis of its parent, without rotation."""
+    return buffer.insert(stamp, parent, child, (x, 0.0, 0.0, *STILL), **kwargs)
+
+
+def x_at(buffer, target, source, time=0):
+    """Return the x of the source in the target (m)."""
+    return buffer.lookup_transform(target, source, time).translation[0]
+
+
+def test_the_pose_of_the_source_in_the_target():
+    """The pose keeps the values that were inserted, and the stamp that was requested."""
+    buffer = BufferCore()
+    buffer.set_transform(Transform(T, 'map', 'tool', (1.0, 2.0, 3.0), (0.0, 0.0, 1.0, 0.0)))
+    answer = buffer.lookup_transform('map', 'tool', T)
+    assert answer == Transform(T, 'map', 'tool', (1.0, 2.0, 3.0), (0.0, 0.0, 1.0, 0.0))
+    assert answer.apply([1.0, 0.0, 0.0]) == pytest.approx([0.0, 2.0, 3.0])
+
+
+def test_interpolates_on_a_line_and_about_an_axis():
+    """After a quarter of the time, a quarter of the translation and of the rotation is done."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b')
+    half = math.radians(45)
+    buffer.insert(T + 4 * S, 'a', 'b', (8.0, 0.0, 0.0, 0.0, 0.0, math.sin(half), math.cos(half)))
+    answer = buffer.lookup_transform('a', 'b', T + S)
+    assert answer.translation == pytest.approx((2.0, 0.0, 0.0))
+    assert answer.rotation == pytest.approx((0.0, 0.0, math.sin(half / 4), math.cos(half / 4)))
+
+
+def test_time_0_is_the_latest_common_time():
+    """Neither static edges nor dynamic edges with stamp 0 limit the latest common time."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T, 1.0)
+    put(buffer, 'a', 'b', T + 2 * S, 3.0)
+    put(buffer, 'b', 'c', T, 1.0)
+    put(buffer, 'b', 'c', T + S, 1.0)
+    put(buffer, 'c', 'd', 0, 1.0)
+    put(buffer, 'd', 'e', T, 1.0, is_static=True)
+    answer = buffer.lookup_transform('a', 'c')
+    assert (answer.stamp, answer.translation[0]) == (T + S, 3.0)
+    assert buffer.get_latest_common_time('e', 'd') == 0
+    assert buffer.lookup_transform('d', 'e').stamp == 0
+    assert buffer.lookup_transform('d', 'e', 5).stamp == 5
+    assert buffer.get_latest_common_time('a', 'e') == T + S
+    assert x_at(buffer, 'c', 'd') == 1.0  # the only stamp is 0
+
+
+def test_through_a_fixed_frame():
+    """The source is located at its own time, and the target at its own."""
+    buffer = BufferCore()
+    for second in range(3):
+        put(buffer, 'map', 'robot', T + second * S, float(second))
+        put(buffer, 'map', 'ball', T + second * S, 10.0 * second)
+    answer = buffer.lookup_transform_full('robot', T + 2 * S, 'ball', T + S, 'map')
+    assert (answer.stamp, answer.translation[0]) == (T + 2 * S, 10.0 - 2.0)
+    assert (answer.frame_id, answer.child_frame_id) == ('robot', 'ball')
+
+
+def test_a_frame_in_itself_needs_not_be_known():
+    """The stamp is the requested time; for time 0, it is the latest stamp of the frame."""
+    buffer = BufferCore()
+    assert buffer.lookup_transform('x', 'x', T) == Transform(T, 'x', 'x')
+    put(buffer, 'a', 'b', T)
+    assert buffer.lookup_transform('b', 'b').stamp == T
+    assert buffer.can_transform('', '')
+    with pytest.raises(LookupException):
+        buffer.lookup_transform_full('x', T, 'x', T, 'x')
+
+
+def test_data_out_of_order_are_sorted_in():
+    """The lookups are the same as after insertions in the order of the stamps."""
+    buffer = BufferCore()
+    for second in (5, 1, 3, 0, 4, 2):
+        assert put(buffer, 'a', 'b', T + second * S, float(second * second))
+    for second, following in pairwise(range(6)):
+        assert x_at(buffer, 'a', 'b', T + second * S) == second * second
+        middle = (second * second + following * following) / 2
+        assert x_at(buffer, 'a', 'b', T + second * S + S // 2) == pytest.approx(middle)
+
+
+def test_of_the_same_stamp_the_last_inserted_wins():
+    """At the oldest stamp the first one wins, if there are newer samples, as in tf2."""
+    buffer = BufferCore()
+    for x in (1.0, 2.0, 2.0, 1.0):
+        assert put(buffer, 'a', 'b', T, x)
+    assert buffer.frames()[0].length == 2  # a sample that is inserted twice counts once
+    assert x_at(buffer, 'a', 'b', T) == 2.0
+    put(buffer, 'a', 'b', T + S, 4.0)
+    assert x_at(buffer, 'a', 'b', T) == 1.0
+    assert x_at(buffer, 'a', 'b', T + S // 2) == 3.0
+
+
+def test_expires_after_the_cache_time():
+    """A transform as old as the cache time is accepted, and an older one is refused."""
+    buffer = BufferCore(2 * S)
+    put(buffer, 'a', 'b', T, 0.0)
+    put(buffer, 'a', 'b', T + 5 * S, 5.0)
+    assert x_at(buffer, 'a', 'b', T) == 0.0
+    assert put(buffer, 'a', 'b', T + 3 * S, 3.0)
+    with pytest.raises(ExtrapolationException, match='into the past'):
+        x_at(buffer, 'a', 'b', T)
+    assert not put(buffer, 'a', 'b', T + 3 * S - 1)
+    assert [(frame.oldest, frame.length) for frame in buffer.frames()] == [(T + 3 * S, 2)]
+
+
+def test_a_long_stream_is_that_of_the_model():
+    """Hundreds of samples expire; some are late, some have another parent."""
+    buffer, model, random = BufferCore(S), Model(S), np.random.default_rng(1)
+    for i in range(3000):
+        stamp = T + i * S // 100
+        if i % 7 == 0:
+            stamp -= int(random.integers(0, 90)) * S // 100
+        parent = 'p1' if i % 1000 < 900 else 'p2'
+        pose = (*random.normal(size=3).tolist(), *random.normal(size=4).tolist())
+        assert buffer.insert(stamp, parent, 'c', pose) == model.insert(
+            stamp, parent, 'c', pose[:3], pose[3:], False)
+        if i % 50 == 49:
+            assert buffer.frames()[0].length == len(model.samples['c'])
+            for time in model.samples['c'][-1][0] - 1, stamp - S // 3, stamp - S // 200, 0:
+                expected = model.lookup(parent, 'c', time)
+                if isinstance(expected, str):
+                    with pytest.raises(TransformException) as error:
+                        buffer.lookup_transform(parent, 'c', time)
+                    assert error.type.__name__ == expected
+                else:
+                    answer = buffer.lookup_transform(parent, 'c', time)
+                    assert answer.matrix() == pytest.approx(expected[1], abs=1e-9)
+
+
+def test_a_history_keeps_little_more_than_the_cache_time():
+    """The memory of expired samples is freed."""
+    buffer = BufferCore(S)
+    for i in range(10_000):
+        put(buffer, 'a', 'b', T + i * S // 100)
+    (known,) = buffer.frames()
+    assert known.length == 102  # tf2 removes expired samples before it inserts
+    tracemalloc.start()
+    try:
+        for i in range(10_000, 20_000):
+            put(buffer, 'a', 'b', T + i * S // 100)
+        assert tracemalloc.get_traced_memory()[0] < 130 * (56 + 8)
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_frame_that_changes_its_parent():
+    """Between two samples with different parents, the older one holds."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'c', T, 1.0)
+    put(buffer, 'b', 'c', T + S, 2.0)
+    assert x_at(buffer, 'a', 'c', T + S // 2) == 1.0
+    assert x_at(buffer, 'b', 'c') == 2.0
+    with pytest.raises(ConnectivityException):
+        buffer.lookup_transform('a', 'c')
+    with pytest.raises(ConnectivityException):
+        buffer.lookup_transform('b', 'c', T + S // 2)
+
+
+def test_frames_that_change_places():
+    """Two frames swap their roles as parent and child; lookups of many times see both states."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T, 1.0)
+    put(buffer, 'root', 'a', T)
+    put(buffer, 'b', 'a', T + S, -2.0)
+    assert x_at(buffer, 'a', 'b', T) == 1.0
+    assert x_at(buffer, 'a', 'b', T + S) == 2.0
+    translations, _, known = buffer.lookup_transforms('a', 'b', [T + S, T, T + S])
+    assert known.all()
+    assert translations[:, 0].tolist() == [2.0, 1.0, 2.0]
+
+
+def test_static_and_moving_replace_each_other():
+    """The kind that was inserted last counts, and the samples of the other kind are removed."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T, 1.0)
+    put(buffer, 'a', 'b', T, 2.0, is_static=True)
+    assert x_at(buffer, 'a', 'b', 1) == 2.0
+    put(buffer, 'a', 'b', T, 3.0)
+    assert x_at(buffer, 'a', 'b', T) == 3.0
+    with pytest.raises(ExtrapolationException):
+        buffer.lookup_transform('a', 'b', 1)
+
+
+def test_what_is_static_may_be_set_anew():
+    """The newest static pose holds on all paths, including those that were looked up before."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', x=1.0, is_static=True)
+    put(buffer, 'b', 'c')
+    assert (x_at(buffer, 'a', 'b'), x_at(buffer, 'a', 'c')) == (1.0, 1.0)
+    put(buffer, 'a', 'b', x=2.0, is_static=True, authority='other')
+    assert (x_at(buffer, 'a', 'b'), x_at(buffer, 'a', 'c')) == (2.0, 2.0)
+    assert buffer.lookup_transforms('a', 'c', [0, T])[0][:, 0].tolist() == [2.0, 2.0]
+    assert buffer.frames()[0].authority == 'other'
+
+
+@pytest.mark.parametrize('before', [[], [T + 3 * S], [T + 3 * S, T + S, 0]])
+def test_a_loop_is_one_whatever_was_asked_before(before):
+    """A loop is found at the times when it exists, in lookups of one time and of many times."""
+    buffer = BufferCore()
+    for stamp in T, T + 4 * S:
+        put(buffer, 'c', 'a', stamp, 1.0)
+        put(buffer, 'c', 'b', stamp, 2.0)
+        put(buffer, 'c', 'd', stamp)
+    for stamp, parent in (T, 'd'), (T + 2 * S, 'd'), (T + 3 * S, 'e'), (T + 4 * S, 'e'):
+        put(buffer, parent, 'c', stamp)
+    for time in before:
+        buffer.can_transform('a', 'b', time)
+    with pytest.raises(LookupException, match='contains a loop'):
+        buffer.lookup_transform('a', 'b', T + S)
+    assert x_at(buffer, 'a', 'b', T + 3 * S) == 1.0
+    assert buffer.lookup_transforms('a', 'b', [T + S, T + 3 * S])[2].tolist() == [False, True]
+
+
+def test_a_frame_that_gets_a_third_parent():
+    """A path that was looked up before the change is not used after it."""
+    buffer = BufferCore()
+    put(buffer, 'top', 'p3', is_static=True)
+    put(buffer, 'c', 'd', is_static=True)
+    for i, parent in enumerate(('p1', 'p2', 'p3')):
+        put(buffer, parent, 'c', T + i * S, float(i))
+        assert x_at(buffer, parent, 'd') == float(i)
+    assert x_at(buffer, 'top', 'd') == 2.0
+
+
+def test_clear_forgets_what_moves():
+    """After `clear`, the names of all frames and the static transforms are still known."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b')
+    put(buffer, 'b', 'c', is_static=True)
+    assert x_at(buffer, 'a', 'c', T) == 0.0
+    buffer.clear()
+    assert buffer.can_transform('b', 'c', T)
+    with pytest.raises(ExtrapolationException,
+                       match=r"^, when looking up .*'b' .* since .* cleared"):
+        buffer.lookup_transform('a', 'b', T)
+    with pytest.raises(ConnectivityException):
+        buffer.lookup_transform('a', 'b')
+    assert buffer.all_frames_as_string() == (
+        'Frame b exists with parent NO_PARENT.\nFrame c exists with parent b.\n')
+    assert 'b: ' not in buffer.all_frames_as_yaml().splitlines()
+
+
+@pytest.mark.parametrize(('parent', 'child', 'pose', 'cause'), [
+    ('a', 'a', (0, 0, 0, *STILL), 'TF_SELF_TRANSFORM: Ignoring transform from authority "me" with '
+     'frame_id and  child_frame_id "a" because they are the same'),
+    ('/a', 'a', (0, 0, 0, *STILL), 'TF_SELF_TRANSFORM'),
+    ('a', '', (0, 0, 0, *STILL), 'TF_NO_CHILD_FRAME_ID: Ignoring transform from authority "me" '
+     'because child_frame_id not set '),
+    ('', 'b', (0, 0, 0, *STILL), 'TF_NO_FRAME_ID: Ignoring transform with child_frame_id "b"  '
+     'from authority "me" because frame_id not set'),
+    ('a', 'b', (math.nan, 0, 0, *STILL), 'TF_NAN_INPUT: Ignoring transform for child_frame_id "b" '
+     'from authority "me" because of a nan value in the transform (nan 0.000000 0.000000) '
+     '(0.000000 0.000000 0.000000 1.000000)'),
+    ('a', 'b', (0, 0, 0, 0, 0, 0, 0), 'TF_NAN_INPUT'),
+    ('a', 'b', (0, 0, 0, 0, 0, math.inf, 1), 'TF_NAN_INPUT'),
+])
+def test_refuses_with_the_words_of_tf2(parent, child, pose, cause, logs):
+    """A refused transform is logged, and its frames stay unknown."""
+    buffer = BufferCore()
+    assert not buffer.insert(T, parent, child, pose, 'me')
+    assert logs[0].getMessage().startswith(cause)
+    assert not buffer.can_transform('a', 'b')
+    assert buffer.all_frames_as_yaml() == '[]'
+
+
+def test_warnings_are_logged_once_a_second_per_cause(logs, monkeypatch):
+    """A warning of the same cause is logged again after a second at the earliest."""
+    now = 100.0
+    monkeypatch.setattr('dummy_arm.tf._core.texts.monotonic', lambda: now)
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T)
+    for _ in range(3):
+        assert not put(buffer, 'a', 'b', T - 11 * S, authority='late')
+        assert not put(buffer, 'a', 'a')
+    now = 101.0
+    assert not put(buffer, 'a', 'b', T - 11 * S, authority='late')
+    messages = [record.getMessage() for record in logs]
+    assert [message.split()[0] for message in messages] == [
+        'TF_OLD_DATA', 'TF_SELF_TRANSFORM:', 'TF_OLD_DATA']
+    assert messages[0].startswith(
+        'TF_OLD_DATA ignoring data from the past for frame b at time 1699999989.000000 according '
+        'to authority late\n')
+    assert {record.levelno for record in logs} == {logging.WARNING}
+
+
+def test_a_leading_slash_is_removed_on_insertion_only():
+    """Insertions remove one slash; lookups refuse names with a slash, as in tf2."""
+    buffer = BufferCore()
+    put(buffer, '/map', '//tool')
+    assert buffer.can_transform('map', 'tool') is False
+    with pytest.raises(InvalidArgumentException, match="cannot start with a '/'"):
+        buffer.lookup_transform('map', '/tool')
+
+
+def test_bad_values_change_nothing():
+    """A value of a wrong type, or a stamp out of range, leaves the buffer as it was."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T, 1.0)
+    for stamp, pose in ((T, ('1', 0, 0, *STILL)), (T, (0, 0, 0, '0', 0, 0, 1)), (T, (0, 0, 0)),
+                        (2 ** 63, (0, 0, 0, *STILL)), (0.5, (0, 0, 0, *STILL)),
+                        (T + S, (10 ** 400, 0, 0, *STILL))):
+        for parent in 'a', 'other':
+            with pytest.raises((TypeError, ValueError, OverflowError)):
+                buffer.insert(stamp, parent, 'b', pose)  # type: ignore[arg-type]
+    for wrong, child in ((None, 'b'), ('a', 5), (b'a', 'b')):
+        with pytest.raises(TypeError, match='a frame id must be a str'):
+            buffer.insert(T, wrong, child, (0, 0, 0, *STILL))  # type: ignore[arg-type]
+    with pytest.raises(TypeError, match=r'takes a Transform .* got tuple'):
+        buffer.set_transform((T, 'a', 'b'))  # type: ignore[arg-type]
+    put(buffer, 'a', 'b', T + 2 * S, 3.0)
+    assert x_at(buffer, 'a', 'b', T + S) == 2.0
+
+
+def error_text(buffer, *arguments):
+    """Return the text of the error that a lookup raises."""
+    with pytest.raises(TransformException) as error:
+        buffer.lookup_transform(*arguments)
+    return str(error.value)
+
+
+def test_an_unknown_frame_is_answered_with_the_nearest():
+    """If no name is similar, the error lists some known names, or says that there are none."""
+    buffer = BufferCore()
+    assert error_text(buffer, 'map', 'base_link').endswith(
+        '"map" passed to lookupTransform argument target_frame does not exist. '
+        'No transform has been received yet.')
+    for name in ('base_link', 'base_scan', 'camera', 'imu', 'left_wheel', 'right_wheel'):
+        put(buffer, 'map', name)
+    assert error_text(buffer, 'map', 'base_lnk') == (
+        '"base_lnk" passed to lookupTransform argument source_frame does not exist. '
+        "Nearest known: 'base_link', 'base_scan'.")
+    assert error_text(buffer, 'zzz', 'map').endswith(
+        "Known frames: 'base_link', 'map', 'base_scan', 'camera', 'imu' and 2 more.")
+    assert buffer.can_transform('map', 'imo', return_debug_tuple=True) == (
+        False, 'Invalid frame ID "imo" passed to canTransform argument source_frame - frame does '
+        "not exist. Nearest known: 'imu'.")
+
+
+def test_two_trees_are_answered_with_their_roots():
+    """The hint follows tf2's words."""
+    buffer = BufferCore()
+    put(buffer, 'map', 'odom')
+    put(buffer, 'odom', 'base')
+    put(buffer, 'world', 'ball')
+    assert error_text(buffer, 'base', 'ball').endswith(
+        "unconnected trees. 'base' is in the tree with root 'map', 'ball' in the tree with root "
+        "'world'.")
+
+
+def test_extrapolation_is_answered_with_the_edge_and_how_far_off():
+    """The gap is exact to the nanosecond, also where tf2's six decimals show none."""
+    buffer = BufferCore()
+    for stamp in T, T + S:
+        put(buffer, 'map', 'odom', stamp)
+        put(buffer, 'odom', 'base', stamp + 1)
+    assert error_text(buffer, 'map', 'base', T) == (
+        'Lookup would require extrapolation into the past.  Requested time 1700000000.000000 but '
+        'the earliest data is at time 1700000000.000000, when looking up transform from frame '
+        "[base] to frame [map]. The data of edge 'odom' -> 'base' begin 0.000000001 s after that "
+        'time.')
+    assert error_text(buffer, 'map', 'base', T + 3 * S).endswith(
+        "The data of edge 'map' -> 'odom' end 2.000000000 s before that time.")
+    put(buffer, 'map', 'late', T)
+    assert error_text(buffer, 'map', 'late', T + 1).endswith(
+        "The data of edge 'map' -> 'late' end 0.000000001 s before that time.")
+
+
+def test_extrapolation_names_no_edge_beside_the_path():
+    """tf2's own words refer to such an edge, since it follows the ancestors of both frames."""
+    buffer = BufferCore(100 * S)
+    for seconds, parent, child in (
+            (90, 'map', 'odom'), (95, 'map', 'odom'),
+            (90, 'odom', 'base_link'), (104.9, 'odom', 'base_link')):
+        put(buffer, parent, child, int(seconds * S))
+    assert error_text(buffer, 'odom', 'base_link', 105 * S) == (
+        'Lookup would require extrapolation into the future.  Requested time 105.000000 but the '
+        'latest data is at time 95.000000, when looking up transform from frame [base_link] to '
+        "frame [odom]. The data of edge 'odom' -> 'base_link' end 0.100000000 s before that time.")
+
+
+def test_extrapolation_between_two_trees_is_answered_with_their_roots():
+    """tf2's words report the time, but no edge could connect the two trees at any time."""
+    buffer = BufferCore()
+    for stamp in T, T + S:
+        put(buffer, 'map', 'base', stamp)
+        put(buffer, 'world', 'ball', stamp)
+    assert error_text(buffer, 'base', 'ball', T + 2 * S).endswith(
+        "to frame [base]. 'base' is in the tree with root 'map', 'ball' in the tree with root "
+        "'world'.")
+
+
+def test_extrapolation_of_frames_that_had_other_parents_names_where_it_stopped():
+    """At the requested time the path was another one; all edges of the newest path have data."""
+    buffer = BufferCore(100 * S)
+    for seconds, parent, child in ((2, 'map', 'b'), (6, 'map', 'b'), (0, 'old', 'tool'),
+                                   (1, 'old', 'tool'), (5, 'b', 'tool'), (6, 'b', 'tool'),
+                                   (3, 'map', 'old'), (6, 'map', 'old')):
+        put(buffer, parent, child, T + seconds * S)
+    assert error_text(buffer, 'map', 'tool', T + 2 * S).endswith(
+        "The data of edge 'map' -> 'old' begin 1.000000000 s after that time.")
+
+
+def test_extrapolation_after_a_clear_names_what_is_not_known():
+    """A cleared frame has no parent, so the hint names the frame instead of an edge."""
+    buffer = BufferCore()
+    put(buffer, 'map', 'base')
+    buffer.clear()
+    assert error_text(buffer, 'map', 'base', T).endswith(
+        ". No transform of 'base' has been received since the buffer was cleared.")
+
+
+def test_a_loop_is_named():
+    """A chain that is too long for tf2 raises the same exception; its text says so."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b')
+    put(buffer, 'b', 'c')
+    put(buffer, 'c', 'a')
+    put(buffer, 'x', 'y')
+    assert error_text(buffer, 'y', 'b').startswith(
+        'The tf tree is invalid because it contains a loop.\nFrame b exists with parent a.\n')
+    assert "The loop: 'a' -> 'b' -> 'c' -> 'a'." in [
+        line for frame in 'abc' for line in error_text(buffer, 'y', frame).splitlines()]
+    chain = BufferCore()
+    for i in range(1001):
+        put(chain, f'f{i}', f'f{i + 1}')
+    assert chain.can_transform('f1', 'f1001')
+    with pytest.raises(LookupException, match='There is no loop, but a chain of more than 1000'):
+        chain.lookup_transform('f0', 'f1001')
+
+
+def test_many_at_once():
+    """The arrays have one row for each time; the rows without a transform are NaN."""
+    buffer = BufferCore()
+    for second in range(3):
+        put(buffer, 'a', 'b', T + second * S, float(second))
+    times = np.array([T + S // 2, T - 1, 0, T + 2 * S, T + 2 * S + 1, T])
+    translations, rotations, known = buffer.lookup_transforms('b', 'a', times)
+    assert (translations.shape, rotations.shape, known.shape) == ((6, 3), (6, 4), (6,))
+    assert (translations.dtype, rotations.dtype, known.dtype) == (
+        np.dtype(float), np.dtype(float), np.dtype(bool))
+    assert known.tolist() == [True, False, True, True, False, True]
+    assert translations[known, 0].tolist() == [-0.5, -2.0, -2.0, 0.0]
+    assert np.isnan(translations[~known]).all()
+    assert np.isnan(rotations[~known]).all()
+    assert not buffer.lookup_transforms('a', 'nobody', times)[2].any()
+    assert [array.shape for array in buffer.lookup_transforms('a', 'b', [])] == [
+        (0, 3), (0, 4), (0,)]
+
+
+def test_many_at_once_where_one_of_two_frames_has_two_samples_with_its_oldest_stamp():
+    """The first of the two samples is used, although both frames have equal stamps beside it."""
+    buffer = BufferCore()
+    for stamp, x in (T - S, 0.0), (T, 1.0), (T + S, 2.0):
+        put(buffer, 'b', 'c', stamp, x)
+    for stamp, x in (T, 10.0), (T, 20.0), (T + S, 30.0):
+        put(buffer, 'a', 'b', stamp, x)
+    assert x_at(buffer, 'a', 'c', T) == 11.0
+    assert buffer.lookup_transforms('a', 'c', [T])[0][0, 0] == 11.0
+
+
+@pytest.mark.parametrize(('times', 'error'), [
+    ([0.5], r'integers \(ns\), got float64'),
+    ([2 ** 63], r'int64 \(ns\), got 9223372036854775808'),
+    ([[1, 2]], r'shape \(n,\), got \(1, 2\)'),
+    (5, r'shape \(n,\), got \(\)')])
+def test_many_at_once_refuses_what_is_no_row_of_integers(times, error):
+    """The error says what the argument is instead of an array of int64 (ns) of shape (n,)."""
+    with pytest.raises((TypeError, ValueError, OverflowError), match=error):
+        BufferCore().lookup_transforms('a', 'b', times)
+
+
+def test_the_longest_span_of_time():
+    """The stamps of two samples may differ by more than an int64 holds."""
+    buffer = BufferCore(2 ** 64)
+    put(buffer, 'a', 'b', -2 ** 62, 0.0)
+    put(buffer, 'a', 'b', 3 * 2 ** 61, 5.0)
+    assert x_at(buffer, 'a', 'b', 2 ** 62) == pytest.approx(4.0)
+    assert buffer.lookup_transforms('a', 'b', [2 ** 62])[0][0, 0] == pytest.approx(4.0)
+
+
+def test_numbers_come_out_as_floats():
+    """Integers and numbers of numpy are accepted, and returned as Python floats."""
+    buffer = BufferCore()
+    buffer.insert(np.int64(T), 'a', 'b', (1, 2, 3, *np.array([0.1, 0.2, 0.3, 0.9], np.float32)),
+                  is_static=True)
+    answer = buffer.lookup_transform('a', 'b')
+    assert {type(number) for number in (*answer.translation, *answer.rotation)} == {float}
+    assert np.linalg.norm(answer.rotation) == pytest.approx(1.0, abs=1e-15)
+
+
+def test_an_error_can_be_sent_to_another_process():
+    """The pickled error has the complete text, although the text is made when it is first read."""
+    buffer = BufferCore()
+    put(buffer, 'map', 'tool')
+    with pytest.raises(LookupException) as error:
+        buffer.lookup_transform('map', 'tol')
+    sent = pickle.loads(pickle.dumps(error.value))
+    assert (type(sent), str(sent)) == (LookupException, str(error.value))
+    assert str(sent).endswith("Nearest known: 'tool'.")
+
+
+def test_errors_are_exceptions_like_others():
+    """Users can raise and subclass them; str, repr and args contain the hint."""
+    buffer = BufferCore()
+    put(buffer, 'map', 'tool')
+    with pytest.raises(LookupException) as error:
+        buffer.lookup_transform('map', 'tol')
+    put(buffer, 'map', 'tol')
+    assert 'Nearest known: ' in repr(error.value)
+    assert str(error.value).endswith("Nearest known: 'tool'.")
+    assert error.value.args[0] == str(error.value)
+    assert str(LookupException('no path from', 'a')) == "('no path from', 'a')"
+    assert repr(TransformException()) == 'TransformException()'
+    assert pickle.loads(pickle.dumps(TransformException('a', 5))).args == ('a', 5)
+
+
+@pytest.mark.parametrize('function', ['np.minimum', 'itemgetter'])
+def test_inserts_go_on_after_lookups_at_once_that_were_interrupted(monkeypatch, function):
+    """The kept exception refers to the lookup's arrays, which must not prevent insertions."""
+    buffer = BufferCore()
+    put(buffer, 'a', 'b', T)
+    put(buffer, 'a', 'b', T + S)
+    monkeypatch.setattr(f'dummy_arm.tf._core.history.{function}', lambda *_: 1 / 0)
+    with pytest.raises(ZeroDivisionError) as kept:
+        buffer.lookup_transforms('a', 'b', [T, T + 1])
+    assert put(buffer, 'a', 'b', T + 2 * S)
+    assert kept.tb is not None
+
+
+def test_frames_as_tf2_writes_them():
+    """The YAML and the text have the format of tf2."""
+    buffer = BufferCore()
+    assert buffer.all_frames_as_yaml() == '[]'
+    assert buffer.all_frames_as_string() == ''
+    for i in range(6):
+        put(buffer, 'map', 'odom', T + i * S // 4, authority='me')
+    put(buffer, 'odom', 'base', 7, is_static=True)
+    assert buffer.all_frames_as_yaml() == (
+        'odom: \n'
+        "  parent: 'map'\n"
+        "  broadcaster: 'me'\n"
+        '  rate: 4.800\n'
+        '  most_recent_transform: 1700000001.250000\n'
+        '  oldest_transform: 1700000000.000000\n'
+        '  buffer_length: 1.250\n'
+        'base: \n'
+        "  parent: 'odom'\n"
+        "  broadcaster: 'default_authority'\n"
+        '  rate: 10000.000\n'
+        '  most_recent_transform: 0.000000\n'
+        '  oldest_transform: 0.000000\n'
+        '  buffer_length: 0.000\n')
+    assert buffer.all_frames_as_string() == (
+        'Frame odom exists with parent map.\nFrame base exists with parent odom.\n')
+
+
+def test_the_yaml_of_odd_names_can_be_read():
+    """A YAML parser reads the names as they were inserted."""
+    odd = ['54', 'on', 'a: b', "it's", '"quoted"', 'two\nlines', 'grün', '\u2028', '-', '1e3', '',
+           'null', '#', 'a/b.c-d', '🤖']
+    buffer = BufferCore()
+    for name in odd[1:]:
+        put(buffer, odd[0], name)
+    put(buffer, "it's", odd[0], authority="o'hara\t")
+    read = yaml.safe_load(buffer.all_frames_as_yaml())
+    assert set(read) == set(odd) - {''}
+    assert (read['54']['parent'], read['54']['broadcaster']) == ("it's", "o'hara\t")
+
+
+@pytest.mark.parametrize('name', ['x' * 1023, 'x' * 1024, 'é' * 512, '\n' * 1024])
+def test_the_yaml_of_long_names_can_be_read(name):
+    """YAML allows 1024 characters for a key in one line; a name may have 1024 bytes."""
+    buffer = BufferCore()
+    put(buffer, 'map', name)
+    put(buffer, name, 'tool')
+    read = yaml.safe_load(buffer.all_frames_as_yaml())
+    assert {child: frame['parent'] for child, frame in read.items()} == {name: 'map', 'tool': name}
+
+
+def test_waits_for_data_from_another_thread():
+    """A lookup returns when the data arrive, or raises when the timeout is over."""
+    buffer = BufferCore()
+    timer = threading.Timer(0.05, put, [buffer, 'a', 'b'])
+    timer.start()
+    assert buffer.lookup_transform('a', 'b', T, timeout=60 * S).stamp == T
+    timer.join()
+    with pytest.raises(LookupException):
+        buffer.lookup_transform('a', 'c', T, timeout=S // 100)
+    assert not buffer.can_transform_full('a', T, 'b', T + 1, 'a', timeout=S // 100)
+
+
+@pytest.mark.parametrize('lookup', [
+    ('lookup_transform', 'map', 'nobody', 0),
+    ('lookup_transform_full', 'map', T, 'nobody', T, 'map')], ids=lambda lookup: lookup[0])
+def test_ctrl_c_in_a_lookup_that_waits_leaves_the_buffer_free(lookup):
+    """Another thread can look up after it, even while the exception is kept."""
+    buffer, places = BufferCore(), 0
+    put(buffer, 'map', 'tool')
+
+    def wait():
+        with suppress(LookupException):
+            getattr(buffer, lookup[0])(*lookup[1:], S // 1000)
+
+    for interrupt in interruptions(lambda: wait, 'engine.py', 'buffer_core.py', 'lookup.py',
+                                   'tree.py', 'contextlib.py', 'threading.py'):
+        places += 1
+        results = []
+        thread = threading.Thread(
+            target=lambda: results.append(x_at(buffer, 'map', 'tool')), daemon=True)  # noqa: B023
+        thread.start()
+        thread.join(60.0)
+        assert results == [0.0], f'locked by Ctrl-C at place {places}: {interrupt!r}'
+        assert not buffer.has_waiters
+    assert places > 20
+
+
+def test_ctrl_c_in_a_block_leaves_the_buffer_free():
+    """The lock is released wherever Ctrl-C is raised, even while the exception is kept."""
+    buffer, places = BufferCore(), 0
+
+    def block():
+        with buffer.fetched():
+            buffer.frames()
+
+    for interrupt in interruptions(lambda: block, 'engine.py', 'test_buffer_core.py',
+                                   'contextlib.py'):
+        places += 1
+        free = []
+        thread = threading.Thread(
+            target=lambda: free.append(buffer.frames()), daemon=True)  # noqa: B023
+        thread.start()
+        thread.join(60.0)
+        assert free == [[]], f'locked by Ctrl-C at place {places}: {interrupt!r}'
+        assert not buffer.is_held()
+    assert places > 5
+
+
+@pytest.mark.parametrize('is_static', [True, False])
+def test_ctrl_c_as_a_frame_gets_a_new_parent_leaves_no_old_path(is_static):
+    """A path that was looked up before is not used once the frame has its new parent."""
+    buffer, places = None, 0
+
+    def prepare():
+        nonlocal buffer
+        buffer = BufferCore()
+        put(buffer, 'map', 'old', x=1.0, is_static=True)
+        put(buffer, 'map', 'new', x=2.0, is_static=True)
+        put(buffer, 'old', 'tool', T, 10.0, is_static=is_static)
+        assert x_at(buffer, 'map', 'tool') == 11.0
+        return lambda: put(buffer, 'new', 'tool', T + S, 20.0, is_static=is_static)
+
+    for _ in interruptions(prepare, 'engine.py', 'insertion.py', 'lookup.py', 'tree.py',
+                           'history.py'):
+        places += 1
+        put(buffer, 'new', 'tool', T + S, 20.0, is_static=is_static)
+        assert x_at(buffer, 'map', 'tool') == 22.0
+    assert places > 10
+
+
+@on_unix
+def test_a_signal_handler_does_not_wait(monkeypatch):
+    """It may have interrupted the call that would insert the data, so it would wait in vain."""
+    buffer, errors = BufferCore(), []
+
+    def handle(*_):
+        with pytest.raises(LookupException) as error:
+            buffer.lookup_transform('map', 'tool', timeout=60 * S)
+        errors.append(error)
+
+    # A lookup that waits looks at the clock.
+    monkeypatch.setattr('dummy_arm.tf._core.engine.monotonic', lambda: pytest.fail('it waits'))
+    before = signal.signal(signal.SIGALRM, handle)
+    try:
+        with buffer.fetched():
+            signal.raise_signal(signal.SIGALRM)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    assert errors
+
+
+def test_nobody_sees_a_half_written_state():
+    """Readers run beside a writer that appends, inserts late data, re-parents and clears."""
+    buffer, stop = BufferCore(S), threading.Event()
+    failures: list[object] = []
+    half = math.sqrt(0.5)
+
+    def write():
+        for i in range(3000):
+            stamp = T + i * S // 100
+            for late in 0, 40 * S // 1000:
+                n = float(stamp - late - T) / S
+                for parent, child in ('map', 'a'), ('a', 'b'):
+                    buffer.insert(stamp - late, parent, child,
+                                  (n, 2 * n, 3 * n, 0.0, 0.0, 0.0, 1.0))
+            buffer.insert(stamp, f'map{i % 2}', 'c', (0.0, 0.0, 0.0, half, 0.0, 0.0, half))
+            if i % 500 == 499:
+                buffer.clear()
+        stop.set()
+
+    def read():
+        while not stop.is_set():
+            try:
+                time = buffer.get_latest_common_time('map', 'b')
+                for at in 0, time - S // 60, time - S // 7:
+                    answer = buffer.lookup_transform('map', 'b', at)
+                    n = 2 * (answer.stamp - T) / S
+                    if answer.translation != pytest.approx((n, 2 * n, 3 * n), abs=1e-6):
+                        failures.append(answer)
+                translations, _, known = buffer.lookup_transforms('map', 'b', [time - 1, 0, time])
+                if not np.allclose(translations[known] @ [5.0, -1.0, -1.0], 0.0, atol=1e-6):
+                    failures.append(translations)
+                buffer.can_transform('map0', 'c')
+                buffer.all_frames_as_yaml()
+            except TransformException:
+                pass
+            except Exception as error:
+                failures.append(error)
+
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        readers = [threading.Thread(target=read) for _ in range(3)]
+        for reader in readers:
+            reader.start()
+        write()
+    finally:
+        stop.set()
+        sys.setswitchinterval(interval)
+        for reader in readers:
+            reader.join()
+    assert not failures
+
+
+def test_everything_that_is_known_as_json():
+    """`dump` includes frames without samples, and its result is a copy."""
+    buffer = BufferCore(10 * S)
+    put(buffer, 'map', 'tool', T, 1.0, authority='me')
+    put(buffer, '/base', '/tool', T + S, 2.0, authority='you')
+    put(buffer, 'map', 'fixed', 5, 3.0, authority='he', is_static=True)
+    known = json.loads(json.dumps(buffer.dump()))
+    nothing = {'parents': [], 'stamps': [], 'poses': [], 'authority': '', 'is_static': False}
+    assert known == {
+        'tool': {'parents': ['map', 'base'], 'stamps': [T, T + S], 'poses': [
+            [1, 0, 0, 0, 0, 0, 1], [2, 0, 0, 0, 0, 0, 1]], 'authority': 'you', 'is_static': False},
+        'map': nothing, 'base': nothing,
+        'fixed': {'parents': ['map'], 'stamps': [0], 'poses': [[3, 0, 0, 0, 0, 0, 1]],
+                  'authority': 'he', 'is_static': True}}
+    assert [*known] == buffer.frame_names()
+    for of_frame in buffer.dump().values():
+        of_frame['stamps'].append(7)
+    assert json.loads(json.dumps(buffer.dump())) == known
+    for i in range(2, 13):
+        put(buffer, 'base', 'tool', T + i * S)
+    assert buffer.dump()['tool']['stamps'][0] == T + S  # expired samples are removed first
+    buffer.clear()
+    assert buffer.dump()['tool'] == nothing
+    assert buffer.dump()['fixed'] == known['fixed']
+
+
+def test_the_chain_between_two_frames():
+    """The chain leads from the source to the target along the newest edges."""
+    buffer = BufferCore()
+    for parent, child in ('map', 'odom'), ('odom', 'base'), ('base', 'left'), ('base', 'right'):
+        put(buffer, parent, child)
+    assert buffer.chain('left', 'right') == ['right', 'base', 'left']
+    assert buffer.chain('map', 'left') == ['left', 'base', 'odom', 'map']
+    assert buffer.chain('left', 'odom') == ['odom', 'base', 'left']
+    assert buffer.chain('map', 'map') == ['map']
+    with pytest.raises(TransformException, match='"nobody" passed to canTransform'):
+        buffer.chain('map', 'nobody')
+
+
+def test_an_error_that_nobody_has_read_keeps_names_only():
+    """It does not refer to the buffer, so its text is made without a lock while others insert."""
+    buffer = BufferCore()
+    put(buffer, 'map', 'tool')
+    with pytest.raises(LookupException) as raised:
+        buffer.lookup_transform('map', 'tol')
+    error = raised.value.with_traceback(None)
+    gone = weakref.ref(buffer)
+    del buffer, raised
+    gc.collect()
+    assert gone() is None
+    assert str(error).endswith("Nearest known: 'tool'.")

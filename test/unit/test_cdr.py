@@ -1,0 +1,180 @@
+"""The CDR encoding of TFMessage."""
+
+import contextlib
+import struct
+
+from hypothesis import given
+from hypothesis import strategies as st
+from messages import golden_fields, golden_messages, golden_rows
+import numpy as np
+import pytest
+
+from dummy_arm.tf._core.pose import Row
+from dummy_arm.tf._wire import cdr
+
+S = 10**9
+IDENTITY = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+names = st.text(st.characters(exclude_categories=['Cs'], exclude_characters='\0'))
+numbers = st.floats(allow_nan=False)
+seconds = st.integers(-2**31, 2**31 - 1)
+rows = st.builds(Row, st.integers(-2**31 * S, 2**31 * S - 1), names, names,
+                 st.tuples(*[numbers] * 7))
+
+
+def test_packs_as_the_real_type_support():
+    """The golden transforms are packed into the golden bytes."""
+    for case in golden_messages():
+        assert cdr.pack_fields(golden_fields(case)).hex() == case['cdr_hex']
+        if all(nanosec < S for _, nanosec, *_ in golden_fields(case)):
+            assert cdr.pack(golden_rows(case)).hex() == case['cdr_hex']
+
+
+def test_unpacks_as_the_real_type_support():
+    """The golden bytes are unpacked into the golden transforms."""
+    for case in golden_messages():
+        data = bytes.fromhex(case['cdr_hex'])
+        assert cdr.unpack(data) == golden_rows(case)
+        assert [*cdr.fields(data)] == golden_fields(case)
+
+
+def test_a_message_annotated():
+    """A message of one transform has exactly the bytes that are explained here."""
+    row = Row(S + 2, 'map', 'tool', (1.0, *IDENTITY[1:]))
+    assert cdr.pack([row]).hex(' ', 4) == (
+        '00010000 '          # encapsulation: little endian
+        '01000000 '          # one transform
+        '01000000 02000000 '           # sec, nanosec
+        '04000000 6d617000 '           # 'map' and NUL
+        '05000000 746f6f6c 00000000 '  # 'tool', NUL, padding up to the next multiple of 8
+        '00000000 0000f03f 00000000 00000000 00000000 00000000 '                    # x y z
+        '00000000 00000000 00000000 00000000 00000000 00000000 00000000 0000f03f')  # x y z w
+
+
+def written(order, stamps, transforms):
+    """Serialize a message in a byte order, by the struct module only."""
+    body = struct.pack(order + 'I', len(transforms))
+    for (sec, nanosec), (_, parent, child, pose) in zip(stamps, transforms):
+        body += bytes(-len(body) % 4) + struct.pack(order + 'iI', sec, nanosec)
+        for name in parent, child:
+            body += bytes(-len(body) % 4) + struct.pack(order + 'I', len(name.encode()) + 1)
+            body += name.encode() + b'\0'
+        body += bytes(-len(body) % 8) + struct.pack(order + '7d', *pose)
+    return bytes([0, order == '<', 0, 0]) + body
+
+
+@given(st.sampled_from('<>'), st.data())
+def test_either_byte_order(order, data):
+    """Big-endian messages are read, too, and nanoseconds may be more than a second."""
+    transforms = data.draw(st.lists(rows, max_size=5))
+    stamps = [data.draw(st.tuples(seconds, st.integers(0, 2**32 - 1))) for _ in transforms]
+    unpacked = cdr.unpack(written(order, stamps, transforms))
+    assert unpacked == [row._replace(stamp_ns=sec * S + nanosec)
+                        for row, (sec, nanosec) in zip(transforms, stamps)]
+    assert {*map(type, unpacked)} <= {Row}
+
+
+@given(st.lists(rows, max_size=5))
+def test_packs_what_an_obvious_way_writes(transforms):
+    """The bytes equal those of an independent serializer, with nanoseconds below a second."""
+    assert cdr.pack(transforms) == written(
+        '<', [divmod(row.stamp_ns, S) for row in transforms], transforms)
+
+
+def test_every_prefix_is_malformed():
+    """A truncated message is refused, wherever it ends."""
+    for case in golden_messages():
+        data = bytes.fromhex(case['cdr_hex'])
+        for end in range(len(data)):
+            with pytest.raises(cdr.MalformedMessage):
+                cdr.unpack(data[:end])
+
+
+@pytest.mark.parametrize('count', [2, 10**9, 2**32 - 1])
+def test_a_count_beyond_the_bytes_is_malformed(count):
+    """A packet that claims a billion transforms is refused at once."""
+    data = bytearray(cdr.pack([Row(0, 'a', 'b', IDENTITY)]))
+    data[4:8] = struct.pack('<I', count)
+    with pytest.raises(cdr.MalformedMessage, match=f'{count} transforms'):
+        cdr.unpack(bytes(data))
+
+
+@pytest.mark.parametrize('length', [100, 2**31, 2**32 - 1])
+@pytest.mark.parametrize('position', [16, 24])
+def test_a_string_beyond_the_bytes_is_malformed(position, length):
+    """A name that is longer than the message is refused."""
+    data = bytearray(cdr.pack([Row(0, 'map', 'tool', IDENTITY)]))
+    data[position:position + 4] = struct.pack('<I', length)
+    with pytest.raises(cdr.MalformedMessage):
+        cdr.unpack(bytes(data))
+
+
+@pytest.mark.parametrize('encapsulation', ['0003', '0007', 'ffff', '4142'])
+def test_another_encoding_is_malformed(encapsulation):
+    """Only plain CDR is read."""
+    with pytest.raises(cdr.MalformedMessage, match='plain CDR'):
+        cdr.unpack(bytes.fromhex(encapsulation) + bytes(6))
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_are_read_or_malformed(data):
+    """No input causes an exception other than MalformedMessage."""
+    with contextlib.suppress(cdr.MalformedMessage):
+        cdr.unpack(b'\0\1\0\0\1\0\0\0' + data)
+
+
+def test_bytes_after_the_end_are_ignored():
+    """Fast DDS pads the messages that it delivers."""
+    transforms = [Row(0, 'a', 'b', IDENTITY)]
+    assert cdr.unpack(cdr.pack(transforms) + b'\0\0\0') == transforms
+
+
+@pytest.mark.parametrize(('field', 'name'), [
+    (b'\0\0\0\0', ''), (b'\5\0\0\0ab\0c\0\0\0\0', 'ab'), (b'\3\0\0\0\xff\xfe\0\0', '\ufffd\ufffd'),
+    (b'\2\0\0\0ab\0\0', 'ab')])
+def test_odd_strings_are_read_as_rclpy_does(field, name):
+    """Strings without a NUL, with one inside, or that are no UTF-8 cause no error."""
+    body = b'\1\0\0\0' + bytes(8) + field + b'\2\0\0\0c\0\0\0'
+    body += bytes(-len(body) % 8) + bytes(56)
+    assert cdr.unpack(b'\0\1\0\0' + body)[0][1:3] == (name, 'c')
+
+
+def test_a_nul_in_a_name_is_refused():
+    """C would silently cut off the name there."""
+    with pytest.raises(ValueError, match=r"'a\\x00b' must not contain a NUL"):
+        cdr.pack([Row(0, 'a\0b', 'c', IDENTITY)])
+
+
+@given(st.lists(st.tuples(names, names), min_size=1, max_size=5), st.data())
+def test_a_template_packs_as_pack_does(edges, data):
+    """A template that is made once gives the same bytes."""
+    stamp_ns = data.draw(st.integers(-2**31 * S, 2**31 * S - 1))
+    poses = np.array(data.draw(st.lists(
+        st.tuples(*[numbers] * 7), min_size=len(edges), max_size=len(edges))))
+    assert cdr.MessageTemplate(edges).pack(stamp_ns, poses) == cdr.pack(
+        [Row(stamp_ns, parent, child, pose)
+         for (parent, child), pose in zip(edges, poses.tolist())])
+
+
+@pytest.mark.parametrize('shape', [(7,), (2, 7), (1, 6), (1, 1), (0, 7)])
+def test_a_template_refuses_another_shape(shape):
+    """Poses are not broadcast by numpy's rules, since each frame needs its own."""
+    with pytest.raises(ValueError, match=r'shape \(1, 7\)'):
+        cdr.MessageTemplate([('a', 'b')]).pack(0, np.zeros(shape))
+
+
+@pytest.mark.parametrize('stamp_ns', [2**31 * S, -2**31 * S - 1, 2**63, -10**30])
+def test_a_stamp_that_does_not_fit_is_refused(stamp_ns):
+    """Seconds are an int32 in the message, also in that of a template."""
+    error = rf'stamp must be from -2\*\*31 to 2\*\*31 - 1 seconds, got {stamp_ns} ns'
+    with pytest.raises(ValueError, match=error):
+        cdr.pack([Row(stamp_ns, 'a', 'b', IDENTITY)])
+    with pytest.raises(ValueError, match=error):
+        cdr.MessageTemplate([('a', 'b')]).pack(stamp_ns, np.zeros((1, 7)))
+
+
+@pytest.mark.parametrize('stamp_ns', [2**31 * S - 1, -2**31 * S, -1, 0])
+def test_the_ends_of_what_fits(stamp_ns):
+    """The first and the last stamp, and those around zero, are exact to the nanosecond."""
+    row = Row(stamp_ns, 'a', 'b', IDENTITY)
+    assert cdr.unpack(cdr.pack([row])) == [row]
+    assert cdr.MessageTemplate([('a', 'b')]).pack(stamp_ns, [IDENTITY]) == cdr.pack([row])

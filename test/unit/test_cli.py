@@ -1,0 +1,588 @@
+"""What all commands share, without ROS: arguments, errors, exit codes, signals, files, waits."""
+
+import argparse
+from collections.abc import Callable
+import os
+import shlex
+import signal
+import subprocess
+import sys
+from types import SimpleNamespace
+
+from environment import on_linux, on_unix
+import pytest
+
+from dummy_arm.cli import entry_points, progress, signals
+from dummy_arm.cli.bag_options import add_bag_options, bag_progress, read_bag
+from dummy_arm.cli.files import check_writable, whole_file
+from dummy_arm.cli.parser import (
+    CommandError,
+    listening_time,
+    number,
+    Parser,
+    run,
+    seconds,
+    UsageError,
+)
+from dummy_arm.cli.signals import (
+    begin_cleanup,
+    check_signals,
+    forget_signals,
+    record_signals,
+    signal_received,
+)
+from dummy_arm.tf.bag import BagError
+
+SIGNALS = signal.SIGINT, signal.SIGTERM
+
+
+@pytest.fixture(autouse=True)
+def handlers():
+    """Restore the signal handlers after each test; forget what was recorded."""
+    before = {each: signal.getsignal(each) for each in SIGNALS}
+    yield
+    for each, handler in before.items():
+        signal.signal(each, handler)
+    forget_signals()
+
+
+@pytest.fixture
+def parser():
+    """A parser with an option and positional arguments that are numbers."""
+    parser = Parser('tool', 'It does nothing.', 'example: tool -1')
+    parser.add_argument('--value', type=number)
+    parser.add_argument('numbers', nargs='*', type=number)
+    return parser
+
+
+# Arguments
+
+
+@pytest.mark.parametrize('text', ['-1', '-1.5', '-.5', '-1e-3', '-1E+3', '-.5e2', '1e3', '+2'])
+def test_numbers_parse_anywhere(parser, text):
+    """Options and positional arguments accept them; argparse itself takes -1e-3 for an option."""
+    assert parser.parse_args(['--value', text]).value == float(text)
+    assert parser.parse_args([f'--value={text}', text, text]).numbers == [float(text)] * 2
+
+
+@pytest.mark.parametrize('text', ['1_0', '1.0abc', '', 'x', '1,5', 'nan', '-inf', '0x1'])
+def test_other_text_is_no_number(text):
+    """This includes text that float() accepts."""
+    with pytest.raises(argparse.ArgumentTypeError, match=r'is not a number|is not finite'):
+        number(text)
+
+
+@pytest.mark.parametrize(('text', 'time'), [
+    ('0', 0), ('1e-9', 1), ('2.50', 2_500_000_000), ('9223372036.854775807', 2**63 - 1),
+    ('1700000000.000000001', 1_700_000_000_000_000_001)])
+def test_times_are_exact(text, time):
+    """A float would round them."""
+    assert seconds(text) == time
+
+
+@pytest.mark.parametrize('text', [
+    '-1', '1e-10', '9223372036.854775808', '1e99', '1' * 99, '1_0', 'x', '', 'nan', 'inf'])
+def test_other_text_is_no_time(text):
+    """The error says what is."""
+    with pytest.raises(argparse.ArgumentTypeError, match='must be a time in s, from 0 to 92'):
+        seconds(text)
+
+
+@pytest.mark.parametrize(('given', 'time'), [(None, 5.0), (0.001, 0.001), (1e9, 1e9)])
+def test_the_time_to_listen(given, time):
+    """There is a default."""
+    assert listening_time(given) == time
+
+
+@pytest.mark.parametrize('given', [0.0, -1.0, 1.1e9])
+def test_no_time_to_listen(given):
+    """The error has the limits."""
+    with pytest.raises(UsageError, match=r'more than 0 s, and at most 1e\+09 s, got '):
+        listening_time(given)
+
+
+@pytest.mark.parametrize(('argument', 'hint'), [
+    ('--val=1', '(did you mean --value?)'), ('--vlaue', '(did you mean --value?)'),
+    ('--\x1b[2J\n', '--\\x1b[2J\\n'), ('--xyz', '--xyz')])
+def test_a_wrong_option_is_one_line_with_a_hint(failed, parser, argument, hint):
+    """Options cannot be abbreviated, and do not control the terminal."""
+    code, line = failed(lambda args: run(parser, lambda **_: 0, args), argument)
+    assert code == 2
+    assert line.startswith('tool: unrecognized arguments: --')
+    assert line.endswith(f'{hint}; usage: tool [-h] [--value VALUE] [numbers ...]\n')
+
+
+@pytest.fixture(params=['with ROS', 'without ROS'])
+def ros_arguments(request, monkeypatch):
+    """Where there is no ROS, ROS arguments are removed by the package itself."""
+    if request.param == 'without ROS':
+        monkeypatch.setitem(sys.modules, 'rclpy.utilities', None)
+
+
+@pytest.mark.usefixtures('ros_arguments')
+def test_ros_arguments_and_double_dashes(failed):
+    """ROS arguments end at `--`. Old versions of argparse drop a second one before names."""
+    parser = Parser('tool', 'It does nothing.')
+    parser.add_argument('frame')
+    parser.add_argument('other')
+    assert run(parser, lambda frame, other, **_: (frame, other) == ('a', 'b') and 7, [
+        'a', '--ros-args', '-r', 'c:=d', '--', 'b', '--ros-args', '-p', 'e:=f']) == 7
+    assert run(parser, lambda frame, other, **_: (frame, other) == ('-a', '-b') and 7,
+               ['--', '-a', '-b', '--ros-args', '-r', 'a:=b', '--']) == 7
+    code, line = failed(lambda args: run(parser, lambda **_: 0, args), 'map', '--', '--')
+    assert code == 2
+    assert line.startswith('tool: -- can be given only once; usage: tool ')
+
+
+# Ends
+
+
+@pytest.mark.parametrize(('outcome', 'code', 'stderr'), [
+    (0, 0, ''), (1, 1, ''), (UsageError('so not'), 2, 'tool: so not\n'),
+    (CommandError('it broke'), 1, 'tool: it broke\n'), (KeyboardInterrupt(), 5, ''),
+])
+def test_exit_codes(parser, capsys, outcome, code, stderr):
+    """The code is 1 if the command failed, 2 if it was misused; that of Ctrl-C is its own."""
+    def command(value, numbers, ros_args):
+        assert (value, numbers) == (None, [-1.0])
+        assert ros_args == ['tool', '-1', '--ros-args', '-r', 'a:=b']
+        if isinstance(outcome, BaseException):
+            raise outcome
+        return outcome
+
+    before = signal.getsignal(signal.SIGTERM)
+    assert run(parser, command, ['-1', '--ros-args', '-r', 'a:=b'], interrupted=5) == code
+    assert capsys.readouterr() == ('', stderr)
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize('error', [CommandError, UsageError])
+def test_an_error_is_one_line_that_does_not_control_the_terminal(parser, capsys, error):
+    """An error may contain any name of a file, a frame or a topic."""
+    def command(**_):
+        raise error('no frame \x1b[2J, \r\n\u2028\udc80')
+
+    assert run(parser, command, []) != 0
+    assert capsys.readouterr().err == 'tool: no frame \\x1b[2J, \\r\\n\\u2028\\udc80\n'
+
+
+def program(command):
+    """Return the arguments with which python runs a command; `command` is its expression."""
+    return [sys.executable, '-c', 'import sys, time; from dummy_arm.cli.parser import Parser, run;'
+            f'sys.exit(run(Parser("tool", ""), lambda ros_args: {command}, interrupted=3))']
+
+
+@on_unix
+def test_a_closed_pipe_is_no_error():
+    """This happens when the output is piped to `head`; the command is interrupted."""
+    with subprocess.Popen(program('[print("line") for _ in range(100000)] and 0'),
+                          stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdout is not None
+        assert process.stderr is not None
+        assert process.stdout.readline() == b'line\n'
+        process.stdout.close()
+        assert process.stderr.read() == b''
+        assert process.wait() == 3
+
+
+@on_unix
+@pytest.mark.parametrize(('redirection', 'code', 'stderr'), [
+    pytest.param('> /dev/full', 1, 'tool: [Errno 28] No space left on device\n', marks=on_linux),
+    ('>&- 2>&-', 0, '')])
+def test_output_that_goes_nowhere(redirection, code, stderr):
+    """A full disk is an error of one line; closed streams are no error."""
+    command = shlex.join(program('print("line") or sys.stderr.write("2") and 0'))
+    done = subprocess.run(f'{command} {redirection}', shell=True, text=True, capture_output=True,
+                          check=False)
+    assert (done.returncode, done.stderr) == (code, stderr)
+
+
+@on_unix
+def test_a_line_is_written_at_once_and_a_second_signal_ends_a_command():
+    """Of a line, no character is lost. The first signal is only recorded."""
+    with subprocess.Popen(
+            program('[print("\\u65e5", sys.argv)] and [time.sleep(0.01) for _ in iter(int, 1)]'),
+            stdout=subprocess.PIPE, env={**os.environ, 'PYTHONIOENCODING': 'ascii'}) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"\\u65e5 ['-c']\n"
+        for each in signal.SIGTERM, signal.SIGINT:
+            process.send_signal(each)
+        assert process.wait() == 3
+
+
+@pytest.mark.parametrize(('command', 'code'), [('check_arm', 1), ('tf_trajectory', 0)])
+@pytest.mark.parametrize('count', [0, 1, 2])
+def test_signals_while_a_command_is_imported(monkeypatch, command, code, count):
+    """They are recorded, and it does not begin; the second ends the import."""
+    class Module:
+        @property
+        def main(self) -> Callable[[], int]:
+            for _ in range(count):
+                signal.raise_signal(signal.SIGTERM)
+            assert count < 2
+            return lambda: 7
+
+    monkeypatch.setitem(sys.modules, f'dummy_arm.tools.{command}', Module())
+    assert getattr(entry_points, command)() == (code if count else 7)
+    assert [signal.getsignal(each) for each in SIGNALS] == [signal.SIG_IGN] * 2
+
+
+def test_a_module_that_is_missing(monkeypatch, capsys):
+    """Only if it is one of ROS, the error has the remedy."""
+    class Module:
+        @property
+        def main(self) -> None:
+            raise ModuleNotFoundError(name=name)
+
+    monkeypatch.setitem(sys.modules, 'dummy_arm.tools.param', Module())
+    name = 'geometry_msgs'
+    assert entry_points.param() == 1
+    assert capsys.readouterr().err.startswith(
+        'param: this command needs ROS, but geometry_msgs cannot be imported: pip install ')
+    name = 'numpy'
+    with pytest.raises(ModuleNotFoundError):
+        entry_points.param()
+
+
+# Signals
+
+
+def interrupts(number):
+    """Send a signal to this process, and return whether it raises KeyboardInterrupt at once."""
+    try:
+        signal.raise_signal(number)
+    except KeyboardInterrupt:
+        return True
+    return False
+
+
+def test_the_first_signal_is_recorded():
+    """The next check raises KeyboardInterrupt; the second signal does at once."""
+    before = {each: signal.getsignal(each) for each in SIGNALS}
+    assert record_signals() == before
+    check_signals()
+    assert not signal_received()
+    assert not interrupts(signal.SIGTERM)
+    assert signal_received()
+    assert record_signals() == {}
+    with pytest.raises(KeyboardInterrupt):
+        check_signals()
+    assert interrupts(signal.SIGINT)
+
+
+def test_a_second_signal_does_not_interrupt_the_cleanup():
+    """The third signal does, in case the cleanup hangs."""
+    record_signals()
+    assert not interrupts(signal.SIGINT)
+    begin_cleanup()
+    assert not interrupts(signal.SIGTERM)
+    assert interrupts(signal.SIGINT)
+
+
+@pytest.mark.parametrize('forget', [forget_signals, lambda: signal.signal(
+    signal.SIGINT, signal.SIG_DFL) and record_signals()])
+def test_signals_are_forgotten(forget):
+    """A command that goes on begins anew, also a command that is called after another one."""
+    record_signals()
+    begin_cleanup()
+    assert not interrupts(signal.SIGINT)
+    forget()
+    assert not signal_received()
+    assert not interrupts(signal.SIGINT)
+    assert interrupts(signal.SIGINT)
+
+
+# Waits
+
+
+class Clock:
+    """A clock that goes on while one sleeps."""
+
+    def __init__(self) -> None:
+        """Begin long after 0, without anything that will happen."""
+        self.now = 1000.0
+        self.longest = self.late = 0.0
+        self.happen: dict[float, Callable[[], object]] = {}
+
+    def monotonic(self) -> float:
+        """Return the time (s)."""
+        return self.now
+
+    def sleep(self, seconds: float) -> None:
+        """Let time pass; what is to happen then happens, in order of time."""
+        assert seconds > 0.0
+        assert self.passed() < 100.0, 'it does not end'
+        self.now += seconds + self.late
+        self.longest = max(self.longest, seconds)
+        for time in [*self.happen]:
+            if time <= self.now - 1000.0:
+                self.happen.pop(time)()
+
+    def passed(self) -> float:
+        """Return the time since the beginning (s)."""
+        return round(self.now - 1000.0, 6)
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """The clock of the modules that wait."""
+    clock = Clock()
+    for module in progress, signals:
+        monkeypatch.setattr(module, 'time', clock)
+    record_signals()
+    return clock
+
+
+def press_ctrl_c():
+    """Send SIGINT to this process."""
+    signal.raise_signal(signal.SIGINT)
+
+
+def test_a_sleep(clock):
+    """It ends in time, and at a signal."""
+    signals.sleep(0.12)
+    assert clock.passed() == 0.12
+    clock.happen[30.0] = press_ctrl_c
+    with pytest.raises(KeyboardInterrupt):
+        signals.sleep(1e9)
+    assert clock.passed() == pytest.approx(30.0, abs=0.1)
+    assert clock.longest <= 0.1  # a signal does not end a time.sleep
+    with pytest.raises(KeyboardInterrupt):
+        signals.sleep(0.0)
+
+
+@pytest.mark.parametrize('wait_until', [
+    signals.wait_until, lambda seconds, holds: progress.wait(seconds, 'waiting', holds)])
+def test_a_wait_for_a_condition(clock, wait_until):
+    """It ends when the condition holds, at the latest in time, or at a signal."""
+    assert wait_until(0.0, lambda: True) is True
+    assert wait_until(0.12, lambda: 0) is False
+    assert clock.passed() == 0.12
+    assert wait_until(1e9, lambda: clock.passed() > 20.0) is True
+    assert clock.passed() == pytest.approx(20.0, abs=0.1)
+    clock.happen[30.0] = press_ctrl_c
+    with pytest.raises(KeyboardInterrupt):
+        wait_until(1e9, lambda: 0)
+    assert clock.passed() == pytest.approx(30.0, abs=0.1)
+
+
+@pytest.mark.parametrize(('seconds', 'first', 'ctrl_c', 'end', 'listened'), [
+    pytest.param(2.0, 3.0, None, 5.0, 2.0, id='it listens after the first transform'),
+    pytest.param(2.0, None, None, 7.0, 7.0, id='discovery may take 7 s'),
+    pytest.param(20.0, None, None, 20.0, 20.0, id='nothing comes'),
+    pytest.param(100.0, 1.0, 31.0, 31.0, 30.0, id='Ctrl-C'),
+    pytest.param(100.0, None, 3.0, 3.0, 3.0, id='Ctrl-C before the first')])
+def test_listening(clock, seconds, first, ctrl_c, end, listened):
+    """A signal ends it without an error; it polls until the end."""
+    received, polled = [], []
+    if first is not None:
+        clock.happen[first] = lambda: received.append(1)
+    if ctrl_c is not None:
+        clock.happen[ctrl_c] = press_ctrl_c
+    assert progress.listen(seconds, lambda: received, lambda: polled.append(clock.passed())
+                           ) == pytest.approx(listened, abs=0.11)
+    assert clock.passed() == pytest.approx(end, abs=0.11)
+    assert polled[0] == 0.0
+    assert polled[-1] == clock.passed()
+    assert len(polled) > 10 * end
+
+
+class Stderr:
+    """A terminal, or none, and what is written to it."""
+
+    def __init__(self, is_terminal: bool) -> None:
+        """Create it empty."""
+        self.text = ''
+        self.isatty = lambda: is_terminal
+        self.write = self._write
+        self.flush = lambda: None
+
+    def _write(self, text: str) -> None:
+        self.text += text
+
+
+@pytest.mark.parametrize(('stderr', 'has_tqdm'), [
+    (Stderr(True), True), (Stderr(True), False), (Stderr(False), True), (None, True)])
+def test_a_bar_is_shown_on_a_terminal(monkeypatch, clock, stderr, has_tqdm):
+    """It is filled while time passes, and erased; there is none in a pipe or without tqdm."""
+    if has_tqdm:
+        tqdm = pytest.importorskip('tqdm').tqdm
+        monkeypatch.setattr(tqdm, 'monitor_interval', 0)  # it would start a thread
+    else:
+        monkeypatch.setitem(sys.modules, 'tqdm', None)
+    monkeypatch.setattr(sys, 'stderr', stderr)
+    assert not progress.wait(3.0, 'waiting')
+    assert clock.passed() == 3.0
+    if stderr and stderr.isatty() and has_tqdm:
+        assert 'waiting' in stderr.text
+        assert '0.0 of 3 s' in stderr.text
+        assert not stderr.text.split('\r')[-2].strip()
+    elif stderr:
+        assert stderr.text == ''
+
+
+def test_a_bar_is_drawn_where_it_changes(monkeypatch, clock):
+    """It is never more than full."""
+    bars: list[object] = []
+    steps = []
+
+    class Bar(SimpleNamespace):
+        n = 0.0
+
+        def __enter__(self):
+            bars.append(self)
+            return self
+
+        def __exit__(self, *_):
+            bars.append('closed')
+
+        def update(self, step):
+            self.n += step
+            steps.append(step)
+
+    monkeypatch.setitem(sys.modules, 'tqdm', SimpleNamespace(tqdm=Bar))
+    monkeypatch.setattr(sys, 'stderr', Stderr(True))
+    with progress.progress(10.0, desc='reading') as show:
+        for done in 0.0, 2.0, 2.0, 5.0:
+            show(done)
+    assert bars == [Bar(total=10.0, leave=False, desc='reading', n=5.0), 'closed']
+    assert steps == [2.0, 3.0]
+    clock.late = 0.03
+    progress.wait(3.0, 'waiting')
+    assert sum(steps[2:]) == pytest.approx(3.0)
+
+
+# Files
+
+
+def test_where_no_file_can_be_written(tmp_path):
+    """The check says so before the work begins."""
+    check_writable(tmp_path / 'new')
+    with pytest.raises(CommandError, match=r'^cannot write .*: it is a directory$'):
+        check_writable(tmp_path)
+    with pytest.raises(CommandError, match=r'^cannot write .*x: .*missing is not a writable dir'):
+        check_writable(tmp_path / 'missing' / 'x')
+
+
+def test_a_file_is_written_whole(tmp_path):
+    """Until the end of the block, the old file is there."""
+    path = tmp_path / 'file'
+    path.write_text('old')
+    with whole_file(path) as part:
+        part.write_text('new')
+        assert part.parent == tmp_path
+        assert path.read_text() == 'old'
+    assert path.read_text() == 'new'
+    assert [*tmp_path.iterdir()] == [path]
+
+
+@pytest.mark.parametrize(('error', 'expected', 'text'), [
+    (KeyboardInterrupt(), KeyboardInterrupt, ''), (CommandError('no row'), CommandError, 'no row'),
+    (OSError(28, 'No space left on device'), CommandError, 'cannot write {}: No space left on d'),
+    (OSError('odd'), CommandError, 'cannot write {}: odd')])
+def test_or_not_at_all(tmp_path, error, expected, text):
+    """No part of a new file is left, and an old file stays."""
+    path = tmp_path / 'file'
+    path.write_text('old')
+    def write():
+        with whole_file(path) as part:
+            part.write_text('new')
+            raise error
+
+    with pytest.raises(expected) as raised:
+        write()
+    assert str(raised.value).startswith(text.format(path))
+    assert path.read_text() == 'old'
+    assert [*tmp_path.iterdir()] == [path]
+
+
+@on_unix
+def test_a_link_stays_a_link(tmp_path):
+    """The file that it names is written, in its directory."""
+    (tmp_path / 'there').mkdir()
+    link, target = tmp_path / 'link', tmp_path / 'there' / 'file'
+    link.symlink_to(target)
+    for text in 'new', 'newer':
+        with whole_file(link) as part:
+            part.write_text(text)
+            assert part.parent == target.parent
+        assert link.is_symlink()
+        assert target.read_text() == text
+
+
+@on_unix
+def test_a_pipe_is_not_replaced(tmp_path):
+    """Nor is a device."""
+    os.mkfifo(tmp_path / 'pipe')
+    with pytest.raises(CommandError, match=r'^cannot write .*pipe: it is not a regular file$'
+                       ), whole_file(tmp_path / 'pipe'):
+        pass
+    assert (tmp_path / 'pipe').is_fifo()
+
+
+# Bags
+
+
+@pytest.fixture
+def walk(tmp_path):
+    """The path of a bag."""
+    bags = pytest.importorskip('bags')
+    return str(bags.make(tmp_path, 'bag', bags.walk(10)))
+
+
+@pytest.fixture
+def cut_off(walk):
+    """The path of a bag that is cut off."""
+    with open(walk, 'r+b') as file:
+        file.truncate(os.path.getsize(walk) - 100)
+    return walk
+
+
+def test_bag_options(cut_off):
+    """They are the arguments of read_bag."""
+    parser = Parser('tool', '')
+    add_bag_options(parser)
+    assert read_bag(**vars(parser.parse_args([]))) is None
+    buffer = read_bag(**vars(parser.parse_args(['--bag', cut_off, '--partial'])))
+    assert buffer
+    assert buffer.can_transform('map', 'base_link', 0)
+    with pytest.raises(CommandError, match=r'^[^\n]*--partial[^\n]*$'):
+        read_bag(**vars(parser.parse_args(['--bag', cut_off])))
+
+
+def test_the_topics_of_a_bag(walk):
+    """The namespace of the option is used."""
+    with pytest.raises(CommandError, match='/robot/tf'):
+        read_bag(walk, 'robot', False)
+
+
+@pytest.mark.parametrize(('bag', 'partial', 'error', 'text'), [
+    ('', False, UsageError, '^--bag needs the path of a bag, got an empty one$'),
+    (None, True, UsageError, '^--partial needs --bag$'),
+    ('nowhere.mcap', False, CommandError, r'^.*nowhere\.mcap[^\n]*$')])
+def test_bags_that_are_not_read(bag, partial, error, text):
+    """The error is of one line."""
+    with pytest.raises(error, match=text):
+        read_bag(bag, '', partial)
+
+
+def fail(error):
+    """Raise an error."""
+    raise error
+
+
+@pytest.mark.parametrize(('error', 'text'), [
+    (PermissionError(13, 'Permission denied'), 'cannot read x.bag: Permission denied'),
+    (OSError('odd'), 'cannot read x.bag: odd'), (BagError('odd bag'), 'odd bag')])
+def test_errors_while_a_bag_is_read(error, text):
+    """They are errors of the command, of one line."""
+    with pytest.raises(CommandError, match=f'^{text}$'), bag_progress('x.bag'):
+        fail(error)
+
+
+def test_a_signal_ends_the_reading(walk):
+    """It is noticed while the bag is read."""
+    record_signals()
+    signal.raise_signal(signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt):
+        read_bag(walk, '', False)

@@ -1,0 +1,516 @@
+"""tf_doctor for bags: each fault is found, with its evidence, and nothing else is."""
+
+from itertools import cycle
+import json
+from math import nan
+import re
+import subprocess
+import sys
+
+from processes import tool_without_ros
+import pytest
+
+from dummy_arm.inspection.diagnosis import CHECKS
+from dummy_arm.tools.tf_doctor import main
+
+bags = pytest.importorskip('bags')
+S, MS = bags.S, 10**6
+T = 1_700_000_000 * S
+KINDS = 'mcap', 'db3', 'bag'
+POINT = 'geometry_msgs/msg/PointStamped'
+
+
+def pose(x, z=0.0):
+    """Return a pose at x (m), rotated about z by an angle whose half has the sine `z`."""
+    return x, 0.0, 0.0, 0.0, 0.0, z, (1.0 - z * z) ** 0.5
+
+
+def at(index, hertz=50):
+    """Return the stamp of the transform with an index (ns)."""
+    return T + index * S // hertz
+
+
+def tf(index, *edges, stamp=None, delay=MS, publisher='/robot', topic='/tf', x=None):
+    """Return a message of a bag with transforms, each 'parent child'."""
+    time = at(index)
+    stamp = time if stamp is None else stamp
+    place = pose(index / 100 if x is None else x)
+    rows = [bags.row(stamp, parent, child, place)
+            for parent, child in (edge.split(' ') for edge in edges)]
+    return topic, time + delay, rows, bags.TF, publisher
+
+
+def static(*edges, time=T, x=1.0, publisher='/fixed'):
+    """Return a message of a bag on /tf_static."""
+    rows = [bags.row(time, parent, child, pose(x))
+            for parent, child in (edge.split(' ') for edge in edges)]
+    return '/tf_static', time, rows, bags.TF, publisher
+
+
+def robot(count=100, change=lambda i: {}, edges=('odom base_link', 'base_link arm')):
+    """Return the messages of a healthy robot; `change` gives other arguments of `tf` for some."""
+    return [static('map odom', 'base_link laser'),
+            *(tf(i, *edges, **change(i)) for i in range(count))]
+
+
+def points(topic, *frames, version=2):
+    """Return messages with headers, which name frames."""
+    return [(topic, T + i * MS, bags.point(frame, T, version), POINT)
+            for i, frame in enumerate(frames)]
+
+
+def with_pose(messages, index, new):
+    """Replace a pose in a message."""
+    topic, time, rows, *rest = messages[index]
+    messages[index] = topic, time, [rows[0]._replace(pose=new), *rows[1:]], *rest
+    return messages
+
+
+def doctor(capsys, path, *arguments):
+    """Run the command for a bag; return the exit code and what the JSON says."""
+    code = main(['--bag', str(path), '--json', *arguments])
+    return code, json.loads(capsys.readouterr().out)
+
+
+#: By code: the messages of a bag with this fault only, the frames, and a pattern for the evidence.
+#: In the bag of ROS 1, nodes have the names that `tf` gives them.
+FAULTS = {
+    'two_publishers': (
+        [*robot(), *(tf(i, 'odom base_link', publisher='/other', x=i / 100, stamp=at(i) + MS)
+                     for i in range(20, 60, 4))], ['base_link'],
+        r'^/robot and /other both publish base_link: 100 transforms \(50\.0 Hz\) and 10 '
+        r'\(12\.5 Hz\)$'),
+    'changing_parent': (
+        robot() + [
+            tf(100 + i, 'arm tool' if i < 5 else 'laser tool') for i in range(10)], ['tool'],
+        '^tool has 2 parents in 10 transforms: arm, laser$'),
+    'static_and_dynamic': (
+        [*robot(), static('odom base_link')], ['base_link'],
+        '^base_link: 100 transforms on /tf, 1 on /tf_static$'),
+    'loop': (
+        [tf(i, 'c a', 'a b', 'b c') for i in range(100)], ['a', 'b', 'c'],
+        '^3 frames form a loop: '),
+    'unknown_frame': (
+        [*robot(), *points('/scan', 'lazer', 'laser', 'lazer')], ['lazer'],
+        r"^'lazer' is in the headers on /scan, but not among the 5 frames of the transforms\. "
+        "Nearest known: 'laser'"),
+    'disconnected': (
+        [*robot(), static('world lamp', time=T), *points('/scan', 'laser'),
+         *points('/light', 'lamp')], ['laser', 'lamp'],
+        r'^headers use frames of 2 trees: laser \(root map\) on /scan; '
+        r'lamp \(root world\) on /light$'),
+    'not_a_number': (
+        with_pose(robot(), 7, (nan, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)), ['base_link'],
+        '^1 of 100 transforms of base_link with NaN'),
+    'unnormalized': (
+        with_pose(robot(), 7, (0.06, 0.0, 0.0, 0.0, 0.0, 0.0, 1.002)), ['base_link'],
+        r'^1 of 100 transforms of base_link with .*; the worst norm is 1\.002 \(base_link\)$'),
+    'other_clock': (
+        [*robot(), *(tf(i, 'base_link wheel', stamp=5 * S + i * 20 * MS, publisher='/sim')
+                     for i in range(100))], ['wheel'],
+        '^100 of 100 transforms of wheel with stamps that are far from their arrival, up to '
+        '1699999995 s before it; the last stamp of wheel is 6.98'),
+    'zero_stamp': (
+        [*robot(), *(tf(i, 'base_link wheel', stamp=0, x=1.0) for i in range(100))], ['wheel'],
+        '^100 of 100 transforms of wheel with the stamp 0$'),
+    'gap': (
+        [message for i, message in enumerate(robot(200)) if not 50 < i <= 80],
+        ['base_link', 'arm'],
+        r'^no transform of base_link for 0\.62 s after 1700000000\.980000; the usual period is '
+        r'0\.02 s; 1 of 169 steps from stamp to stamp are longer than 3 periods$'),
+    'late': (
+        robot(change=lambda i: {'delay': 600 * MS}), ['base_link', 'arm'],
+        r'^200 of 200 transforms of base_link, arm arrived more than 0\.5 s after their stamp; '
+        r'the mean delay of base_link is 0\.6 s, the largest 0\.6 s$'),
+    'future': (
+        robot(change=lambda i: {'delay': -200 * MS}), ['base_link', 'arm'],
+        r'^200 of 200 .* the farthest is 0\.2 s ahead'),
+    'time_goes_back': (
+        robot(change=lambda i: {'stamp': at(49)} if i == 50 else {'stamp': at(48)}
+              if i == 51 else {}, edges=['odom base_link'])[:-48], ['base_link'],
+        '^1 of 52 transforms of base_link with an earlier stamp'),
+    'same_stamp': (
+        robot(change=lambda i: {'stamp': at(49)} if i == 50 else {}), ['base_link', 'arm'],
+        '^2 of 200 transforms of base_link, arm with the stamp of the one before, and another '),
+    'leading_slash': (
+        robot(edges=('odom base_link', 'base_link /arm')), ['/arm'],
+        '^1 name begins with a slash in transforms: /arm$'),
+    'empty_name': (
+        [*robot(), tf(100, 'arm ')], ['arm'],
+        '^1 transform with an empty frame_id or child_frame_id; the other name is arm$'),
+    'similar_name': (
+        [*robot(), static('Base-Link lamp')], ['Base-Link', 'base_link'],
+        "^'Base-Link' is a root, and 'base_link' is in another tree$"),
+    'several_trees': (
+        [*robot(), static('world lamp')], ['map', 'world'],
+        '^2 trees, with the roots map, world$'),
+    'static_changes': (
+        [*robot(), static('map odom', time=T + S, x=2.0)], ['odom'],
+        '^1 of 2 transforms of odom with another pose than the one before$'),
+    'rep_105': (
+        [tf(i, 'odom map', 'map base_link') for i in range(100)], ['map', 'odom'],
+        '^odom is above map: odom -> map$'),
+}
+#: What is found, too, since it follows from the fault.
+ALSO = {'disconnected': {'several_trees'}, 'similar_name': {'several_trees'},
+        'time_goes_back': {'same_stamp'}}
+#: By description: messages that come close to a fault, and where nothing is wrong.
+HEALTHY = {
+    'a node that was started again': [
+        *robot(50), *(tf(50 + i, 'odom base_link', 'base_link arm', publisher='/again')
+                      for i in range(50))],
+    'jitter': robot(change=lambda i: {'stamp': at(i) + i % 3 * 9 * MS, 'delay': 30 * MS}),
+    'a short gap': [message for i, message in enumerate(robot()) if not 50 < i <= 70],
+    'some late arrivals': robot(change=lambda i: {'delay': 700 * MS if i > 97 else MS}),
+    'the same transform twice': [
+        message for i, message in enumerate(robot()) for _ in range(1 + (i == 50))],
+    'the same static transform twice': [*robot(), static('map odom', time=T + S)],
+    'the opposite quaternion': [*robot(), (
+        '/tf_static', T + S, [bags.row(T, 'map', 'odom', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0))],
+        bags.TF, '/fixed')],
+    'rounded quaternions': with_pose(
+        robot(), 7, (0.06, 0.0, 0.0, 0.0, 0.0, 0.7071, 0.7071)),
+    'wheels': robot(edges=('odom base_link', *(
+        f'base_link {name}_wheel' for name in ('fl', 'fr', 'rl', 'rr')))),
+    'headers with known frames': [*robot(), *points('/scan', *['laser'] * 20)],
+    'a header without a frame': [*robot(), *points('/joint_states', '', '')],
+    'recorded with another clock': [
+        tf(i, 'odom base_link', 'base_link arm', delay=1000 * S) for i in range(100)],
+    'stamps that begin at 0': [
+        ('/tf', T + i * 20 * MS, [bags.row(20 * MS + i * 20 * MS, 'map', 'odom', pose(i / 50))])
+        for i in range(100)],
+    'a rare frame': [tf(i * 50, 'map odom') for i in range(20)],
+    'a single message': [tf(0, 'map odom')],
+    'static only': [static('map odom', 'odom base_link')],
+    'REP 105': [
+        static('earth map'), *(tf(i, 'map odom', 'odom base_link') for i in range(100))],
+}
+#: What cannot be read from a bag; the tests of the live command have these codes.
+LIVE_ONLY = {'static_not_latched', 'incompatible_qos'}
+
+
+def numbered(i, name, **kwargs):
+    """Return a message of one of several robots, whose names differ by a letter."""
+    return tf(i, f'{name}/odom {name}/base_link', f'{name}/base_link {name}/laser', **kwargs)
+
+
+#: By description: messages, and the codes of what is found.
+CASES = {
+    'jitter': ([tf(i, 'map odom') for i in range(200) if i % 10 not in (3, 4, 5)], {'gap'}),
+    'a publisher that stops': (
+        [*robot(100), *(tf(i, 'base_link wheel') for i in range(50))], {'gap'}),
+    'a publisher that is started again': (
+        [*robot(100), *(tf(i, 'base_link wheel') for i in range(100) if not 30 < i < 45)], set()),
+    'a second publisher that sends once': (
+        [*robot(), tf(50, 'odom base_link', publisher='/other', stamp=at(50) + MS)],
+        {'two_publishers'}),
+    'the same name with a slash and without': (
+        [*robot(edges=['odom base_link']), *(
+            ('/tf', at(i) + 2 * MS, [bags.row(at(i), 'base_link', name, pose(x))], bags.TF,
+             '/robot')
+            for i in range(100) for name, x in (('arm', 0.0), ('/arm', 1.0)))],
+        {'same_stamp', 'leading_slash'}),
+    'a slash in a header': ([*robot(), *points('/scan', '/laser')], {'leading_slash'}),
+    'one stamp from another clock': (
+        robot(change=lambda i: {'stamp': 5 * S} if i == 99 else {}),
+        {'other_clock', 'time_goes_back'}),
+    'half of the frames from another clock': (
+        [tf(i, edge, stamp=at(i) if edge == 'map odom' else i * 20 * MS + S)
+         for i in range(100) for edge in ('map odom', 'odom base_link')], {'other_clock'}),
+    'another clock than that of the simulation': (
+        [tf(i, edge, stamp=i * 20 * MS + (S if edge != 'odom arm' else 10**6 * S))
+         for i in range(100) for edge in ('map odom', 'odom base_link', 'odom arm')],
+        {'other_clock'}),
+    'a slow simulation that pauses': (
+        [tf(i * 50, edge, stamp=i * S // 10 + S)
+         for i in [*range(200), *range(900, 1000)]
+         for edge in ('map odom', 'odom arm')[:1 + (i > 900)]], {'gap'}),
+    'a simulation that begins at 0': (
+        [tf(i, 'map odom', stamp=i * 20 * MS) for i in range(100)], set()),
+    'stamps of 0 at the beginning': (
+        robot(change=lambda i: {'stamp': 0} if i < 3 else {}), {'zero_stamp'}),
+    'a rare frame': ([tf(i * 180_000, 'map odom') for i in range(13)], set()),
+    'two robots on one topic': (
+        [*(numbered(i, name) for i in range(100) for name in ('robot1', 'robot2')),
+         *points('/robot1/scan', 'robot1/laser'), *points('/robot2/scan', 'robot2/laser')],
+        {'several_trees'}),
+    'two robots with letters': (
+        [numbered(i, name) for i in range(100) for name in ('robot_a', 'robot_b')],
+        {'several_trees'}),
+    'a root with a letter less': (
+        [*robot(), static('base_lnk lamp')], {'similar_name', 'several_trees'}),
+    'a root with another number': ([*robot(), static('map2 lamp')], {'several_trees'}),
+    'short and empty names': ([*robot(), static('_ lamp', '- x')], {'several_trees'}),
+    'a camera that is not connected': (
+        [*robot(), static('camera optical'), *points('/scan', 'laser'),
+         *points('/camera/image', 'optical')], {'disconnected', 'several_trees'}),
+    'another robot in a namespace': (
+        [*robot(), *((f'/robot2{topic}', *rest) for topic, *rest in [static('odom2 gripper')]),
+         *points('/robot2/scan', 'gripper'), *points('/robot2/front/scan', 'gripper')], set()),
+    'only another namespace': (
+        [static('map odom'), *(tf(i, 'odom base_link', topic='/robot/tf') for i in range(100))],
+        {'other_namespace'}),
+    'the order of REP 105': (
+        [tf(i, 'map base_link', 'base_link odom') for i in range(100)], {'rep_105'}),
+    'siblings': ([tf(i, 'map base_link', 'map odom') for i in range(100)], {'rep_105'}),
+    'no transforms': ([('/tf', T, [], bags.TF, '/robot')], {'no_transforms'}),
+    'a huge quaternion': (
+        with_pose(robot(), 7, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e200)), {'unnormalized'}),
+}
+
+
+def with_kinds(names):
+    """Pair each name with a kind of bag."""
+    return [*zip(names, cycle(reversed(KINDS)))]
+
+
+@pytest.mark.parametrize(('code', 'kind'), with_kinds(FAULTS))
+def test_each_fault(capsys, tmp_path, code, kind):
+    """The fault is found: its code, severity, frames, topics, nodes, evidence and remedy."""
+    content, frames, evidence = FAULTS[code]
+    status, found = doctor(capsys, bags.make(tmp_path, kind, converted(content, kind)))
+    findings = {finding['code']: finding for finding in found['findings']}
+    assert findings.keys() == {code} | ALSO.get(code, set())
+    finding = findings[code]
+    assert sorted(finding['frames']) == sorted(frames)
+    assert re.search(evidence, finding['evidence'])
+    assert finding['severity'] == CHECKS[code].severity
+    assert finding['remedy'] == CHECKS[code].remedy
+    if kind != 'bag':
+        assert finding['nodes'] == []
+    elif finding['topics'] and finding['topics'][0].startswith('/tf'):
+        assert finding['nodes']
+    assert status == int(finding['severity'] == 'error')
+
+
+def in_order(content):
+    """Sort messages by their times."""
+    return sorted(content, key=lambda message: message[1])
+
+
+def frame_of(data):
+    """Return the frame of a PointStamped of ROS 2."""
+    return data[16:data.index(b'\0', 16)].decode()
+
+
+def test_all_codes_are_tested():
+    """Each check has a bag with its fault, or is tested live."""
+    assert CHECKS.keys() == (
+        FAULTS.keys() | LIVE_ONLY | {code for _, codes in CASES.values() for code in codes})
+
+
+def converted(content, kind):
+    """Return messages with headers in the encoding of the kind of bag."""
+    return [message if message[3:4] != (POINT,) or kind != 'bag' else (
+        *message[:2], bags.point(frame_of(message[2]), T, 1), POINT)
+        for message in in_order(content)]
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_cases(capsys, tmp_path, name):
+    """What is found is what is wrong."""
+    content, expected = CASES[name]
+    kind = 'bag' if 'two_publishers' in expected else 'mcap'
+    _, found = doctor(capsys, bags.make(tmp_path, kind, converted(content, kind)))
+    assert {finding['code'] for finding in found['findings']} == expected
+    assert capsys.readouterr().err == ''
+
+
+def test_whose_clock_is_wrong(capsys, tmp_path):
+    """The frames whose stamps are wrong are named, and how far they are away."""
+    content, _ = CASES['half of the frames from another clock']
+    _, found = doctor(capsys, bags.make(tmp_path, 'db3', in_order(content)))
+    assert found['findings'][0]['frames'] == ['base_link']
+    content, _ = CASES['another clock than that of the simulation']
+    _, found = doctor(capsys, bags.make(tmp_path, 'mcap', in_order(content)))
+    assert found['findings'][0]['evidence'] == (
+        'all stamps of arm are at least 999997 s after those of odom')
+
+
+@pytest.mark.parametrize(('name', 'kind'), with_kinds(HEALTHY))
+def test_healthy(capsys, tmp_path, name, kind):
+    """Nothing is found where nothing is wrong."""
+    status, found = doctor(capsys, bags.make(tmp_path, kind, converted(HEALTHY[name], kind)))
+    assert (status, found['findings']) == (0, [])
+    assert found['verdict'].startswith('healthy: ')
+
+
+# The command
+
+
+def test_the_text(capsys, tmp_path):
+    """It prints each finding with its evidence and remedy, what was not checked, the verdict."""
+    path = bags.make(tmp_path, 'mcap', in_order(FAULTS['static_and_dynamic'][0]))
+    assert main(['--bag', str(path)]) == 1
+    assert capsys.readouterr().out.splitlines() == [
+        'error static_and_dynamic: base_link',
+        '    base_link: 100 transforms on /tf, 1 on /tf_static.',
+        '    On /tf_static, /tf.',
+        f'    {CHECKS["static_and_dynamic"].remedy}',
+        '',
+        'not checked: static_not_latched, incompatible_qos: the QoS of the publishers is not read '
+        'from a bag',
+        'not checked: two_publishers: the bag does not record which node has sent a message',
+        '',
+        f'1 error: 203 transforms of 5 frames in {path}']
+
+
+def test_ignore(capsys, tmp_path):
+    """Ignored findings are not found, and not listed as not checked."""
+    path = bags.make(tmp_path, 'mcap', in_order(FAULTS['static_and_dynamic'][0]))
+    status, found = doctor(capsys, path, '--ignore', 'static_and_dynamic', '--ignore',
+                           'two_publishers')
+    assert (status, found['findings'], found['verdict'][:8]) == (0, [], 'healthy:')
+    assert not any('two_publishers' in text for text in found['not_checked'])
+
+
+def test_list(capsys):
+    """It explains all codes; each has a severity, a meaning and a remedy of one sentence."""
+    assert main(['--list']) == 0
+    output = capsys.readouterr().out
+    for check in CHECKS.values():
+        assert (f'{check.code} ({check.severity})\n    {check.meaning} {check.remedy}\n') in output
+        assert check.meaning.endswith('.')
+        assert re.fullmatch(r'[A-Z][^.]*[.?]', check.remedy)
+
+
+@pytest.mark.parametrize(('arguments', 'text'), [
+    (['map'], 'give two frames'),
+    (['map', '/'], 'give two frames'),
+    (['-t', '5'], '-t needs two frames'),
+    (['--ignore', 'gaps'], "unknown code 'gaps'. Nearest known: 'gap'"),
+    (['--time', '0'], 'more than 0 s'),
+    (['--bag', 'x', '--time', '5'], '--time is for listening'),
+    (['--bag', ''], '--bag needs the path of a bag'),
+    (['--partial'], '--partial needs --bag'),
+])
+def test_wrong_arguments(failed, arguments, text):
+    """One line names the offender; the exit code is 2."""
+    code, error = failed(main, *arguments)
+    assert code == 2
+    assert text in error
+
+
+def test_a_bag_that_cannot_be_read(failed, tmp_path):
+    """One line says why; the exit code is 1."""
+    code, error = failed(main, '--bag', str(tmp_path / 'missing'))
+    assert (code, 'missing' in error) == (1, True)
+
+
+def test_without_ros(tmp_path):
+    """A bag is checked where there is no ROS."""
+    path = bags.make(tmp_path, 'mcap', bags.walk())
+    done = subprocess.run([sys.executable, *tool_without_ros('tf_doctor', '--bag', str(path))],
+                          capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, '')
+    assert done.stdout.splitlines()[-1] == f'healthy: 102 transforms of 3 frames in {path}'
+
+
+def test_a_namespace(capsys, tmp_path):
+    """With --namespace, the topics of the namespace are checked."""
+    path = bags.make(tmp_path, 'mcap', [
+        (f'/robot{topic}', *rest) for topic, *rest in FAULTS['rep_105'][0]])
+    _, found = doctor(capsys, path, '--namespace', 'robot')
+    assert [finding['topics'] for finding in found['findings']] == [['/robot/tf']]
+
+
+def test_malformed_messages(capsys, tmp_path):
+    """Messages that cannot be decoded are listed."""
+    path = bags.make(tmp_path, 'mcap', [
+        *in_order(robot()), ('/tf', T + 10 * S, b'\0\1\0\0\1\0\0')])
+    _, found = doctor(capsys, path)
+    assert any('1 message' in text and 'truncated' in text for text in found['not_checked'])
+
+
+def test_a_type_without_a_definition(capsys, tmp_path):
+    """Topics whose type is not known are listed as not checked."""
+    path = bags.mcap(tmp_path / 'own.mcap', bags.mcap_channel(), bags.mcap_channel(
+        '/thing', 2, 'my_msgs/msg/Thing'), bags.mcap_message([bags.row(T, 'map', 'odom')], T))
+    status, found = doctor(capsys, path)
+    assert (status, found['findings']) == (0, [])
+    assert found['not_checked'][-1] == (
+        'headers on /thing: the definition of its type my_msgs/msg/Thing is not known')
+
+
+# The path between two frames
+
+
+def test_a_path_that_exists(capsys, tmp_path):
+    """Each edge is listed with its rate, its stamps and its publisher."""
+    path = bags.make(tmp_path, 'bag', in_order(robot()))
+    assert main(['--bag', str(path), 'map', '/arm']) == 0
+    assert capsys.readouterr().out.splitlines()[2:] == [
+        'map -> odom        static                                           /fixed',
+        'odom -> base_link  50.0 Hz  1700000000.000000 to 1700000001.980000  /robot',
+        'base_link -> arm   50.0 Hz  1700000000.000000 to 1700000001.980000  /robot',
+        '',
+        'The transform from arm to map exists at 1700000001.980000.']
+
+
+def explained(capsys, path, *arguments):
+    """Return the exit code, the refusals by child, and why there is no transform."""
+    code, data = doctor(capsys, path, *arguments)
+    return code, {edge['name']: edge['refusal'] for edge in data['path']}, data['why_not']
+
+
+def test_the_edge_that_refuses(capsys, tmp_path):
+    """The edge without data at the time is named, with how far its data are away."""
+    content = [*robot(), *(tf(i, 'arm hand') for i in range(100, 110))]
+    path = bags.make(tmp_path, 'mcap', in_order(content))
+    code, refusals, why = explained(capsys, path, 'map', 'hand', '-t', '1700000001.5')
+    assert (code, *map(bool, (refusals['odom'], refusals['arm']))) == (1, False, False)
+    assert refusals['hand'].startswith('its oldest transform is 0.500 s newer than 1700000001.5')
+    assert 'extrapolation into the past' in why
+    code, refusals, _ = explained(capsys, path, 'map', 'hand')  # the two are never known at once
+    assert code == 1
+    assert refusals['hand'].startswith('its oldest transform is 0.020 s newer')
+    code, refusals, _ = explained(capsys, path, 'hand', 'arm', '-t', '1700000003')
+    assert refusals == {'hand': refusals['hand']}
+    assert 'older than 1700000003' in refusals['hand']
+
+
+def test_two_trees_and_unknown_frames(capsys, tmp_path):
+    """Without a path, the edges up to both roots are listed; the error names roots or frames."""
+    path = bags.make(tmp_path, 'mcap', in_order([*robot(), static('world lamp')]))
+    code, refusals, why = explained(capsys, path, 'base_link', 'lamp')
+    assert (code, [*refusals]) == (1, ['base_link', 'odom', 'lamp'])
+    assert "'base_link' is in the tree with root 'map'" in why
+    code, refusals, why = explained(capsys, path, 'map', 'lmap')
+    assert (code, refusals) == (1, {})
+    assert "Nearest known: 'map', 'lamp'" in why
+
+
+def test_a_loop_and_one_frame(capsys, tmp_path):
+    """A loop ends the path; a frame and itself are always connected."""
+    path = bags.make(tmp_path, 'mcap', in_order(FAULTS['loop'][0]))
+    code, refusals, why = explained(capsys, path, 'a', 'c')
+    assert (code, refusals, why) == (0, {'a': ''}, '')
+    code, refusals, why = explained(capsys, path, 'a', 'a')
+    assert (code, refusals, why) == (0, {}, '')
+
+
+def test_a_parent_that_changed(capsys, tmp_path):
+    """The path is that of the requested time."""
+    path = bags.make(tmp_path, 'mcap', in_order([
+        *robot(), *(tf(i, 'arm cup' if i < 50 else 'laser cup') for i in range(100))]))
+    for stamp, parent in (T + S // 2, 'arm'), (T + 3 * S // 2, 'laser'):
+        code, refusals, why = explained(
+            capsys, path, 'base_link', 'cup', '-t', f'{stamp / S:.1f}')
+        assert (code, refusals, why) == (0, {parent: '', 'cup': ''}, '')
+
+
+def test_an_edge_with_the_stamp_0(capsys, tmp_path):
+    """The latest time is that of the other edges, as for a lookup."""
+    path = bags.make(tmp_path, 'mcap', in_order([
+        *robot(), *(tf(i, 'base_link x', stamp=0) for i in range(10))]))
+    code, refusals, why = explained(capsys, path, 'odom', 'x')
+    assert (code, refusals['base_link']) == (1, '')
+    assert 'older than' in refusals['x']
+    assert why
+
+
+def test_two_publishers_of_an_edge(capsys, tmp_path):
+    """All publishers of an edge are named."""
+    path = bags.make(tmp_path, 'bag', in_order(FAULTS['two_publishers'][0]))
+    assert main(['--bag', str(path), 'odom', 'base_link']) == 0
+    assert '  /robot, /other' in capsys.readouterr().out

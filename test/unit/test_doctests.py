@@ -1,0 +1,25 @@
+"""The examples in docstrings: `>>>` and the output of Python."""
+
+import doctest
+from importlib import import_module
+
+from imports import modules
+import pytest
+
+from dummy_arm.tf import formatting
+
+NAMES = [name for name, path in modules().items() if '>>> ' in path.read_text()]
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_examples_are_right(name):
+    """Each example prints what its docstring says."""
+    failed, attempted = doctest.testmod(import_module(name))
+    assert attempted > 0
+    assert failed == 0
+
+
+def test_every_function_for_texts_has_an_example():
+    """An example shows the format at a glance."""
+    functions = (getattr(formatting, name) for name in formatting.__all__)
+    assert not [each for each in functions if callable(each) and '>>> ' not in each.__doc__]

@@ -1,0 +1,189 @@
+"""The graph of the frames: its text, its drawings, and graphviz that fails."""
+
+from contextlib import suppress
+import os
+from pathlib import Path
+import signal
+import sys
+import time
+from xml.etree import ElementTree
+
+from environment import on_linux, on_unix
+from processes import is_running, TIMEOUT
+import pytest
+
+from dummy_arm.inspection.forest import Forest
+from dummy_arm.inspection.graph import as_dot, draw, DrawingError
+from dummy_arm.tf import Frame
+
+S = 10**9
+ODD = ['54', 'on', 'a: b', 'say "hi"', 'two\nlines', 'ünï', 'back\\slash', 'end\\', '<b>b</b>',
+       '&amp;', '{x|y}', '\\N', '--', 'digraph', "it's", 'n' * 80]
+
+
+def static(name, parent, publisher='/node'):
+    """Return a static frame."""
+    return Frame(name, parent, publisher, True, 1, 0, 0)
+
+
+def drawn_lines(frames, tmp_path):
+    """Draw frames into a PDF, and return the lines of its text."""
+    pytest.importorskip('pygraphviz')
+    pypdf = pytest.importorskip('pypdf')
+    path = tmp_path / 'drawn.pdf'
+    path.write_bytes(draw(as_dot(Forest(frames), 100 * S), 'pdf'))
+    (page,) = pypdf.PdfReader(path).pages
+    return [line.strip() for line in page.extract_text().splitlines()]
+
+
+def test_labels(tmp_path):
+    """They are those of tf2, except for static frames and for frames of an unknown rate."""
+    lines = drawn_lines([
+        Frame('a', 'map', '/node', False, 51, 100 * S, 95 * S), static('b', 'a', '/other'),
+        Frame('c', 'a', '/node', False, 1, 5 * S, 5 * S)], tmp_path)
+    for line, number in (
+            ('Broadcaster: /node', 2), ('Broadcaster: /other', 1), ('static', 1),
+            ('Average rate: 10.000 Hz', 1), ('Average rate: unknown', 1),
+            ('Buffer length: 5.000 s', 1), ('Most recent transform: 100.000000', 1),
+            ('Oldest transform: 95.000000', 1), ('Recorded at time: 100.000000', 1)):
+        assert lines.count(line) == number, line
+
+
+def test_odd_names_are_drawn_as_they_are(tmp_path):
+    """tf2 fails with some: it reads 54 as a number, on as a boolean, and rejects a: b."""
+    lines = drawn_lines([static(name, 'odd "root"') for name in ODD], tmp_path)
+    for name in ['odd "root"', *ODD]:
+        assert set(name.split('\n')) <= set(lines), name
+    assert lines.count('static') == len(ODD)
+
+
+def test_several_roots_and_a_loop_are_drawn(tmp_path):
+    """tf2 draws only the last root, and nothing if there is a loop."""
+    frames = [static('a', 'root 1'), static('b', 'root 2'), static('x', 'y'), static('y', 'x')]
+    assert {'a', 'root 1', 'b', 'root 2', 'x', 'y'} <= set(drawn_lines(frames, tmp_path))
+    assert as_dot(Forest(frames), 0).count('->') == 4
+
+
+def test_a_root_without_descendants_is_drawn():
+    """The tree below a leaf has no edge, but a node."""
+    assert '"leaf" [label="leaf"];' in as_dot(Forest([], 'leaf'), 0)
+
+
+def test_an_svg_is_well_formed():
+    """Characters that XML does not allow are escaped."""
+    pytest.importorskip('pygraphviz')
+    svg = draw(as_dot(Forest([
+        static('\x1b[31mred', '\x00'), *(static(name, 'root') for name in ODD)]), 0), 'svg')
+    assert ElementTree.fromstring(svg).tag.endswith('svg')
+
+
+def test_each_frame_is_a_node_of_its_own():
+    """This holds for names that look like escaped names, or like graphviz's own."""
+    pygraphviz = pytest.importorskip('pygraphviz')
+    names = ['a\n', r"'a\n'", '%3', "'%3'", '"a"', 'a']
+    graph = pygraphviz.AGraph(string=as_dot(Forest([static(name, 'map') for name in names]), 0))
+    assert len({*graph.nodes()}) == len({*graph.edges()}) + 1 == len(names) + 1
+
+
+@pytest.fixture
+def stand_in(monkeypatch, tmp_path):
+    """
+    Stand-ins for pygraphviz, by `stand_in(code)`.
+
+    The code is that of the method `draw`; it can use `self.string` and `format`.
+    """
+    def make(code):
+        (tmp_path / 'pygraphviz.py').write_text(
+            'import os, subprocess, sys, time\n'
+            'class AGraph:\n'
+            '    def __init__(self, string):\n'
+            '        self.string = string\n'
+            '    def draw(self, format, prog):\n'
+            f'        {code}\n')
+        monkeypatch.delitem(sys.modules, 'pygraphviz', raising=False)
+        monkeypatch.syspath_prepend(tmp_path)
+
+    yield make
+    sys.modules.pop('pygraphviz', None)
+
+
+def test_a_graph_that_is_larger_than_a_pipe(stand_in):
+    """It is drawn, although the drawing process does not read it at once."""
+    stand_in('return f"{len(self.string)}".encode()')
+    dot = f'digraph G {{ a [label="{"x" * 10 * 2**16}"]; }}'
+    assert draw(dot, 'pdf') == f'{len(dot)}'.encode()
+
+
+@pytest.mark.parametrize(('code', 'why'), [
+    ('raise OSError("no format pdf")', 'OSError: no format pdf'),
+    ('os.write(2, b"\\nFontconfig warning\\nError: trouble\\n"); os._exit(1)', 'Error: trouble'),
+    ('return b""', 'exit code 0'),
+    pytest.param('os.abort()', f'exit code -{int(signal.SIGABRT)}', marks=on_unix)])
+def test_graphviz_that_fails(stand_in, code, why):
+    """The error has the last line of graphviz, which may be preceded by warnings."""
+    stand_in(code)
+    with pytest.raises(DrawingError, match=f'^graphviz cannot draw this: {why}$'):
+        draw('digraph G {}', 'pdf')
+
+
+def test_warnings_of_graphviz_are_not_shown(stand_in, capfd):
+    """For example, fontconfig may print warnings."""
+    stand_in('os.write(2, b"warning"); return format.encode()')
+    assert draw('digraph G {}', 'svg') == b'svg'
+    assert capfd.readouterr() == ('', '')
+
+
+def test_a_process_that_cannot_be_started(stand_in, monkeypatch):
+    """The error is one line with the reason."""
+    stand_in('return b"drawn"')
+    monkeypatch.setattr(sys, 'executable', str(Path('nowhere') / 'python'))
+    with pytest.raises(DrawingError, match=r'^cannot start the process that draws: No such file'):
+        draw('digraph G {}', 'pdf')
+
+
+@on_linux
+def test_an_interruption_ends_all_that_draws(stand_in, tmp_path):
+    """Before version 2, pygraphviz starts the program dot, which ends, too."""
+    stand_in("""
+        sleeper = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(1000)"])
+        with open(self.string + "_", "w") as file:
+            file.write(f"{os.getpid()} {sleeper.pid}")
+        os.replace(self.string + "_", self.string)
+        sleeper.wait()""")
+    pids = tmp_path / 'pids'
+
+    def interrupt():
+        if pids.exists():
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        draw(str(pids), 'pdf', interrupt)
+    deadline = time.monotonic() + TIMEOUT
+    drawing, sleeper = map(int, pids.read_text().split())
+    try:
+        while is_running(drawing) or is_running(sleeper):
+            assert time.monotonic() < deadline
+            time.sleep(0.01)
+    finally:
+        with suppress(ProcessLookupError):
+            os.kill(sleeper, signal.SIGKILL)
+
+
+def test_modules_of_the_working_directory_do_not_draw(stand_in, monkeypatch, tmp_path):
+    """The process that draws does not import them."""
+    stand_in('return b"drawn"')
+    there = tmp_path / 'there'
+    there.mkdir()
+    for name in 'pygraphviz.py', 'subprocess.py', 'ctypes.py':
+        (there / name).write_text('raise SystemExit("found where it should not")\n')
+    monkeypatch.chdir(there)
+    monkeypatch.setattr(sys, 'path', [path for path in sys.path if path])
+    assert draw('digraph G {}', 'pdf') == b'drawn'
+
+
+def test_without_pygraphviz(monkeypatch):
+    """The error has the remedy."""
+    monkeypatch.setitem(sys.modules, 'pygraphviz', None)
+    with pytest.raises(DrawingError, match='^drawing needs pygraphviz, which cannot be imported '
+                                           r'\(.*\): pip install pygraphviz; or with ROS .*$'):
+        draw('digraph G {}', 'pdf')

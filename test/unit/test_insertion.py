@@ -1,0 +1,453 @@
+"""Insertion of messages: it has the same result as that of their transforms, one by one."""
+
+from itertools import count, product
+import logging
+import math
+import struct
+import threading
+import warnings
+
+from ctrl_c import interruptions
+from hypothesis import given
+from hypothesis import strategies as st
+from messages import ArrivedMessages, fail_on_error, golden_messages, golden_rows
+import numpy as np
+import pytest
+
+from dummy_arm.tf import BufferCore
+from dummy_arm.tf._core import insertion
+from dummy_arm.tf._core.history import History
+from dummy_arm.tf._core.insertion import normalize_poses
+from dummy_arm.tf._core.pose import Batch, normalized, Row
+from dummy_arm.tf._wire import cdr
+from dummy_arm.tf._wire.streams import MessageReader
+
+S = 1_000_000_000
+T = 1_700_000_000
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def insert(buffer, reader, *messages, **kwargs):
+    """Read messages, and insert them into a buffer."""
+    kwargs = {'authority': 'default_authority', 'is_static': False, **kwargs}
+    buffer.insert_batches(reader.read(messages, **kwargs))
+
+
+def read(reader, message):
+    """Read a message; return its rows and its batches."""
+    batches = reader.read([message], 'somebody', False)
+    return ([row for batch in batches if not isinstance(batch, Batch) for row in batch.rows],
+            [batch for batch in batches if isinstance(batch, Batch)])
+
+
+def state(buffer):
+    """Return all data of a buffer, as texts, since a NaN is not equal to itself."""
+    return {name: str(known) for name, known in buffer.dump().items()}
+
+
+def xs(buffer, name):
+    """Return the x of each sample of a frame, by its stamp."""
+    known = buffer.dump()[name]
+    return {stamp: pose[0] for stamp, pose in zip(known['stamps'], known['poses'])}
+
+
+@pytest.mark.parametrize('kind', ['near', 'any', 'far', 'half turns', 'bad', 'tiny', 'huge'])
+def test_many_rotations_are_normalised_as_one(monkeypatch, kind):
+    """The results equal those of `normalized` to the last bit, also for invalid rotations."""
+    for number, many in product((1, 5, 31, 500), (1, 10_000)):  # by numpy, and by a loop
+        random = np.random.default_rng(number)
+        poses = random.normal(size=(number, 7))
+        if kind == 'near':
+            poses[:, 6] += 5.0
+        elif kind == 'far':
+            poses[:, 6] *= 1e-3
+        elif kind == 'half turns':
+            poses[:, 3:] = np.eye(4)[random.integers(0, 4, number)]
+        elif kind == 'bad':
+            poses[0, 3:], poses[number // 2, 4], poses[number // 3, 5] = 0.0, math.nan, math.inf
+        elif kind in ('tiny', 'huge'):
+            poses[:, 3:] *= 1e-170 if kind == 'tiny' else 1e170
+        expected = [(*pose[:3], *normalized(*pose[3:])) for pose in poses.tolist()]
+        monkeypatch.setattr(insertion, '_MANY', many)
+        is_finite = normalize_poses(poses)
+        np.testing.assert_array_equal(poses, expected)
+        assert is_finite == np.isfinite(poses).all()
+        assert is_finite or kind not in ('near', 'any', 'far', 'half turns')
+
+
+def test_golden_messages_are_read_as_unpacked():
+    """The fields are the same when a layout is new and when it is known."""
+    reader = MessageReader(fail_on_error)
+    for case in golden_messages():
+        data = bytes.fromhex(case['cdr_hex'])
+        rows = golden_rows(case)
+        plain = [(stamp, parent.removeprefix('/'), child.removeprefix('/'), pose)
+                 for stamp, parent, child, pose in rows]
+        for is_known in False, True:
+            unknown, found_batches = read(reader, data)
+            found = [(stamp, parent.removeprefix('/'), child.removeprefix('/'), pose)
+                     for stamp, parent, child, pose in unknown]
+            for batch in found_batches:
+                found += [(batch.stamps[0], parent, child, struct.unpack('7d', pose))
+                          for parent, child, pose in zip(
+                              batch.parents, batch.children, batch.poses)]
+            np.testing.assert_equal(found, plain)
+            if is_known and len({row[0] for row in rows}) == 1:
+                assert found_batches
+
+
+def test_padding_and_what_follows_are_no_matter():
+    """In real messages, padding has any value, and changes from message to message."""
+    rows = [Row(T * S + 5, 'a', 'bcdef', STILL), Row(T * S + 5, 'bcdef', 'x' * 9, STILL)]
+    data = cdr.pack(rows)
+    ones = bytearray(data)
+    # Two bytes of padding follow 'a\0'; two and four bytes follow 'bcdef\0'.
+    ones[22:24] = b'\xff\xff'
+    assert cdr.unpack(bytes(ones)) == rows
+    reader = MessageReader(fail_on_error)
+    for message in data, bytes(ones), data:
+        unknown, found = read(reader, message)
+        assert bool(unknown) != bool(found)
+    assert not unknown
+    assert found[0].stamps.tolist() == [T * S + 5]
+    longer = data + b'junk'
+    read(reader, longer)
+    _, (batch,) = read(reader, longer)
+    assert batch.children == ['bcdef', 'x' * 9]
+
+
+def test_a_layout_is_of_all_names():
+    """Messages of the same length that differ in the last name only are distinguished."""
+    one = cdr.pack([Row(T * S, 'a', 'b', STILL), Row(T * S, 'b', 'c', STILL)])
+    other = cdr.pack([Row(T * S, 'a', 'b', STILL), Row(T * S, 'b', 'd', STILL)])
+    buffer, reader = BufferCore(), MessageReader(fail_on_error)
+    for _ in range(2):
+        insert(buffer, reader, one, one, other, other, one)
+    assert [frame.name for frame in buffer.frames()] == ['b', 'c', 'd']
+
+
+def test_malformed_messages_are_reported_and_the_others_inserted():
+    """Each malformed message is reported by an error whose text begins with its kind."""
+    good = cdr.pack([Row(T * S, 'a', 'b', STILL)])
+    errors: list[cdr.MalformedMessage] = []
+    buffer, reader = BufferCore(), MessageReader(errors.append)
+    bad = [b'', b'\0\1\0\0', good[:-1], good[:30], b'\0\7' + good[2:],
+           good[:4] + b'\xff\xff\xff\xff' + good[8:], b'\0\1\0\0' + bytes(3)]
+    insert(buffer, reader, good, *bad, good)
+    assert buffer.can_transform('a', 'b')
+    assert [str(error).partition(':')[0] for error in errors] == [
+        'unknown encoding', 'truncated', 'truncated', 'impossible count',
+        'unknown encoding', 'impossible count', 'truncated']
+
+
+def test_the_memory_for_layouts_is_bounded():
+    """A publisher that sends new names in each message does not fill the memory."""
+    reader = MessageReader(fail_on_error)
+
+    def is_known(i):
+        names = (f'{i} {"x" * 1000} {j}' for j in range(100))
+        return not read(reader, cdr.pack([Row(T * S, 'a', name, STILL) for name in names]))[0]
+
+    assert not any(map(is_known, range(10)))
+    assert is_known(0)  # 1 MB of messages were read
+    assert not any(map(is_known, range(10, 150)))
+    assert not is_known(0)
+    assert is_known(149)
+
+
+numbers = st.floats(-1e3, 1e3) | st.sampled_from([math.nan, math.inf, 0.0])
+poses = st.tuples(*[st.floats(-10.0, 10.0)] * 3, *[st.floats(-1.0, 1.0)] * 4)
+good_or_bad_poses = st.one_of(poses, poses, poses, st.tuples(*[numbers] * 7))
+edges = st.tuples(st.sampled_from(['a', 'b', '/c', 'd', '']), st.sampled_from('abcde'))
+layouts = st.lists(st.lists(edges, min_size=1, max_size=4), min_size=1, max_size=3)
+
+
+@st.composite
+def batches(draw):
+    """Return batches of messages, whose stamps increase from message to message, or vary."""
+    kinds = draw(layouts)
+    now = T * S
+    made = []
+    for _ in range(draw(st.integers(1, 12))):
+        batch = []
+        in_order = draw(st.integers(0, 3)) > 0
+        for _ in range(draw(st.integers(1, 6))):
+            now += draw(st.integers(1, 3 * S // 2))
+            stamps = [now] * 4 if in_order else [
+                now - draw(st.integers(-1, 15)) * S for _ in range(4)]
+            batch.append([
+                (stamp, parent, child, draw(good_or_bad_poses))
+                for stamp, (parent, child) in zip(stamps, draw(st.sampled_from(kinds)))])
+        made.append((batch, draw(st.integers(0, 5)) == 0))
+    return made
+
+
+@given(batches(), st.sampled_from([1, 1000]))
+def test_messages_are_inserted_as_their_transforms_one_by_one(made, many):
+    """The samples, parents, static frames and expiry are the same for any messages."""
+    fast, slow, reader = BufferCore(), BufferCore(), MessageReader(fail_on_error)
+    before, insertion._MANY = insertion._MANY, many
+    try:
+        for batch, is_static in made:
+            insert(fast, reader, *map(cdr.pack, batch), is_static=is_static)
+            for stamp, parent, child, pose in (row for message in batch for row in message):
+                slow.insert(stamp, parent, child, pose, is_static=is_static)
+            assert state(fast) == state(slow)
+    finally:
+        insertion._MANY = before
+
+
+def chain(number, stamp, shift=0.0):
+    """Return a message with a chain of frames."""
+    return cdr.pack([Row(stamp, f'f{i}', f'f{i + 1}', (shift + i, *STILL[1:]))
+                      for i in range(number)])
+
+
+def test_a_stream_of_messages_answers_as_single_transforms_do():
+    """The batches have different sizes, and span several times the cache time."""
+    fast, slow, reader = BufferCore(2 * S), BufferCore(2 * S), MessageReader(fail_on_error)
+    stamps = count(T * S, S // 50)
+    for size in 1, 30, 2, 39, 17, 1, 25, 8, 39:
+        batch = [chain(40, next(stamps), shift) for shift in range(size)]
+        insert(fast, reader, *batch)
+        for row in (row for data in batch for row in cdr.unpack(data)):
+            slow.insert(*row)
+        assert state(fast) == state(slow)
+
+
+def test_a_child_that_occurs_twice_in_a_message(logs):
+    """Its transforms stay in order, so that none of them is late."""
+    buffer, reader = BufferCore(2 * S), MessageReader(fail_on_error)
+    messages = [cdr.pack([Row((T + i) * S, 'a', 'b', (i + x, *STILL[1:])) for x in (0.0, 0.5)])
+                for i in range(8)]
+    insert(buffer, reader, *messages)
+    assert buffer.dump()['b']['stamps'] == [(T + i) * S for i in (5, 5, 6, 6, 7, 7)]
+    assert [pose[0] for pose in buffer.dump()['b']['poses']] == [5.0, 5.5, 6.0, 6.5, 7.0, 7.5]
+    assert not logs
+
+
+def test_what_the_user_inserts_does_not_overtake_what_was_sent_before():
+    """Messages that have arrived are inserted first, although they were not pulled yet."""
+    buffer = BufferCore()
+    source = ArrivedMessages(cdr.pack([Row(T * S, 'a', 'b', STILL)]))
+    buffer.add_source(source)
+    buffer.insert(T * S, 'a', 'b', (1.0, *STILL[1:]), is_static=True)
+    assert buffer.frames()[0].is_static
+    assert not source.take()
+
+
+@given(st.integers(0, 2**32), st.sampled_from([0.0, 0.05, 0.2]))
+def test_streams_that_have_frames_in_common_answer_as_single_transforms_do(seed, disturbances):
+    """Messages are parts of a chain, late, repeated, with new parents, or follow a clear."""
+    random = np.random.default_rng(seed)
+    fast, slow, reader = BufferCore(2 * S), BufferCore(2 * S), MessageReader(fail_on_error)
+    now, sent = T * S, [chain(6, T * S)]
+    for _ in range(10):
+        batch = []
+        for _ in range(random.integers(1, 8)):
+            now += int(random.integers(1, S // 4))
+            batch.append(chain(6, now, float(random.normal())))
+            if random.random() < disturbances:
+                batch.append([
+                    chain(int(random.integers(1, 6)), now + 1),
+                    chain(6, now - int(random.integers(0, 3 * S)), 5.0),
+                    sent[-1], batch[0], chain(6, now, 7.0),
+                    cdr.pack([Row(now, 'f0', f'new {now}', STILL)]),
+                    cdr.pack([Row(now, 'other', 'f3', STILL)]),
+                ][random.integers(0, 7)])
+        sent += batch
+        insert(fast, reader, *batch)
+        for row in (row for data in batch for row in cdr.unpack(data)):
+            slow.insert(*row)
+        assert state(fast) == state(slow)
+        times = random.integers(now - 3 * S, now + S // 10, 20)
+        for source in 'f6', 'f3':
+            one, other = (buffer.lookup_transforms('f1', source, times)
+                          for buffer in (fast, slow))
+            for left, right in zip(one, other):
+                np.testing.assert_array_equal(left, right)
+        if random.random() < disturbances / 2:
+            fast.clear()
+            slow.clear()
+            now -= 10 * S
+
+
+FILES = 'history.py', 'insertion.py', 'pose.py', 'tree.py', 'engine.py'
+
+
+@pytest.mark.parametrize(('stamps', 'by'), [
+    ([60], 'insert'), ([60, 61, 62], 'message'), ([58.5], 'message'), ([200], 'message'),
+    ([200], 'insert')])
+@pytest.mark.parametrize('parent', ['a', 'b'])
+def test_ctrl_c_leaves_each_pose_its_stamp(stamps, parent, by):
+    """More messages can be inserted afterwards."""
+    buffer, reader = BufferCore(), MessageReader(fail_on_error)
+
+    def put(*seconds, parent='a'):
+        insert(buffer, reader, *(
+            cdr.pack([Row(int(second * S), parent, 'c', (second, *STILL[1:]))])
+            for second in seconds))
+
+    def prepare():
+        nonlocal buffer, reader
+        buffer, reader = BufferCore(50 * S), MessageReader(fail_on_error)
+        put(*range(1, 60))
+        put(59.5, parent='a')
+        if stamps == [200]:
+            put(60, 61, parent='b')  # so that a list of parents expires, too
+        return (lambda: put(*stamps, parent=parent)) if by == 'message' else (
+            lambda: [buffer.insert(int(second * S), parent, 'c', (second, *STILL[1:]))
+                     for second in stamps])
+
+    for places, _ in enumerate(interruptions(prepare, *FILES, step=3)):  # noqa: B007
+        put(300, 301)
+        known = buffer.dump()['c']
+        assert xs(buffer, 'c') == {stamp: stamp / S for stamp in known['stamps']}
+        assert known['stamps'] == sorted(known['stamps'])
+        assert known['stamps'][-2:] == [300 * S, 301 * S]
+        assert buffer.lookup_transform('a', 'c', 301 * S).translation[0] == 301.0
+    assert places > 3
+
+
+@pytest.mark.parametrize(('limits', 'interval', 'kept'), [
+    ((30_000, {}), 1000, range(20, 66)),  # the oldest samples expire
+    ((S, {'max_samples': 40}), 1000, range(20, 66)),  # or exceed `max_samples`,
+    ((S, {}), 0, (99, 100))])  # or are of one stamp
+def test_ctrl_c_leaves_each_sample_its_parent(limits, interval, kept):
+    """The frame has several parents, and loses samples."""
+    buffer, number = BufferCore(), 45 if interval else 101
+
+    def put(begin, end):
+        for i in range(begin, end):
+            buffer.insert(T * S + i * interval, f'p{i % 3}', 'c', (float(i), *STILL[1:]))
+
+    def prepare():
+        nonlocal buffer
+        buffer = BufferCore(limits[0], **limits[1])
+        put(0, number)
+        return lambda: put(number, number + (20 if interval else 3))
+
+    for places, _ in enumerate(interruptions(prepare, *FILES, step=97)):  # noqa: B007
+        known = buffer.dump()['c']
+        assert len(known['stamps']) == len(known['poses']) == len(known['parents']) in kept
+        for stamp, pose, parent in zip(known['stamps'], known['poses'], known['parents']):
+            assert stamp == T * S + int(pose[0]) * interval
+            assert parent == f'p{int(pose[0]) % 3}'
+            if interval:
+                assert buffer.lookup_transform(parent, 'c', stamp).translation[0] == pose[0]
+    assert places > 5
+
+
+def test_of_one_stamp_a_hundred_samples_are_kept():
+    """They include the first and the last, which lookups use."""
+    buffer = BufferCore()
+    buffer.insert(T * S, 'a', 'b', STILL)
+    for i in range(1000):
+        assert buffer.insert(T * S + 10, 'x' if i % 7 == 1 else 'a', 'b', (i + 1, *STILL[1:]))
+    buffer.insert(T * S + 20, 'a', 'b', STILL)
+    known = buffer.dump()['b']
+    assert len(known['parents']) == len(known['stamps']) == len(known['poses']) == 102
+    assert set(known['parents']) == {'a', 'x'}
+    assert known['poses'][1][0] == 1
+    assert buffer.lookup_transform('a', 'b', T * S + 10).translation[0] == 1000
+    assert buffer.lookup_transform('a', 'b', T * S + 15).translation[0] == 500
+    assert buffer.lookup_transform('a', 'b', T * S + 5).translation[0] == 0.5
+
+
+def test_more_frames_than_allowed_are_refused_and_logged_once(logs):
+    """Transforms between known frames are still inserted."""
+    buffer = BufferCore(max_frames=4)
+    reader = MessageReader(fail_on_error)
+    assert buffer.insert(T * S, 'f0', 'f1', STILL)
+    assert buffer.insert(T * S, 'f1', 'f2', STILL)
+    assert not buffer.insert(T * S, 'new root', 'new', STILL)
+    assert buffer.insert(T * S, 'f2', 'f3', STILL)
+    for i in range(1, 4):
+        insert(buffer, reader, chain(6, (T + i) * S))
+    assert set(buffer.frame_names()) == {'f0', 'f1', 'f2', 'f3'}
+    assert buffer.lookup_transform('f0', 'f3').stamp == (T + 3) * S
+    (text,) = [record.getMessage() for record in logs]
+    assert text.startswith('TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "new" ')
+    assert 'max_frames of the buffer allows 4 frames' in text
+
+
+@pytest.mark.parametrize('parent', ['', '/'])
+def test_a_parent_without_a_name_is_refused_of_a_frame_with_several(parent, logs):
+    """The empty name, which stands for several parents there, is not mistaken for their name."""
+    buffer, reader = BufferCore(), MessageReader(fail_on_error)
+    buffer.insert(1, 'a', 'x', STILL)
+    buffer.insert(2, 'b', 'x', STILL)
+    for stamp in 3, 4:
+        insert(buffer, reader, cdr.pack([Row(stamp, parent, 'x', STILL)]))
+    assert buffer.dump()['x']['stamps'] == [1, 2]
+    assert logs[0].getMessage().startswith('TF_NO_FRAME_ID')
+
+
+def test_one_leading_slash_is_removed_however_a_message_comes():
+    """It is removed from messages in a batch as well as from late ones."""
+    buffer, reader = BufferCore(), MessageReader(fail_on_error)
+    for stamp in 10, 11, 5, 12:
+        insert(buffer, reader, cdr.pack([Row(stamp, '//map', 'x', STILL)]))
+    assert buffer.dump()['x']['parents'] == ['/map'] * 4
+
+
+def test_an_insertion_that_fails_leaves_each_pose_its_stamp():
+    """An array cannot grow while a memoryview of it exists, so the insertion fails."""
+    history = History(S)
+    for stamp, parent in (10, 'a'), (20, 'a'), (30, 'b'):
+        assert history.insert(stamp, parent, (float(stamp), *STILL[1:]), '')
+    view = memoryview(history.stamps)
+    with pytest.raises(BufferError):
+        history.insert(15, 'a', (15.0, *STILL[1:]), '')
+    view.release()
+    history.insert(25, 'a', (25.0, *STILL[1:]), '')
+    known = history.dump()
+    assert known['stamps'] == [pose[0] for pose in known['poses']] == [10, 20, 25, 30]
+    assert known['parents'] == ['a', 'a', 'a', 'b']
+
+
+def test_messages_wake_a_lookup_that_waits():
+    """The lookup returns the transform of the message."""
+    buffer, reader = BufferCore(), MessageReader(fail_on_error)
+    found = []
+    waiting = threading.Thread(target=lambda: found.append(
+        buffer.lookup_transform('f0', 'f1', T * S, timeout=60 * S)))
+    waiting.start()
+    while not buffer.has_waiters:
+        pass
+    insert(buffer, reader, chain(1, T * S))
+    waiting.join(60.0)
+    assert found[0].stamp == T * S
+    assert not buffer.has_waiters
+
+
+def test_numbers_that_are_not_finite_give_no_warning():
+    """Neither these numbers nor finite ones whose sum overflows cause a warning of numpy."""
+    buffer, reader = BufferCore(), MessageReader(fail_on_error)
+    for number in range(3):
+        for numbers in ((math.inf, -math.inf), (1e308, 1.7e308), (math.nan, 0.0)):
+            with warnings.catch_warnings():
+                warnings.simplefilter('error')
+                insert(buffer, reader, *(cdr.pack([
+                    Row((T + number) * S + i, 'a', f'{i}', (*numbers, *STILL[2:]))
+                    for i in range(many)])
+                    for many in (1, 40)))
+    assert buffer.can_transform('a', '39')
+
+
+def test_a_log_may_look_up_while_transforms_are_refused(monkeypatch):
+    """A log handler is called without the lock, so that other threads can look up."""
+    found = []
+    buffer, reader = BufferCore(), MessageReader(fail_on_error)
+
+    class Handler(logging.Handler):
+        def emit(self, _):
+            thread = threading.Thread(target=lambda: found.append(buffer.can_transform('a', 'b')))
+            thread.start()
+            thread.join(60.0)
+
+    monkeypatch.setattr(logging.getLogger('dummy_arm.tf'), 'handlers', [Handler()])
+    insert(buffer, reader, cdr.pack([Row(T * S, 'a', 'b', STILL), Row(T * S, 'x', 'x', STILL)]))
+    assert found == [True]
+    assert not buffer.insert(T * S, 'y', 'y', STILL)  # within the same second
+    assert found == [True]

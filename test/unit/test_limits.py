@@ -1,0 +1,420 @@
+"""Limits that protect the memory, the lock and the terminal from broken or hostile nodes."""
+
+import gc
+from itertools import product
+import math
+import re
+import struct
+import tracemalloc
+
+from hypothesis import given
+from hypothesis import strategies as st
+from messages import fail_on_error
+import pytest
+
+from dummy_arm.tf import BufferCore, TransformException
+from dummy_arm.tf._core import texts
+from dummy_arm.tf._core.frames import as_string, Frame
+from dummy_arm.tf._core.history import History
+from dummy_arm.tf._core.pose import Batch, Row
+from dummy_arm.tf._core.texts import abbreviated, logged, visible, visible_lines
+from dummy_arm.tf._core.tree import FrameTree
+from dummy_arm.tf._wire import cdr, ros1
+from dummy_arm.tf._wire.streams import MessageReader
+
+S = 1_000_000_000
+T = 1_700_000_000 * S
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def pose(x):
+    """Return a pose x m along the x axis, without rotation."""
+    return (float(x), *STILL[1:])
+
+
+def by_calls(buffer, stamps, children, parent='map'):
+    """Insert transforms one by one; x is the index of the stamp."""
+    for x, stamp in enumerate(stamps):
+        for child in children:
+            buffer.insert(stamp, parent, child, pose(x))
+
+
+def by_messages(buffer, stamps, children, parent='map'):
+    """Insert the same transforms as messages, one for each stamp, with all children."""
+    buffer.insert_batches(MessageReader(fail_on_error).read(
+        [cdr.pack([Row(stamp, parent, child, pose(x)) for child in children])
+         for x, stamp in enumerate(stamps)], 'default_authority', False))
+
+
+def by_a_message(buffer, stamps, children, parent='map'):
+    """Insert the same transforms as a single message."""
+    buffer.insert_batches(MessageReader(fail_on_error).read(
+        [cdr.pack([Row(stamp, parent, child, pose(x))
+                   for x, stamp in enumerate(stamps) for child in children])],
+        'default_authority', False))
+
+
+INSERTERS = [by_calls, by_messages]
+
+
+def lengths(buffer):
+    """Return the number of samples of each frame."""
+    return {frame.name: frame.length for frame in buffer.frames()}
+
+
+def logged_texts(logs):
+    """Return the texts that were logged."""
+    return [record.getMessage() for record in logs]
+
+
+class Counted(str):
+    """A name; the class counts the comparisons of all its instances."""
+
+    __slots__ = ()
+    comparisons = 0
+
+    def __eq__(self, other):
+        Counted.comparisons += 1
+        return str.__eq__(self, other)
+
+    __hash__ = str.__hash__
+
+
+@pytest.mark.parametrize('step', [1, -1])
+def test_ever_new_parents_of_a_child_take_linear_time(step):
+    """The number of comparisons grows with the number of transforms, not with its square."""
+    tree = FrameTree(10 * S)
+    number = 1000
+    Counted.comparisons = 0
+    for i in range(number):
+        tree.insert(T + i * step * 1000, Counted(f'parent_{i}'), 'child', STILL, '', False)
+    assert Counted.comparisons < 3 * number
+    history = tree.histories['child']
+    assert isinstance(history, History)
+    assert [history.parent_of(i) for i in range(number)] == [
+        f'parent_{i}' for i in range(number)[::step]]
+    assert list(history.all_parents) == [f'parent_{i}' for i in range(number)]
+
+
+def test_a_parent_that_expired_is_forgotten():
+    """When one parent is left, the history has a single parent again; lookups use it."""
+    buffer = BufferCore(S)
+    for i in range(100):
+        buffer.insert(T + i * S // 100, 'odd' if i % 2 else 'even', 'child', pose(i))
+    assert set(buffer.dump()['child']['parents']) == {'odd', 'even'}
+    assert buffer.can_transform('even', 'child', T + 50 * S // 100)
+    for i in range(100, 320):
+        buffer.insert(T + i * S // 100, 'odd', 'child', pose(i))
+    assert set(buffer.dump()['child']['parents']) == {'odd'}
+    assert buffer.lookup_transform('odd', 'child', T + 3 * S).translation[0] == 300.0
+
+
+@pytest.mark.parametrize('insert', INSERTERS)
+def test_a_frame_keeps_10000_samples_per_second_of_cache_time(insert, logs):
+    """The newest samples are kept, and the limit is logged once for all frames."""
+    buffer = BufferCore(S // 20)
+    stamps = [T + i for i in range(1200)]
+    insert(buffer, stamps, ['a', 'b'])
+    assert lengths(buffer) == {'a': 500, 'b': 500}
+    assert buffer.lookup_transform('map', 'a', T + 700).translation[0] == 700.0
+    assert buffer.lookup_transform('map', 'b', T + 1199).translation[0] == 1199.0
+    with pytest.raises(TransformException, match='extrapolation into the past'):
+        buffer.lookup_transform('map', 'a', T + 699)
+    (text,) = logged_texts(logs)
+    assert text.startswith('TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
+                           '"a" from authority "default_authority"')
+    assert 'at most 500 are kept of one frame' in text
+
+
+@pytest.mark.parametrize('insert', INSERTERS)
+def test_what_is_dropped_is_freed(insert):
+    """After many rounds, the memory holds little more than the samples that are kept."""
+    buffer = BufferCore(S // 20)
+    for round_ in range(5):
+        insert(buffer, [T + round_ * 1000 + i for i in range(1000)], ['a', 'b', 'c'])
+        if round_ == 2:
+            tracemalloc.start()
+    try:
+        gc.collect()
+        # The arrays are over-allocated, at most by a factor of two.
+        assert tracemalloc.get_traced_memory()[0] < 2 * 3 * 500 * (56 + 8)
+    finally:
+        tracemalloc.stop()
+
+
+def test_a_frame_with_many_parents_keeps_as_many_parents_as_samples():
+    """The parents of samples that exceed the limit are dropped with them."""
+    buffer = BufferCore(S // 20)
+    for i in range(3000):
+        buffer.insert(T + i, f'parent_{i % 700}', 'child', pose(i))
+    known = buffer.dump()['child']
+    assert len(known['parents']) == len(known['stamps']) == 500
+    for i in (2500, 2750, 2999):
+        assert buffer.lookup_transform(f'parent_{i % 700}', 'child', T + i).translation[0] == i
+
+
+def test_usual_rates_are_kept_as_long_as_the_cache_time(logs):
+    """The limit of samples does not affect them, here 100 Hz."""
+    buffer = BufferCore(60 * S)
+    by_messages(buffer, [T + i * S // 100 for i in range(6001)], ['tool'])
+    assert lengths(buffer) == {'tool': 6001}
+    assert not logs
+
+
+@pytest.mark.parametrize('insert', INSERTERS)
+def test_the_frame_that_gets_a_sample_drops_its_oldest(insert, logs):
+    """This happens when the buffer has `max_samples` samples, and is logged once."""
+    buffer = BufferCore(max_samples=10)
+    insert(buffer, [T + i for i in range(5)], ['a'])
+    insert(buffer, [T + i for i in range(5)], ['b'])
+    assert not logs
+    insert(buffer, [T + 100 + i for i in range(3)], ['a'])
+    assert lengths(buffer) == {'a': 5, 'b': 5}
+    assert [frame.oldest - T for frame in buffer.frames()] == [3, 0]
+    assert buffer.lookup_transform('map', 'a', T + 102).translation[0] == 2.0
+    insert(buffer, [T + 200], ['b'])
+    assert [frame.oldest - T for frame in buffer.frames()] == [3, 1]
+    (text,) = logged_texts(logs)
+    assert text.startswith(
+        'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "a" from authority ')
+    assert 'max_samples of the buffer allows 10 dynamic transforms' in text
+
+
+@pytest.mark.parametrize('insert', INSERTERS)
+def test_a_new_frame_has_a_place_in_a_full_buffer(insert):
+    """One sample of the new frame is kept, always the newest."""
+    buffer = BufferCore(max_samples=10)
+    insert(buffer, [T + i for i in range(10)], ['a'])
+    insert(buffer, [T, T + 5], ['new'])
+    assert lengths(buffer) == {'a': 10, 'new': 1}
+    assert buffer.lookup_transform('map', 'new').stamp == T + 5
+
+
+@pytest.mark.parametrize('insert', INSERTERS)
+def test_a_buffer_is_full_no_longer_when_samples_have_expired(insert):
+    """Expired samples of one frame make room for samples of another frame."""
+    buffer = BufferCore(S, max_samples=10)
+    insert(buffer, [T + i for i in range(8)], ['a'])
+    insert(buffer, [T + i for i in range(2)], ['b'])
+    insert(buffer, [T + 10 * S, T + 10 * S + 1], ['a'])
+    insert(buffer, [T + 2 + i for i in range(5)], ['b'])
+    assert lengths(buffer) == {'a': 2, 'b': 7}
+
+
+@pytest.mark.parametrize('insert', INSERTERS)
+def test_a_buffer_that_is_not_full_keeps_all(insert, logs):
+    """Expired samples do not count, however many have been inserted."""
+    buffer = BufferCore(S, max_samples=1000)
+    children = [f'frame_{i}' for i in range(20)]
+    for second in range(20):
+        insert(buffer, [T + second * S + i * S // 10 for i in range(10)], children)
+        if second:
+            assert {10, 11, 12} >= set(lengths(buffer).values())
+    assert not logs
+
+
+samples = st.lists(st.tuples(
+    st.sampled_from([*INSERTERS, by_a_message]), st.integers(0, 100), st.integers(1, 5),
+    st.lists(st.sampled_from([f'frame_{i}' for i in range(12)]), min_size=1, max_size=12,
+             unique=True)), max_size=40)
+
+
+@given(samples)
+def test_a_buffer_has_no_more_samples_than_allowed(inserted):
+    """One sample of each frame, the newest, is allowed in addition."""
+    buffer = BufferCore(S, max_samples=20)
+    newest: dict[str, int] = {}
+    for insert, begin, number, children in inserted:
+        insert(buffer, [T + begin * 1000 + i for i in range(number)], children)
+        for child in children:
+            newest[child] = max(newest.get(child, 0), T + begin * 1000 + number - 1)
+        found = buffer.frames()
+        assert {frame.name: frame.latest for frame in found} == newest
+        assert sum(frame.length for frame in found) <= 20 + len(found)
+
+
+def test_no_limit_of_samples():
+    """With max_samples=None, neither the buffer nor a frame has a limit."""
+    buffer = BufferCore(S // 20, max_samples=None)
+    by_messages(buffer, [T + i for i in range(1200)], ['a'])
+    assert lengths(buffer) == {'a': 1200}
+    for wrong in 0, -1:
+        with pytest.raises(ValueError, match=f'max_samples must be at least 1, or None, got '
+                                             f'{wrong}'):
+            BufferCore(max_samples=wrong)
+
+
+LONG = [('x' * 1024, True), ('x' * 1025, False), ('é' * 512, True), ('é' * 513, False),
+        ('\U0001f600' * 256, True), ('\U0001f600' * 257, False), ('\udc80' * 342, False)]
+
+
+@pytest.mark.parametrize(('name', 'is_accepted'), LONG)
+def test_a_name_may_have_1024_bytes(name, is_accepted, logs):
+    """The limit counts bytes of UTF-8; a leading slash does not count."""
+    for is_static, number in product((False, True), (0, 1)):
+        edge = (f'/{name}', 'tool') if number else ('map', f'/{name}')
+        buffer = BufferCore()
+        logs.clear()
+        assert buffer.insert(T, *edge, STILL, 'somebody', is_static) is is_accepted
+        assert bool(buffer.frames()) is is_accepted
+        if not is_accepted:
+            size = len(name.encode('utf-8', 'surrogatepass'))
+            (text,) = logged_texts(logs)
+            assert re.fullmatch(
+                r'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id ".*" from authority '
+                rf'"somebody" because its {"frame_id" if number else "child_frame_id"} has {size} '
+                'bytes; at most 1024 are allowed', text)
+            assert len(text) < 900
+
+
+@pytest.mark.parametrize('form', [cdr, ros1])
+def test_names_of_messages_that_are_too_long_are_not_kept(form, logs):
+    """They are kept neither as frames nor in the layout of a stream."""
+    buffer, reader = BufferCore(), MessageReader(fail_on_error, form)
+    rows = [Row(T, 'map', 'x' * 1_000_000, STILL), Row(T, 'map', 'tool', STILL)]
+    data = cdr.pack(rows) if form is cdr else packed_for_ros1(rows)
+    read = reader.read([data] * 3, 'default_authority', False)
+    assert not any(isinstance(batch, Batch) for batch in read)
+    buffer.insert_batches(read)
+    assert lengths(buffer) == {'tool': 1}
+    (text,) = logged_texts(logs)
+    assert 'has 1000000 bytes' in text
+    assert '(1000000 characters)' in text
+
+
+def packed_for_ros1(rows):
+    """Serialise transforms as a message of ROS 1."""
+    packed = len(rows).to_bytes(4, 'little')
+    for stamp, *names, pose in rows:
+        packed += struct.pack('<III', 0, *divmod(stamp, S))
+        for name in names:
+            packed += len(name).to_bytes(4, 'little') + name.encode()
+        packed += struct.pack('<7d', *pose)
+    return packed
+
+
+HOSTILE = '\x1b[2J\r\n\x07' + 'x' * 200 + '\udc80\u202e'
+NAN = (math.nan, *STILL[1:])
+
+
+@pytest.mark.parametrize(('cause', 'parent', 'child', 'bad', 'stamp'), [
+    ('TF_SELF_TRANSFORM', HOSTILE, HOSTILE, STILL, T),
+    ('TF_NO_FRAME_ID', '', HOSTILE, STILL, T),
+    ('TF_NO_CHILD_FRAME_ID', HOSTILE, '', STILL, T),
+    ('TF_NAN_INPUT', 'map', HOSTILE, NAN, T),
+    ('TF_DENORMALIZED_QUATERNION', 'map', HOSTILE, (0.0,) * 7, T),
+    ('TF_OLD_DATA', 'map', HOSTILE, STILL, T - 100 * S),
+    ('TF_TOO_MANY_FRAMES', 'map', f'new{HOSTILE}', STILL, T),
+    ('TF_LONG_FRAME_ID', 'map', HOSTILE * 10, STILL, T),
+    ('TF_TOO_MANY_SAMPLES', 'map', HOSTILE, STILL, None),
+    ('TF_FULL_BUFFER', 'map', HOSTILE, STILL, None)])
+def test_a_log_line_escapes_and_cuts_names(cause, parent, child, bad, stamp, logs):
+    """Names of others cannot control the terminal; the only line break is that of tf2's text."""
+    buffer = BufferCore(S // 50, max_frames=2, max_samples=150 if 'FULL' in cause else 1000)
+    buffer.insert(T, 'map', HOSTILE, STILL)
+    for i in range(300):
+        buffer.insert(T + i if stamp is None else stamp, parent, child, bad, HOSTILE)
+    text = next(text for text in logged_texts(logs) if text.startswith(cause))
+    assert all(line.isprintable() for line in text.split('\n'))
+    assert text.count('\n') == (cause == 'TF_OLD_DATA')
+    assert r'\x1b[2J\r\n\x07' in text
+    assert f'...{"x" * 46}\\udc80\\u202e ({len(HOSTILE)} characters)' in text
+    assert len(text) < 900
+
+
+def test_texts():
+    """Names are escaped as in Python, and abbreviated in the middle."""
+    assert visible('tool') == 'tool'
+    assert visible('a\tb\x1b[31m\udcff\u200b√') == r'a\tb\x1b[31m\udcff\u200b√'
+    assert visible_lines('a\x00\nb\x7f') == '\n'.join((r'a\x00', r'b\x7f'))
+    assert abbreviated('x' * 100) == logged('x' * 100) == 'x' * 100
+    assert abbreviated('left_front_wheel', 11) == 'left...heel'
+    assert logged(f'begin{"x" * 3000}end') == (
+        f'begin{"x" * 44}...{"x" * 45}end (3008 characters)')
+
+
+@pytest.fixture
+def compared(monkeypatch):
+    """The lists of names in which names similar to an unknown one are searched."""
+    lists = []
+
+    def get_close_matches(name, names, number):
+        lists.append(names)
+        return [other for other in names if other.startswith(name)][:number]
+
+    monkeypatch.setattr(texts, 'get_close_matches', get_close_matches)
+    texts.suggest_names.cache_clear()
+    yield lists
+    texts.suggest_names.cache_clear()
+
+
+def error_text(buffer, name):
+    """Return the text of the error for an unknown frame."""
+    with pytest.raises(TransformException) as raised:
+        buffer.lookup_transform('map', name)
+    return str(raised.value)
+
+
+def test_near_names_are_searched_among_1000(compared):
+    """A comparison of the unknown name with a hundred thousand names would take seconds."""
+    buffer = BufferCore()
+    for i in range(3000):
+        buffer.insert(T, 'map', f'frame_{i}', STILL, is_static=True)
+    assert error_text(buffer, 'fr').endswith(
+        "Nearest known: 'frame_0', 'frame_1', 'frame_2', 'frame_3', 'frame_4'.")
+    assert error_text(buffer, 'tool').endswith(
+        "Known frames: 'frame_0', 'map', 'frame_1', 'frame_2', 'frame_3' and 2996 more.")
+    assert [len(names) for names in compared] == [1000, 1000]
+
+
+def test_long_names_are_neither_compared_nor_shown_in_full(compared):
+    """A comparison of two long names takes milliseconds."""
+    buffer = BufferCore()
+    for i in range(10):
+        buffer.insert(T, 'map', f'{"x" * 500}{i}', STILL, is_static=True)
+    text = error_text(buffer, 'tool')
+    first, *others = (f"'{'x' * 49}...{'x' * 47}{i}'" for i in range(4))
+    assert text.endswith(f"Known frames: {first}, 'map', {', '.join(others)} and 6 more.")
+    error_text(buffer, 'y' * 500)
+    assert compared == [['map']]
+
+
+class Watched:
+    """A function that records whether the lock of a buffer is held when it is called."""
+
+    def __init__(self, buffer, work):
+        self.buffer, self.work, self.held = buffer, work, []
+
+    def __call__(self, *arguments):
+        """Record whether the lock is held, and call the wrapped function."""
+        self.held.append(self.buffer.is_held())
+        return self.work(*arguments)
+
+
+def test_frames_are_listed_without_the_lock(monkeypatch):
+    """The lock is held only while the numbers are copied."""
+    buffer = BufferCore()
+    by_messages(buffer, [T, T + 1], ['a', 'b'])
+    watched = Watched(buffer, Frame.__new__)
+    monkeypatch.setattr(Frame, '__new__', lambda *arguments: watched(*arguments))
+    assert [tuple(frame) for frame in buffer.frames()] == [
+        (name, 'map', 'default_authority', False, 2, T + 1, T) for name in 'ab']
+    assert watched.held == [False, False]
+
+
+def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
+    """This holds for `all_frames_as_string`, and for the list in the error about a loop."""
+    buffer = BufferCore()
+    for parent, child in ('map', 'a'), ('c', 'b'), ('b', 'c'):
+        buffer.insert(T, parent, child, STILL)
+    watched = Watched(buffer, as_string)
+    monkeypatch.setattr('dummy_arm.tf._core.frames.as_string', watched)
+    monkeypatch.setattr('dummy_arm.tf._core.tree.as_string', watched)
+    listed = ('Frame a exists with parent map.\nFrame b exists with parent c.\n'
+              'Frame c exists with parent b.\n')
+    assert buffer.all_frames_as_string() == listed
+    with buffer.fetched(), pytest.raises(TransformException) as raised:
+        buffer.lookup_transform('a', 'b')
+    assert watched.held == [False]  # the text is made when it is first read
+    assert listed in str(raised.value)
+    assert watched.held == [False, False]

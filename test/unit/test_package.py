@@ -1,0 +1,86 @@
+"""The package as a whole: metadata, commands, names."""
+
+from inspect import getmembers, isfunction
+import re
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+from environment import code_without, ROOT, ROS
+import pytest
+
+from dummy_arm import tf
+from dummy_arm.cli import entry_points
+
+
+def test_setup_py_and_package_xml_agree():
+    """Name, version, description, licence and maintainer are the same in both files."""
+    done = subprocess.run(
+        [sys.executable, 'setup.py', '--name', '--version', '--description', '--license',
+         '--maintainer', '--maintainer-email'],
+        cwd=ROOT, text=True, capture_output=True, check=True, timeout=60)
+    xml = ElementTree.parse(ROOT / 'package.xml')
+    maintainer = xml.find('maintainer')
+    assert maintainer is not None
+    assert done.stdout.splitlines()[-6:] == [
+        *(xml.findtext(tag) for tag in ('name', 'version', 'description', 'license')),
+        maintainer.text, maintainer.get('email')]
+
+
+def test_the_changelog_has_this_version():
+    """It has a section for the version, in the form that catkin_prepare_release reads."""
+    version = ElementTree.parse(ROOT / 'package.xml').findtext('version')
+    assert version
+    changelog = (ROOT / 'CHANGELOG.rst').read_text()
+    heading = rf'^({re.escape(version)} \(\d{{4}}-\d\d-\d\d\)|Forthcoming)\n-+\n\* '
+    assert re.search(heading, changelog, re.MULTILINE)
+
+
+def test_the_reference_has_all_public_modules():
+    """Each module that has names beside those of dummy_arm.tf is in it; Sphinx looks for names."""
+    pages = (ROOT / 'docs' / 'reference').glob('*.rst')
+    reference = ''.join(page.read_text() for page in pages)
+    modules = {path.stem for path in (ROOT / 'dummy_arm' / 'tf').glob('[a-z]*.py')}
+    assert {'bag', 'geometry', 'rotations'} < modules - tf._PUBLIC_MODULES
+    for module in modules - tf._PUBLIC_MODULES:
+        assert f'.. automodule:: dummy_arm.tf.{module}\n' in reference
+
+
+COMMANDS = [name for name, function in getmembers(entry_points, isfunction)
+            if function.__module__ == entry_points.__name__ and name[0] != '_']
+
+
+def test_every_command_is_installed():
+    """Each command is an entry point in setup.py."""
+    setup = (ROOT / 'setup.py').read_text()
+    assert COMMANDS
+    for command in COMMANDS:
+        assert f"'{command}'" in setup
+
+
+def test_a_command_that_needs_ros_says_so():
+    """Without ROS, each command prints one line with the remedy, and exits with code 1."""
+    arguments = {'param': ['node'], 'tf2_echo': ['map', 'odom'], 'tf_trajectory': ['map', 'odom']}
+    lines = {name: [name, *arguments.get(name, [])] for name in COMMANDS}
+    code = code_without(ROS) + f"""
+from dummy_arm.cli import entry_points
+for name, sys.argv in {lines}.items():
+    try:
+        code = getattr(entry_points, name)()
+    except SystemExit as end:
+        code = end.code
+    print(name, code)
+"""
+    done = subprocess.run([sys.executable, '-c', code], text=True, capture_output=True, check=True,
+                          timeout=60)
+    assert done.stdout.splitlines() == [f'{name} 1' for name in COMMANDS]
+    for name, line in zip(COMMANDS, done.stderr.splitlines(), strict=True):
+        assert re.fullmatch(rf'{name}: this command needs ROS, but \w+ cannot be imported: pip '
+                            'install .*', line)
+
+
+def test_names_of_tf_are_listed_and_unknown_ones_are_not_there():
+    """Names that are imported late appear in dir(); other names raise AttributeError."""
+    assert {'TFMessage', 'TransformBroadcaster', 'StaticTransformBroadcaster'} <= set(dir(tf))
+    with pytest.raises(AttributeError, match="no attribute 'Nonsense'"):
+        _ = tf.Nonsense

@@ -1,0 +1,59 @@
+"""README.md, CONTRIBUTING.md and docs/*.md: links, marks of blocks, the length of the README."""
+
+from collections import Counter
+import json
+import re
+
+from environment import ROOT
+from pages import BLOCKS, PAGES
+import pytest
+
+from dummy_arm import tf
+from dummy_arm.tf import rotations
+
+#: The number of blocks that are not run, by page and mark.
+NOT_RUN = {('desktop.md', 'desktop'): 5, ('desktop.md', 'docker'): 5, ('lab.md', 'docker'): 3}
+
+
+def test_every_block_says_what_it_is():
+    """The blocks that are not run are those in `NOT_RUN`."""
+    assert {block.language for block in BLOCKS} == {'python', 'sh', 'text'}
+    assert Counter((block.page, block.needs) for block in BLOCKS if block.needs) == NOT_RUN
+    assert all(block.language == 'sh' for block in BLOCKS if block.needs)
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_links_lead_to_files(page):
+    """A relative link leads to a file, and to a heading of it if it has an anchor."""
+    anchors = {path: {re.sub(r'[^\w-]', '', heading.lower().replace(' ', '-')) for heading in
+                      re.findall(r'^#+ (.*)$', path.read_text(), re.M)} for path in PAGES}
+    links = re.findall(r'\]\((?!http)([^)]+)\)', page.read_text())
+    for link in links:
+        name, _, anchor = link.partition('#')
+        target = page.parent / name if name else page
+        assert target.exists(), link
+        assert not anchor or anchor in anchors[target.resolve()], link
+
+
+def test_the_readme_is_short_and_its_picture_small():
+    """The README leads to every page, in at most 130 lines."""
+    readme = (ROOT / 'README.md').read_text()
+    assert readme.count('\n') <= 130
+    assert (ROOT / 'docs' / 'arm.gif').stat().st_size <= 1_000_000
+    for page in (ROOT / 'docs').glob('*.md'):
+        assert f'(docs/{page.name})' in readme
+
+
+def test_names_that_are_missing_are_named():
+    """docs/library.md names everything of tf2 and tf_transformations that is missing here."""
+    api = json.loads((ROOT / 'test' / 'data' / 'tf2_api.json').read_text())
+    text = (ROOT / 'docs' / 'library.md').read_text()
+    names = {name for package in ('tf2_ros', 'tf2_py') for name in api[package]}
+    assert names.difference(tf.__all__) == {
+        'BufferClient', 'LookupTransform', 'LookupTransformGoal', 'LookupTransformResult',
+        'FrameGraph', 'FrameGraphSrvRequest', 'FrameGraphSrvResponse'}
+    quaternion_functions = {name for name in api['tf_transformations'] if 'quaternion' in name}
+    missing_functions = {name for name in quaternion_functions if not hasattr(rotations, name)}
+    assert missing_functions == {'random_quaternion'}
+    for name in 'BufferClient', 'LookupTransform', 'FrameGraph', 'TF2Error', *missing_functions:
+        assert f'`{name}`' in text

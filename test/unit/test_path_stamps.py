@@ -1,0 +1,153 @@
+"""`path_stamps`, compared with a search of the path at each stamp."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from dummy_arm.tf import BufferCore, ConnectivityException, LookupException
+
+S = 10**9
+STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+NAMES = 'abcdef'
+
+
+def buffer_of(*edges):
+    """Return a buffer; an edge is the parent, the child, and the stamps (s), or None: static."""
+    buffer = BufferCore(10**6 * S)
+    for parent, child, stamps in edges:
+        for stamp in stamps or [0.0]:
+            buffer.insert(round(stamp * S), parent, child, STILL, is_static=stamps is None)
+    return buffer
+
+
+def stamps_of(buffer, target, source):
+    """Return the stamps in s."""
+    return [stamp / S for stamp in buffer.path_stamps(target, source).tolist()]
+
+
+def test_stamps_of_all_edges_in_order_and_once():
+    """Edges above both frames and beside the path do not count."""
+    buffer = buffer_of(
+        ('earth', 'map', [0.5, 1.5]), ('map', 'odom', [1.0, 2.0, 3.0]), ('odom', 'camera', None),
+        ('map', 'base', [2.0, 2.5]), ('base', 'wheel', [7.0]), ('camera', 'lens', [8.0]))
+    for frames in ('camera', 'base'), ('base', 'camera'):
+        assert stamps_of(buffer, *frames) == [1.0, 2.0, 2.5, 3.0]
+    assert stamps_of(buffer, 'earth', 'map') == [0.5, 1.5]
+    assert buffer.path_stamps('camera', 'base').dtype == np.int64
+
+
+def test_a_path_without_dynamic_edges_has_no_stamps():
+    """The same holds for a path from a frame to itself."""
+    buffer = buffer_of(('map', 'odom', [1.0]), ('odom', 'base', None), ('base', 'camera', None))
+    for frames in ('odom', 'camera'), ('camera', 'odom'), ('odom', 'odom'), ('map', 'map'):
+        assert stamps_of(buffer, *frames) == []
+
+
+def test_zero_and_negative_stamps_count():
+    """A bag of a simulation may begin at or before 0."""
+    stamps = [-1.0, 0.0, 1.0]
+    assert stamps_of(buffer_of(('map', 'base', stamps)), 'map', 'base') == stamps
+
+
+def test_stamps_without_a_transform_count():
+    """The two edges have data at different times."""
+    buffer = buffer_of(('map', 'odom', [1.0, 2.0]), ('odom', 'base', [3.0, 4.0]))
+    assert stamps_of(buffer, 'map', 'base') == [1.0, 2.0, 3.0, 4.0]
+
+
+def test_an_edge_counts_while_it_is_on_the_path():
+    """A cup stands on a table, is in a hand from 3 s on, and stands on a shelf from 5 s on."""
+    buffer = buffer_of(
+        ('map', 'table', None), ('map', 'hand', [0.5, 1.5, 2.5, 3.5, 4.5, 5.5]),
+        ('table', 'cup', [1.0, 2.0]), ('hand', 'cup', [3.0, 4.0]), ('shelf', 'cup', [5.0]),
+        ('map', 'shelf', [0.25, 6.0]))
+    assert stamps_of(buffer, 'map', 'cup') == [1.0, 2.0, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0]
+    assert stamps_of(buffer, 'table', 'cup') == [1.0, 2.0, 3.0, 3.5, 4.0, 4.5, 5.0, 6.0]
+    assert stamps_of(buffer, 'hand', 'cup') == [0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 5.5, 6.0]
+
+
+def test_times_at_which_the_frames_are_not_connected_do_not_count():
+    """The error is raised only if they are never connected."""
+    buffer = buffer_of(('map', 'base', [1.0, 2.0]), ('odom', 'base', [3.0, 4.0]),
+                       ('earth', 'moon', [1.0]))
+    assert stamps_of(buffer, 'map', 'base') == [1.0, 2.0]
+    assert stamps_of(buffer, 'odom', 'base') == [3.0, 4.0]
+    with pytest.raises(ConnectivityException, match="between 'map' and 'moon'"):
+        buffer.path_stamps('map', 'moon')
+
+
+def test_a_loop_is_no_path():
+    """It is not followed forever; frames on the loop have a path."""
+    buffer = buffer_of(('a', 'b', [1.0]), ('b', 'a', [2.0]), ('c', 'd', [3.0]))
+    assert stamps_of(buffer, 'a', 'b') in ([1.0], [2.0])
+    with pytest.raises(ConnectivityException):
+        buffer.path_stamps('c', 'a')
+
+
+def test_errors():
+    """They are those of a lookup."""
+    buffer = buffer_of(('map', 'base', [1.0]))
+    with pytest.raises(LookupException, match=r"source_frame does not exist.* 'base'"):
+        buffer.path_stamps('map', 'bose')
+    with pytest.raises(TypeError):
+        buffer.path_stamps('map', None)
+    buffer.clear()
+    with pytest.raises(ConnectivityException):
+        buffer.path_stamps('map', 'base')
+
+
+def test_the_buffer_can_grow_afterwards():
+    """The result is a copy: an array that numpy uses cannot grow."""
+    buffer = buffer_of(('map', 'base', [1.0]))
+    stamps = buffer.path_stamps('map', 'base')
+    buffer.insert(2 * S, 'map', 'base', STILL)
+    assert stamps.tolist() == [S]
+
+
+def searched(dump, target, source):
+    """Return the stamps, by a search of the path at each of them."""
+    def parent(name, time):
+        """Return the parent at a time, or at the nearest one; None of a root."""
+        samples = dump[name]
+        if not samples['stamps']:
+            return None
+        if samples['is_static']:
+            return samples['parents'][0]
+        earlier = [i for i, stamp in enumerate(samples['stamps']) if stamp <= time]
+        return samples['parents'][earlier[-1] if earlier else 0]
+
+    def ancestors(name, time):
+        chain = [name]
+        while (name := parent(name, time)) is not None:
+            chain.append(name)
+        return chain
+
+    found = set()
+    for name, samples in dump.items():
+        for stamp in [] if samples['is_static'] else samples['stamps']:
+            up, down = ancestors(source, stamp), ancestors(target, stamp)
+            if up[-1] == down[-1] and (name in up) != (name in down):
+                found.add(stamp)
+    return sorted(found)
+
+
+@given(st.lists(st.tuples(
+    st.integers(1, len(NAMES) - 1), st.integers(0, len(NAMES) - 1), st.integers(-3, 30),
+    st.sampled_from([False] * 5 + [True])), min_size=8, max_size=40),
+    st.sampled_from(NAMES), st.sampled_from(NAMES))
+def test_as_searched(inserts, target, source):
+    """Frames change their parents at any time, and become static or dynamic."""
+    buffer = BufferCore(10**6 * S)
+    for child, parent, stamp, is_static in inserts:
+        buffer.insert(stamp, NAMES[parent % child], NAMES[child], STILL, is_static=is_static)
+    dump = buffer.dump()
+    if target not in dump or source not in dump:
+        with pytest.raises(LookupException):
+            buffer.path_stamps(target, source)
+        return
+    expected = searched(dump, target, source)
+    try:
+        assert buffer.path_stamps(target, source).tolist() == expected
+    except ConnectivityException:
+        assert not expected

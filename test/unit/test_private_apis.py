@@ -1,0 +1,101 @@
+"""
+Tests of the private names of other libraries: which file uses them, and how Python's behave.
+
+Those of rclpy, viser and Fast DDS are in test_rclpy_private.py, test_viser_private.py and
+test_fast_dds.py.
+"""
+
+from argparse import ArgumentParser
+import ast
+import re
+from threading import RLock, Thread
+from typing import Any
+
+from environment import ROOT
+
+PACKAGE = ROOT / 'dummy_arm'
+#: The slots of generated messages: geometry_msgs, std_msgs, builtin_interfaces.
+SLOTS = {'_child_frame_id', '_frame_id', '_nanosec', '_sec', '_stamp', '_transform',
+         '_translation', '_w', '_x', '_y', '_z'}
+#: The private names that are used, by the file that uses them: one file for each library.
+PRIVATE = {
+    'cli/parser.py': {'_option_string_actions'},  # argparse
+    'tf/_core/engine.py': {'_is_owned'},  # threading
+    'tf/_ros/rclpy_private.py': {'rclpy.impl.implementation_singleton'},
+    'tf/_ros/transform_stamped.py': SLOTS,
+    'view/viser_private.py': {'_gui_input_handle_from_uuid', '_websock_connection',
+                              'viser._messages'}}
+#: Names with an underscore that the documentation of Python has.
+PUBLIC = {'_thread', '_asdict', '_replace', '_make'}
+
+
+def is_private(name):
+    """Return True if a name begins with exactly one underscore."""
+    return re.match('_[^_]', name) is not None
+
+
+def own_names(tree):
+    """Yield the names that a module defines itself."""
+    for node in ast.walk(tree):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+            yield node.name
+        elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+            yield node.id
+        elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store) and (
+                isinstance(node.value, ast.Name) and node.value.id == 'self'):
+            yield node.attr
+
+
+def used_names(tree):
+    """Yield the private attributes and modules that a module uses."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Attribute) and is_private(node.attr):
+            yield node.attr
+        modules = ([alias.name for alias in node.names] if isinstance(node, ast.Import) else
+                   [node.module or ''] if isinstance(node, ast.ImportFrom) else [])
+        for module in modules:
+            parts = module.split('.')
+            if parts[0] != 'dummy_arm' and (
+                    any(map(is_private, parts)) or parts[:2] == ['rclpy', 'impl']):
+                yield module
+
+
+def test_private_names_are_used_by_one_file_for_each_library():
+    """The listed names are used, and no others."""
+    trees = {str(path.relative_to(PACKAGE)): ast.parse(path.read_text())
+             for path in PACKAGE.rglob('*.py')}
+    own = PUBLIC.union(*map(own_names, trees.values())) - SLOTS
+    used = {path: {*used_names(tree)} - own for path, tree in trees.items()}
+    assert {path: names for path, names in used.items() if names} == PRIVATE
+
+
+def test_fast_dds_is_used_by_one_file():
+    """Its mangled symbols, which contain `eprosima`, are in no other file."""
+    assert [path.name for path in PACKAGE.rglob('*.py')
+            if 'eprosima' in path.read_text()] == ['fast_dds.py']
+
+
+def test_a_lock_knows_whether_this_thread_holds_it():
+    """`RLock._is_owned` distinguishes a nested call from a call in another thread."""
+    lock: Any = RLock()
+    owned: list[bool] = []
+    owned.append(lock._is_owned())
+    with lock:
+        with lock:
+            owned.append(lock._is_owned())
+        owned.append(lock._is_owned())
+        thread = Thread(target=lambda: owned.append(lock._is_owned()))
+        thread.start()
+        thread.join()
+    owned.append(lock._is_owned())
+    assert owned == [False, True, True, False, False]
+
+
+def test_a_parser_knows_its_options_and_what_is_a_negative_number():
+    """ArgumentParser has `_option_string_actions`, and uses `_negative_number_matcher`."""
+    parser = ArgumentParser()
+    parser.add_argument('-r', '--rate')
+    parser.add_argument('x', type=float)
+    assert {'-r', '--rate'} <= {*parser._option_string_actions}
+    parser._negative_number_matcher = re.compile('-1e5')
+    assert parser.parse_args(['-1e5']).x == -1e5

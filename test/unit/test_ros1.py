@@ -1,0 +1,75 @@
+"""The message format of ROS 1, in bags that rosbags writes."""
+
+import random
+
+import pytest
+
+from dummy_arm.tf import bag, BufferCore, Transform
+
+bags = pytest.importorskip('bags')
+S = 10**9
+NAMES = ['map', 'a', 'ünï/frame', 'n' * 300, 'base_link', '/slash', '']
+
+
+def some_rows(random, count):
+    """Return transforms with any stamp that rosbags accepts, and names of any length."""
+    return [bags.row(random.randrange(2**31 * S), random.choice(NAMES),
+                     f'{random.choice(NAMES)}{i}',
+                     tuple(random.uniform(-9.0, 9.0) for _ in range(7))) for i in range(count)]
+
+
+def rows_in(path, *contents):
+    """Write messages, which are rows or bytes, to a bag; yield what is read of each."""
+    path = bags.make(path, 'bag', [('/tf', S, content) for content in contents])
+    for message in bag.messages(path):
+        yield message.rows
+
+
+def test_it_reads_what_rosbags_writes(tmp_path):
+    """The transforms are equal to the last bit."""
+    contents = [some_rows(random.Random(seed), seed) for seed in range(20)]
+    assert [rows() for rows in rows_in(tmp_path, *contents)] == contents
+
+
+def test_seconds_have_no_sign(tmp_path):
+    """Seconds are unsigned in ROS 1, unlike in ROS 2, so that times last until 2106."""
+    data = bags.ros1([bags.row(7 * S, 'map', 'odom')])
+    later = data[:8] + (3 * 10**9).to_bytes(4, 'little') + data[12:]
+    assert [rows() for rows in rows_in(tmp_path, data, later)] == [
+        [bags.row(seconds * S, 'map', 'odom')] for seconds in (7, 3 * 10**9)]
+    (frame,) = bag.read(tmp_path / 'walk.bag').frames()
+    assert (frame.oldest, frame.latest) == (7 * S, 3 * 10**9 * S)
+
+
+def test_a_message_that_ends_too_early_is_malformed(tmp_path):
+    """A message is refused at whichever byte it is cut off."""
+    data = bags.ros1(some_rows(random.Random(1), 3))
+    for rows in rows_in(tmp_path, *(data[:length] for length in range(len(data)))):
+        with pytest.raises(ValueError, match=r'truncated|impossible count'):
+            rows()
+    (rows,) = rows_in(tmp_path / 'other.bag', b'\5\0\0\0abcd')
+    with pytest.raises(ValueError, match='impossible count: 8 bytes cannot hold the 5 '):
+        rows()
+
+
+def test_many_messages_are_inserted_like_single_transforms(tmp_path):
+    """This holds also after the edges have changed."""
+    random_ = random.Random(2)
+    names = [('map', 'odom'), ('odom', 'base'), ('base', 'ünï')]
+
+    def message(number, edges=names):
+        return [bags.row(10**9 * S + number * S // 100, *edge,
+                         (number, random_.random(), 0.0, 0.0, 0.0, 0.6, 0.8)) for edge in edges]
+
+    contents = [message(i) for i in range(50)]
+    contents += [message(50, names[:2]), message(51), message(52, [('odom', 'map'), *names[1:]])]
+    at_once = bag.read(bags.make(tmp_path, 'bag', [('/tf', S, rows) for rows in contents]))
+    singly = BufferCore(100 * S)
+    for rows in contents:
+        for stamp, parent, child, pose in rows:
+            singly.set_transform(Transform(stamp, parent, child, pose[:3], pose[3:]), '/sender')
+    assert at_once.frames() == singly.frames()
+    for parent, child in names:
+        stamp = 10**9 * S + 123_456_789
+        assert (at_once.lookup_transform(parent, child, stamp)
+                == singly.lookup_transform(parent, child, stamp))

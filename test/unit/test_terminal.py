@@ -1,0 +1,85 @@
+"""Lines on a terminal: cut off by columns, padded up to a limit, redrawn in place."""
+
+import io
+import sys
+
+import pytest
+
+from dummy_arm.inspection import terminal
+
+COMBINED = 'e\u0301'  # it occupies one column
+
+
+@pytest.mark.parametrize(('line', 'columns', 'left'), [
+    ('map', 5, 'map'), ('map', 3, 'map'), ('map', 2, 'ma'), ('map', 0, ''), ('', 0, ''),
+    ('日本', 4, '日本'), ('日本', 3, '日'), ('日本', 1, ''), ('a日', 2, 'a'),
+    (COMBINED * 3, 3, COMBINED * 3), (COMBINED * 3, 2, COMBINED * 2)])
+def test_a_line_is_cut_off_by_columns(line, columns, left):
+    """A character occupies no column, one or two."""
+    assert terminal.cut(line, columns) == left
+    assert terminal.width(left) <= columns
+
+
+@pytest.mark.parametrize('line', ['日' * 3000, 'ä' * 3000, '\u0301' * 3000])
+def test_each_character_of_a_line_is_measured_once(monkeypatch, line):
+    """The time is linear in the length of the line, even if most of it is cut off."""
+    measured: list[str] = []
+
+    def counted(function):
+        def measure(character):
+            measured.append(character)
+            return function(character)
+
+        return measure
+
+    for name in 'combining', 'east_asian_width':
+        monkeypatch.setattr(terminal, name, counted(getattr(terminal, name)))
+    terminal.cut(line, 80)
+    assert len(measured) <= 2 * len(line)
+
+
+def test_a_cell_that_is_too_wide_does_not_make_its_column_wide():
+    """It is neither padded nor cut off; the other cells are padded to the widest of them."""
+    cells = ['map', 'odom', '日' * 1000]
+    columns = terminal.column_width(map(terminal.width, cells))
+    assert columns == 4
+    assert [terminal.padded(cell, columns) for cell in cells] == ['map ', 'odom', '日' * 1000]
+
+
+def open_screen(monkeypatch):
+    """Let stdout be a terminal of 6 columns and 4 lines."""
+    class Screen(io.StringIO):
+        def isatty(self):
+            return True
+
+    monkeypatch.setenv('COLUMNS', '6')
+    monkeypatch.setenv('LINES', '4')
+    screen = Screen()
+    monkeypatch.setattr(sys, 'stdout', screen)
+    return screen
+
+
+@pytest.mark.parametrize(('lines', 'count', 'shown'), [
+    (['a', 'b', 'long line'], None, ['a', 'b', 'long l']),
+    (['a', 'b', 'c', 'd'], None, ['a', 'b', '... 2 ']),
+    (['a', 'b', 'c', 'd'], 1000, ['a', 'b', '... 99'])])
+def test_a_screen(monkeypatch, lines, count, shown):
+    """Each is cleared before it is drawn; what does not fit is counted in its last line."""
+    screen = open_screen(monkeypatch)
+    terminal.show(lines, count)
+    assert screen.getvalue() == '\x1b[H\x1b[2J' + '\n'.join(shown) + '\n'
+
+
+def test_lines_in_a_pipe(capsys):
+    """They are whole, and an empty line follows."""
+    terminal.show(['a', 'long line'])
+    assert capsys.readouterr().out == 'a\nlong line\n\n'
+    assert terminal.height() is None
+    assert terminal.wrapped('a long line', '  ') == ['  a long line']
+
+
+def test_a_text_is_wrapped_at_the_width_of_the_terminal(monkeypatch):
+    """Each line is indented."""
+    open_screen(monkeypatch)
+    assert terminal.height() == 4
+    assert terminal.wrapped('a long line', ' ') == [' a', ' long', ' line']

@@ -1,0 +1,134 @@
+"""The logic of `tf2_echo`: tf2's text, arguments, and transforms out of a bag."""
+
+from math import pi, radians
+
+import pytest
+
+from dummy_arm.tf import Transform
+from dummy_arm.tf.rotations import quaternion_from_euler
+from dummy_arm.tools.tf2_echo import format_transform, main
+
+S = 10**9
+
+# The output of tf2_echo of Jazzy for odom -> base_link, turned by 90 degrees.
+JAZZY = """\
+At time 1795204941.212668814
+- Translation: [10.000, 2.000, 0.000]
+- Rotation: in Quaternion [0.000, 0.000, 0.707, 0.707]
+- Rotation: in RPY (radian) [0.000, -0.000, 1.571]
+- Rotation: in RPY (degree) [0.000, -0.000, 90.000]
+- Matrix:
+  0.000 -1.000  0.000 10.000
+  1.000  0.000  0.000  2.000
+  0.000  0.000  1.000  0.000
+  0.000  0.000  0.000  1.000"""
+# The output of Iron, from osrf/ros2_test_cases#974.
+IRON = """\
+At time 1683377979.902062451
+- Translation: [0.963, 0.172, 0.000]
+- Rotation: in Quaternion [0.000, 0.000, -0.079, 0.997]
+- Rotation: in RPY (radian) [0.000, 0.000, -0.158]
+- Rotation: in RPY (degree) [0.000, 0.000, -9.052]
+- Matrix:
+  0.988  0.157  0.000  0.963
+ -0.157  0.988 -0.000  0.172
+ -0.000  0.000  1.000  0.000
+  0.000  0.000  0.000  1.000"""
+
+
+def turned(stamp, translation, *roll_pitch_yaw):
+    """Return a transform map -> base_link; its stamp in ns, its rotation in rad."""
+    return Transform(stamp, 'map', 'base_link', translation,
+                     quaternion_from_euler(*roll_pitch_yaw))
+
+
+@pytest.mark.parametrize(('recorded', 'transform'), [
+    (JAZZY, turned(1795204941_212668814, (10.0, 2.0, 0.0), 0.0, 0.0, pi / 2)),
+    (JAZZY, turned(1795204941_212668814, (10.0, 2.0, -1e-9), -1e-9, -1e-9, pi / 2)),
+    (IRON, turned(1683377979_902062451, (0.963, 0.172, 0.0), 0.0, 0.0, radians(-9.052)))])
+def test_the_text_is_that_of_tf2(recorded, transform):
+    """It is identical except for negative zeros; the columns keep their positions."""
+    lists, matrix = recorded.split('- Matrix:')
+    assert format_transform(transform) == (
+        lists.replace('-0.000', '0.000') + '- Matrix:' + matrix.replace('-0.000', ' 0.000'))
+
+
+def test_nanoseconds_have_nine_digits():
+    """Otherwise 12.005 would look like 12.5."""
+    assert format_transform(turned(12 * S + 5_000_000, (0.0,) * 3, 0, 0, 0)).startswith(
+        'At time 12.005000000\n')
+
+
+@pytest.mark.parametrize(('pitch', 'roll'), [(pi / 2, 0.1), (-pi / 2, 0.5)])
+def test_rpy_is_right_at_gimbal_lock(pitch, roll):
+    """For roll 0.3, pitch +-pi/2 and yaw 0.2, tf2 prints a roll of 0.1244 and 0.4636."""
+    assert f'RPY (radian) [{roll:.3f}, {pitch:.3f}, 0.000]' in format_transform(
+        turned(0, (0.0,) * 3, 0.3, pitch, 0.2))
+
+
+def test_the_precision():
+    """It applies to every number; the columns of the matrix widen with it."""
+    transform = turned(S, (1000.0, -2 / 3, -0.4), 0.0, 0.0, 0.0)
+    lines = format_transform(transform, 6).splitlines()
+    assert lines[1] == '- Translation: [1000.000000, -0.666667, -0.400000]'
+    assert lines[6:8] == ['  1.000000  0.000000  0.000000 1000.000000',
+                          '  0.000000  1.000000  0.000000 -0.666667']
+    assert format_transform(transform, 0).splitlines()[1:3] == [
+        '- Translation: [1000, -1, 0]', '- Rotation: in Quaternion [0, 0, 0, 1]']
+
+
+@pytest.mark.parametrize(('arguments', 'why'), [
+    (('map',), 'the following arguments are required: target_frame'),
+    (('map', '/'), 'a frame must have a name'),
+    (('', 'odom'), 'a frame must have a name'),
+    (('map', 'odom', 'fast'), "'fast' is not a number"),
+    (('map', 'odom', '0'), 'the rate must be more than 0 Hz, got 0'),
+    (('map', 'odom', '-r', '-1e-3'), 'the rate must be more than 0 Hz, got -0.001'),
+    (('map', 'odom', '1', '-r', '1'), 'the rate is given twice'),
+    (('map', 'odom', '-p', '18'), 'the precision must be from 0 to 17 digits, got 18'),
+    (('map', 'odom', '-p', '-1'), 'the precision must be from 0 to 17 digits, got -1'),
+    (('map', 'odom', '-p', '0.5'), "'0.5' is not a whole number"),
+    (('map', 'odom', '-t', '-1'), "'-1' must be a time in s"),
+    (('map', 'odom', '-t', '1e99'), "'1e99' must be a time in s"),
+    (('map', 'odom', '-t', '1.' + 30 * '0' + '1'), 'with at most 9 digits after the point'),
+    (('map', 'odom', '-t', '1.0000000001'), 'with at most 9 digits after the point'),
+    (('map', 'odom', '--bag', 'x', '-r', '1'), 'leave out the rate'),
+    (('map', 'odom', '--partial'), '--partial needs --bag'),
+    (('map', 'odom', '--namespace', 'a-b'), 'Invalid namespace: namespace must not contain')])
+def test_wrong_use(failed, arguments, why):
+    """The exit code is 2, and the error is one line."""
+    code, error = failed(main, *arguments)
+    assert code == 2
+    assert why in error
+    assert error.startswith('tf2_echo: ')
+    assert error.count('\n') == 1
+
+
+@pytest.fixture
+def bag(tmp_path):
+    """A bag of a robot that moves."""
+    bags = pytest.importorskip('bags')
+    return str(bags.make(tmp_path, 'mcap', bags.walk()))
+
+
+@pytest.mark.parametrize(('time', 'stamp', 'x'), [
+    ((), '110.000000000', 11.0), (('-t', '105.05', '--once'), '105.050000000', 6.05)])
+def test_out_of_a_bag(bag, capsys, time, stamp, x):
+    """It prints the latest transform, or that of an exact time."""
+    assert main(['--bag', bag, '/map', '/base_link', *time, '-p', '3e0', '--ros-args',
+                 '--log-level', 'info']) == 0
+    out, err = capsys.readouterr()
+    assert out.startswith(f'At time {stamp}\n- Translation: [{x:.3f}, 2.000, 3.000]\n')
+    assert (out.count('\n'), err) == (10, '')
+
+
+@pytest.mark.parametrize(('arguments', 'why'), [
+    (('map', 'base_lnik'), "does not exist. Nearest known: 'base_link'.\n"),
+    (('map', 'base_link', '-t', '99'), 'Lookup would require extrapolation into the past'),
+    (('map', 'base_link', '-t', '111'), "'odom' -> 'base_link' end 1.000000000 s before that")])
+def test_what_a_bag_does_not_have(failed, bag, arguments, why):
+    """The exit code is 1; the error says what the bag contains instead."""
+    code, error = failed(main, '--bag', bag, *arguments)
+    assert code == 1
+    assert why in error
+    assert error.count('\n') == 1

@@ -1,0 +1,103 @@
+"""The logic of `tf2_monitor`: its table, and the delay of a path over time."""
+
+from types import SimpleNamespace
+from typing import Any, Optional
+
+import pytest
+
+from dummy_arm.inspection.traffic import Stream, Summary
+from dummy_arm.tf.exceptions import LookupException
+from dummy_arm.tools.tf2_monitor import Chain, format_streams, main
+
+S = 10**9
+NONE = 'Net delay     none: all transforms are static, or the time is not known'
+
+
+def test_the_net_delay_after_time_was_set_back():
+    """Old data do not count; new data count, also if they come when the old time has passed."""
+    now = 100 * S
+    common: Optional[int] = now
+
+    def connected(result):
+        if common is None:
+            raise LookupException('not connected')
+        return result
+
+    listener: Any = SimpleNamespace(
+        now=lambda: now, why_no_transform=lambda *_: 'why\n' if common is None else '',
+        buffer=SimpleNamespace(
+            get_latest_common_time=lambda *_: connected(SimpleNamespace(nanoseconds=common)),
+            chain=lambda *ends: connected(ends[::-1])))
+    chain = Chain(listener, ('map', 'robot'))
+
+    def net_delay():
+        chain.sample()
+        return chain.lines()[-1]
+
+    assert net_delay() == 'Net delay     avg = 0.000000 s: max = 0.000000 s'
+    assert chain.lines()[0] == 'Chain is: map -> robot'
+    now = 101 * S
+    assert net_delay() == 'Net delay     avg = 0.500000 s: max = 1.000000 s'
+    now = 50 * S
+    assert net_delay() == NONE  # the buffer still has the data of before
+    common = None
+    now = 90 * S
+    assert net_delay() == 'Waiting for transform map ->  robot: why\\n'
+    assert chain.frames() == []
+    now, common = 103 * S, 102 * S
+    assert net_delay() == 'Net delay     avg = 1.000000 s: max = 1.000000 s'
+    common = 0  # all transforms are static now
+    now = 120 * S
+    assert net_delay() == NONE
+
+
+def test_lines():
+    """The columns of the table fit the longest name; unusual streams are marked."""
+    moving = Summary(50.04, 0.00123449, 0.25)
+    assert format_streams([
+        Stream('base_link', '/arm', True, True, None, None),
+        Stream('base_link', '/before', True, False, None, None),
+        Stream('joint\n1', '/arm', False, True, moving, 0.01),
+        Stream('joint\n1', '/before', False, False, moving, 0.01),
+        Stream('tool', '/arm', False, True, moving, 0.01),
+        Stream('tool', '/b', False, True, moving, 0.01),
+        Stream('tool', '/silent', False, True, None, 71.26),
+        Stream('tool', '/uncounted', False, True, None, None),
+        Stream('', '/arm', False, True, Summary(None, -1000000.5, 12345678.25), 0.01)]) == [
+        'Warning: tool is published by /arm and /b; a frame should have one publisher',
+        '',
+        'Frames:           rate   average delay     max delay  published by',
+        '  base_link     static                                /arm',
+        '  base_link     static                                /before (gone)',
+        '  joint\\n1     50.0 Hz      0.001234 s    0.250000 s  /arm',
+        '  joint\\n1     50.0 Hz      0.001234 s    0.250000 s  /before (gone)',
+        '  tool         50.0 Hz      0.001234 s    0.250000 s  /arm',
+        '  tool         50.0 Hz      0.001234 s    0.250000 s  /b',
+        '  tool                      last received 71.3 s ago  /silent',
+        '  tool                                                /uncounted',
+        '',
+        'All Broadcasters:       rate   average delay     max delay  node',
+        '                        ? Hz -1000000.500000 s 12345678.250000 s  /arm']
+
+
+def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
+    """The columns of the other lines are as they would be without the long name."""
+    name = 'x' * 3000
+    short = f'{"x" * 49}...{"x" * 48}'
+    streams = [Stream('base', '/arm', True, True, None, None),
+               Stream('\x1b' * 3000, '/arm', True, True, None, None),
+               Stream(name, f'/{name}', True, True, None, None),
+               Stream(name, '/arm', True, True, None, None)]
+    lines = format_streams(streams)
+    assert lines[0] == (f'Warning: {short} is published by /{"x" * 48}...{"x" * 48} and /arm; '
+                        'a frame should have one publisher')
+    assert lines[3] == f'  base      static{"":30}  /arm'
+    assert lines[5] == f'  {short}     static{"":30}  /{"x" * 48}...{"x" * 48}'
+    assert len(lines[4]) == 2 + len('...') + 97 * len('\\x1b') + 41 + len('  /arm')
+
+
+@pytest.mark.parametrize('arguments', [('map',), ('map', ''), ('/', 'odom')])
+def test_wrong_use(failed, arguments):
+    """The exit code is 2, and the error is one line."""
+    assert failed(main, *arguments) == (
+        2, 'tf2_monitor: give two frames, or none to monitor all frames\n')

@@ -1,0 +1,91 @@
+"""The statistics of messages are those of plain Python."""
+
+from itertools import pairwise
+
+from hypothesis import example, given
+from hypothesis import strategies as st
+from messages import recorded
+import numpy as np
+import pytest
+
+from dummy_arm.inspection.tf_statistics import Statistics
+from dummy_arm.tf._wire import cdr
+from dummy_arm.tf.transform_table import transform_tables, TransformTable
+
+bags = pytest.importorskip('bags')
+S = bags.S
+T = 1_700_000_000 * S
+
+
+def reference(content):
+    """Return the statistics of a frame, computed in plain Python from (arrival, stamp, pose)."""
+    stamps = [stamp for _, stamp, _ in content]
+    steps = [b - a for a, b in pairwise(stamps) if a and b]
+    norms = [sum(v * v for v in pose[3:]) ** 0.5 for _, _, pose in content]
+    known = [(arrival - stamp, stamp) for arrival, stamp, _ in content if stamp]
+    return {
+        'count': len(content), 'zero_stamps': stamps.count(0),
+        'backwards': sum(step < 0 for step in steps),
+        'step_back': max([-step for step in steps if step < 0], default=0),
+        'largest_step': max([step for step in steps if step > 0], default=0),
+        'changes': sum(a[1] == b[1] != 0 and a[2][:6] != b[2][:6]
+                       for a, b in pairwise(content)),  # not if only the norm differs
+        'unnormalized': sum(abs(norm - 1.0) > 1e-3 for norm in norms),
+        'oldest': min([stamp for _, stamp in known], default=0),
+        'latest': max([stamp for _, stamp in known], default=0),
+        'delays': len(known),
+        'late': sum(S // 2 < delay <= 60 * S for delay, _ in known),
+        'future': sum(-60 * S <= delay < -S // 10 for delay, _ in known),
+        'least_delay': min([delay for delay, _ in known], default=None),
+        'greatest_delay': max([delay for delay, _ in known], default=None)}
+
+
+TENTHS = st.integers(0, 30).map(lambda tenth: tenth * S // 10)
+POSES = st.sampled_from([
+    bags.STILL, (1.0, *bags.STILL[1:]), (0.0, 0.0, 0.0, 0.0, 0.0, 0.6, 0.8),
+    (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.1)])
+
+
+@given(st.lists(st.tuples(TENTHS, TENTHS, POSES), min_size=1, max_size=30),
+       st.lists(st.integers(1, 30), max_size=3))
+@example([(0, stamp * S, bags.STILL) for stamp in (4, 1, 3, 2)], [2])
+def test_statistics(content, ends):
+    """The statistics are those of plain Python, however the messages are divided into tables."""
+    content = [(T + arrival, T + stamp if stamp else 0, pose) for arrival, stamp, pose in content]
+    statistics = Statistics()
+    begin = 0
+    for end in [*sorted(ends), len(content)]:
+        for table in transform_tables(
+                recorded(arrival, cdr.pack([bags.row(stamp, 'map', 'odom', pose)]))
+                for arrival, stamp, pose in content[begin:end]):
+            statistics.add(table)
+        begin = max(begin, end)
+    (track,) = statistics.tracks()
+    expected = reference(content)
+    if not expected['delays']:
+        del expected['least_delay'], expected['greatest_delay']
+    assert {name: int(track[name]) for name in expected} == expected
+
+
+@given(st.lists(st.integers(1_000, 10**11), min_size=1, max_size=200), st.integers(2, 6))
+def test_steps(steps, factor):
+    """The median step is right within 5 %, and the count of larger steps within the bins."""
+    statistics = Statistics()
+    stamps = np.cumsum([T, *steps])
+    statistics.add(TransformTable('', False, [('map', 'odom')], stamps, stamps[:, None], np.tile(
+        np.array(bags.STILL), (len(stamps), 1, 1))))
+    (track,) = statistics.tracks()
+    median = sorted(steps)[(len(steps) + 1) // 2 - 1]
+    assert track.period == pytest.approx(median, rel=0.05)
+    limit = factor * track.period
+    assert (sum(step > 1.1 * limit for step in steps) <= track.steps_beyond(limit)
+            <= sum(step > limit for step in steps))
+
+
+def test_too_many_frames():
+    """Frames beyond the limit are counted as such, and memory is bounded."""
+    statistics = Statistics()
+    rows = [bags.row(T, 'map', f'frame_{i}', bags.STILL) for i in range(10_010)]
+    for table in transform_tables([recorded(T, cdr.pack(rows))]):
+        statistics.add(table)
+    assert (statistics.count, statistics.not_counted) == (10_000, 10)

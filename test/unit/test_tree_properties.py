@@ -1,0 +1,331 @@
+"""Properties of lookups in random trees."""
+
+import contextlib
+import math
+import re
+
+from hypothesis import assume, example, given
+from hypothesis import strategies as st
+from model import Loop, matrix, Model
+import numpy as np
+import pytest
+from transforms3d import quaternions
+
+from dummy_arm.tf import BufferCore, ExtrapolationException, TransformException
+
+S = 1_000_000_000
+START = 1_700_000_000 * S
+FRAMES = 'abcde'
+HALF_TURNS = [(1.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0),
+              (0.6, 0.8, 0.0, 0.0)]
+
+
+def unit(numbers):
+    """Normalise a quaternion."""
+    return tuple((np.array(numbers) / np.linalg.norm(numbers)).tolist())
+
+
+coordinates = st.floats(-10.0, 10.0)
+translations = st.tuples(coordinates, coordinates, coordinates)
+any_rotations = st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(
+    lambda numbers: np.linalg.norm(numbers) > 0.1).map(unit)
+near_rotations = st.tuples(*[st.floats(-1e-7, 1e-7)] * 3).map(lambda v: unit((*v, 1.0)))
+rotations = any_rotations | near_rotations | st.sampled_from(HALF_TURNS)
+# No two of these rotations are half a turn apart, so that their interpolation is unambiguous.
+pool = [unit(numbers) for numbers in np.random.default_rng(7).normal(size=(8, 4))]
+inserts = st.tuples(
+    st.integers(0, 30).map(lambda tenths: START + tenths * S // 10),
+    st.sampled_from(FRAMES), st.sampled_from(FRAMES), translations, st.sampled_from(pool),
+    st.sampled_from([False, False, False, True])).filter(lambda insert: insert[1] != insert[2])
+times = st.one_of(st.just(0), st.integers(-1, 61).map(lambda n: START + n * S // 20))
+names = st.sampled_from([*FRAMES, 'nobody'])
+
+
+def outcome(lookup, *arguments):
+    """Return the stamp and the matrix of an answer, or the name of the exception."""
+    try:
+        answer = lookup(*arguments)
+    except TransformException as error:
+        return type(error).__name__
+    return answer.stamp, answer.matrix()
+
+
+def are_equal(answer, expected):
+    """Return True if two outcomes are equal."""
+    if isinstance(answer, str) or isinstance(expected, str):
+        return answer == expected
+    return answer[0] == expected[0] and np.allclose(answer[1], expected[1], rtol=0, atol=1e-9)
+
+
+queries = st.tuples(names, names, names, times, times)
+
+
+@given(st.lists(inserts | queries, min_size=20, max_size=60))
+def test_answers_as_the_model(data):
+    """Frames are re-parented and form loops; transforms are static, late, or repeated."""
+    buffer, model = BufferCore(2 * S), Model(2 * S)
+    for item in data:
+        if len(item) == 6:
+            stamp, parent, child, xyz, xyzw, is_static = item
+            taken = buffer.insert(stamp, parent, child, (*xyz, *xyzw), is_static=is_static)
+            assert taken == model.insert(stamp, parent, child, xyz, xyzw, is_static)
+        else:
+            compare_lookups(buffer, model, *item)
+
+
+def compare_lookups(buffer, model, target, source, fixed, at, source_at):
+    """Compare the answers of all kinds of lookups with those of the model."""
+    answer = outcome(buffer.lookup_transform, target, source, at)
+    full = outcome(buffer.lookup_transform_full, target, at, source, source_at, fixed)
+    poses = buffer.lookup_transforms(target, source, [at, source_at, at])
+    available, _ = buffer.availability(target, source, [at, source_at])
+    other = outcome(buffer.lookup_transform, target, source, source_at)
+    assert available == [not isinstance(one, str) for one in (answer, other)]
+    assert [*poses[2]] == [not isinstance(one, str) for one in (answer, other, answer)]
+    for i, one in enumerate((answer, other, answer)):
+        if poses[2][i]:
+            assert np.allclose(matrix(poses[0][i], poses[1][i]), one[1], rtol=0, atol=1e-9)
+    assert buffer.can_transform(target, source, at) != isinstance(answer, str)
+    assert buffer.can_transform_full(target, at, source, source_at, fixed) != isinstance(full, str)
+    with contextlib.suppress(Loop):
+        assert are_equal(answer, model.lookup(target, source, at))
+        assert are_equal(full, model.lookup_full(target, at, source, source_at, fixed))
+
+
+@st.composite
+def trees(draw):
+    """Return a tree of dynamic frames with two samples each, and a time between the two."""
+    buffer = BufferCore()
+    count = draw(st.integers(2, 8))
+    for child in range(1, count):
+        parent = draw(st.integers(0, child - 1))
+        for stamp in START, START + S:
+            pose = (*draw(translations), *draw(rotations))
+            assert buffer.insert(stamp, f'f{parent}', f'f{child}', pose)
+    frames = [f'f{i}' for i in range(count)]
+    return buffer, frames, START + draw(st.integers(0, S))
+
+
+def near(one, other):
+    """Return True if two transforms are equal up to rounding."""
+    return (one[:3] == other[:3]
+            and np.allclose(one.matrix(), other.matrix(), rtol=0, atol=1e-9))
+
+
+@given(trees(), st.data())
+def test_the_way_back_is_the_inverse(tree, data):
+    """Swapping target and source inverts the transform, for any two frames."""
+    buffer, frames, at = tree
+    a, b = data.draw(st.sampled_from(frames)), data.draw(st.sampled_from(frames))
+    assert near(buffer.lookup_transform(a, b, at), buffer.lookup_transform(b, a, at).inverse())
+
+
+@given(trees(), st.data())
+def test_a_path_can_be_cut_anywhere(tree, data):
+    """a_from_c equals a_from_b @ b_from_c for any frame b."""
+    buffer, frames, at = tree
+    a, b, c = (data.draw(st.sampled_from(frames)) for _ in range(3))
+    a_from_b, b_from_c = buffer.lookup_transform(a, b, at), buffer.lookup_transform(b, c, at)
+    assert near(a_from_b @ b_from_c, buffer.lookup_transform(a, c, at))
+
+
+@given(trees(), st.data())
+def test_rotations_stay_unit(tree, data):
+    """The quaternion of a lookup has norm 1, however long the path is."""
+    buffer, frames, at = tree
+    a, b = data.draw(st.sampled_from(frames)), data.draw(st.sampled_from(frames))
+    assert np.linalg.norm(buffer.lookup_transform(a, b, at).rotation) == pytest.approx(1, abs=1e-9)
+
+
+@given(any_rotations, any_rotations, st.floats(0.0, 1.0), st.booleans(), st.booleans())
+def test_both_signs_of_a_quaternion_are_the_same(before, after, ratio, flip_before, flip_after):
+    """This holds for interpolation, too, unless the rotations are half a turn apart."""
+    assume(abs(np.dot(before, after)) > 1e-6)
+    matrices = []
+    for signs in (1.0, 1.0), (-1.0 if flip_before else 1.0, -1.0 if flip_after else 1.0):
+        buffer = BufferCore()
+        for i, (rotation, sign) in enumerate(zip((before, after), signs)):
+            buffer.insert(START + i * S, 'a', 'b', (0.0, 0.0, 0.0, *np.multiply(rotation, sign)))
+        matrices.append(buffer.lookup_transform('a', 'b', START + int(ratio * S)).matrix())
+    one, other = matrices
+    assert np.allclose(one, other, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize('rotation', HALF_TURNS)
+@pytest.mark.parametrize('ratio', [0.0, 0.25, 0.5, 1.0])
+def test_half_a_turn(rotation, ratio):
+    """The interpolation to an exact half turn rotates evenly about its axis."""
+    buffer = BufferCore()
+    buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    buffer.insert(START + S, 'a', 'b', (0.0, 0.0, 0.0, *rotation))
+    angle = ratio * math.pi
+    expected = [*(math.sin(angle / 2) * axis for axis in rotation[:3]), math.cos(angle / 2)]
+    answer = buffer.lookup_transform('a', 'b', START + int(ratio * S))
+    assert answer.rotation == pytest.approx(expected, abs=1e-12)
+
+
+@given(st.tuples(*[st.floats(-1e-6, 1e-6)] * 3), st.floats(0.0, 1.0))
+@example((1e-9, 0.0, 0.0), 0.5)
+def test_near_the_identity(vector, ratio):
+    """A tiny rotation is interpolated within the error of tf2, where a cosine rounds to one."""
+    buffer = BufferCore()
+    buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    buffer.insert(START + S, 'a', 'b', (0.0, 0.0, 0.0, *unit((*vector, 1.0))))
+    answer = buffer.lookup_transform('a', 'b', START + int(ratio * S))
+    assert answer.rotation == pytest.approx([*np.multiply(vector, ratio), 1.0], abs=2e-8)
+
+
+@st.composite
+def sampled_trees(draw):
+    """
+    Return a tree, its frames, and times.
+
+    Edges, and samples of an edge, may have the same stamps. Successive rotations may be equal,
+    opposite or almost equal.
+    """
+    buffer = BufferCore(2 ** 65)
+    clocks = st.integers(START, START + 5), st.sampled_from([1 - 2 ** 63, -S, 7, 2 ** 63 - 1])
+    stamps = draw(st.lists(draw(st.sampled_from(clocks)), min_size=1, max_size=5))
+    steps = st.builds(lambda vector, exponent: np.multiply(vector, 10.0 ** exponent),
+                      st.tuples(*[st.floats(-1.0, 1.0)] * 4), st.floats(-9.0, -1.0))
+    frames = [f'f{i}' for i in range(draw(st.integers(2, 7)))]
+    for i, child in enumerate(frames[1:]):
+        parent, rotation = draw(st.sampled_from(frames[:i + 1])), draw(rotations)
+        own = draw(st.just(stamps) | st.lists(st.sampled_from(stamps), min_size=1, max_size=5))
+        is_static = draw(st.integers(0, 3)) == 0
+        for stamp in sorted(own):
+            buffer.insert(stamp, parent, child, (*draw(translations), *rotation),
+                          is_static=is_static)
+            rotation = draw(st.just(rotation) | st.just(tuple(np.negative(rotation))) | rotations
+                            | st.just(unit(np.add(rotation, draw(steps)))))
+    between = st.integers(min(stamps), max(stamps))
+    return buffer, frames, draw(st.lists(
+        between | st.sampled_from(stamps) | st.just(0) | clocks[0] | clocks[1], max_size=8))
+
+
+@given(sampled_trees(), st.data())
+def test_many_at_once_are_single_lookups(tree, data):
+    """lookup_transforms returns what lookup_transform returns for each of the times."""
+    buffer, frames, times = tree
+    target, source = data.draw(st.sampled_from(frames)), data.draw(st.sampled_from(frames))
+    many = buffer.lookup_transforms(target, source, times)
+    for translation, rotation, known, at in zip(*many, times):
+        try:
+            one = buffer.lookup_transform(target, source, at)
+        except TransformException:
+            assert not known
+            assert np.isnan([*translation, *rotation]).all()
+        else:
+            assert known
+            assert translation == pytest.approx(one.translation, rel=0, abs=1e-12)
+            assert rotation == pytest.approx(one.rotation, rel=0, abs=1e-12)
+
+
+@given(any_rotations, st.tuples(*[st.floats(-1.0, 1.0)] * 3), st.floats(-6.0, 0.5))
+def test_many_at_once_are_exact(rotation, axis, exponent):
+    """Interpolated rotations equal slerp in extended precision, for all angles above 1e-6 rad."""
+    assume(np.linalg.norm(axis) > 0.1)
+    angle = min(10.0 ** exponent, 3.14)
+    turn = (math.cos(angle / 2), *np.multiply(unit(axis), math.sin(angle / 2)))
+    buffer = BufferCore()
+    buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, *rotation))
+    after = quaternions.qmult(turn, np.roll(rotation, 1))
+    buffer.insert(START + 1024, 'a', 'b', (0.0, 0.0, 0.0, *np.roll(after, -1)))
+    _, result, _ = buffer.lookup_transforms('a', 'b', range(START, START + 1025))
+    # The samples themselves, because their rotations are rounded when they are inserted.
+    first, last = result[[0, -1]].astype(np.longdouble)
+    first, last = first / np.sqrt(first @ first), last / np.sqrt(last @ last)
+    sign = 1 if first @ last > 0 else -1
+    chord = first - sign * last
+    p = 2 * np.arcsin(np.sqrt(chord @ chord) / 2)
+    s = np.arange(1025, dtype=np.longdouble)[:, np.newaxis] / 1024
+    expected = (np.sin((1 - s) * p) * first + np.sin(s * p) * sign * last) / np.sin(p)
+    expected[-1] *= sign
+    assert np.abs(result - expected).max() < 1.1e-13
+
+
+@given(rotations)
+def test_what_is_stored_is_the_same_rotation(rotation):
+    """The quaternion is normalised on insertion; its sign may change."""
+    buffer = BufferCore()
+    buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, *np.multiply(rotation, 3.0)))
+    x, y, z, w = buffer.lookup_transform('a', 'b').rotation
+    assert np.allclose(quaternions.quat2mat((w, x, y, z)),
+                       quaternions.quat2mat(np.roll(rotation, 1)), rtol=0, atol=1e-12)
+
+
+@st.composite
+def uneven_trees(draw):
+    """Return a tree whose edges have data for different times, and its parents and time spans."""
+    buffer, parents, spans = BufferCore(100 * S), {}, {}
+    for child in range(1, draw(st.integers(2, 9))):
+        parent = f'f{draw(st.integers(0, child - 1))}'
+        begin, length = draw(st.integers(0, 20)), draw(st.integers(0, 20))
+        parents[f'f{child}'] = parent
+        is_static = draw(st.integers(0, 4)) == 0
+        if not is_static:
+            spans[f'f{child}'] = START + begin * S, START + (begin + length) * S
+        for stamp in spans.get(f'f{child}', (0,)):
+            buffer.insert(stamp, parent, f'f{child}', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0),
+                          is_static=is_static)
+    return buffer, parents, spans
+
+
+def edges_between(target, source, parents):
+    """Return the child frames of the edges between two frames of a tree."""
+    def up(frame):
+        return [frame, *up(parents[frame])] if frame in parents else [frame]
+
+    return {*up(target)} ^ {*up(source)}
+
+
+@given(st.lists(inserts, min_size=1, max_size=30), st.data())
+def test_the_edge_that_an_error_names_is_short_where_frames_change_their_parents(data, more):
+    """The edge misses the requested time by as much as the error says, according to `frames`."""
+    buffer = BufferCore(2 * S)
+    for stamp, parent, child, xyz, xyzw, is_static in data:
+        buffer.insert(stamp, parent, child, (*xyz, *xyzw), is_static=is_static)
+    frames, at = st.sampled_from(FRAMES), more.draw(times.filter(bool))
+    error = None
+    try:
+        buffer.lookup_transform(more.draw(frames), more.draw(frames), at)
+    except ExtrapolationException as raised:
+        error = str(raised)
+    except TransformException:
+        pass
+    if error is not None and (hint := HINT.search(error)):
+        parent, child, verb, seconds, _ = hint.groups()
+        (frame,) = [frame for frame in buffer.frames() if frame.name == child]
+        assert frame.parent == parent
+        assert round(float(seconds) * S) == (
+            at - frame.latest if verb == 'end' else frame.oldest - at) > 0
+    else:
+        assert error is None or ' is in the tree with root ' in error
+
+
+HINT = re.compile(
+    r"\. The data of edge '(\w+)' -> '(\w+)' (end|begin) (\d+\.\d{9}) s (before|after) "
+    r'that time\.$')
+
+
+@given(uneven_trees(), st.data())
+def test_the_edge_that_an_error_names_is_on_the_path_and_short_by_what_it_says(tree, data):
+    """No other edge of the path misses the time by more, whichever edge tf2 itself refers to."""
+    buffer, parents, spans = tree
+    frames = st.sampled_from(['f0', *parents])
+    target, source = data.draw(frames), data.draw(frames)
+    at = START + data.draw(st.integers(-1, 41)) * S
+    path = edges_between(target, source, parents)
+    short = {child: max(spans[child][0] - at, at - spans[child][1])
+             for child in path & spans.keys() if not spans[child][0] <= at <= spans[child][1]}
+    try:
+        buffer.lookup_transform(target, source, at)
+    except ExtrapolationException as error:
+        hint = HINT.search(str(error))
+        assert hint is not None
+        parent, child, verb, seconds, _ = hint.groups()
+        assert parent == parents[child]
+        assert short[child] == round(float(seconds) * S) == max(short.values())
+        assert verb == ('end' if at > spans[child][1] else 'begin')
+    else:
+        assert not short

@@ -1,0 +1,586 @@
+"""What web_view shows: snapshots, rods, trails, texts, and the page as a viewer gets it."""
+
+from contextlib import ExitStack
+from itertools import pairwise
+from typing import Optional
+
+import numpy as np
+import pytest
+
+from dummy_arm.tf import BufferCore
+from dummy_arm.view import snapshot as snapshot_module
+from dummy_arm.view import source as source_module
+from dummy_arm.view.rods import fading, rods
+from dummy_arm.view.snapshot import FrameWatcher
+from dummy_arm.view.source import BagSource, Player, Publication
+
+S = 10**9
+T = 1_700_000_000 * S
+HALF = 0.5 ** 0.5
+
+
+def pose(x, y=0.0, z=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
+    """Return a pose."""
+    return x, y, z, *rotation
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that a test sets: `clock[0]` (s)."""
+    now = [1000.0]
+    for module in snapshot_module, source_module:
+        monkeypatch.setattr(module, 'monotonic', lambda: now[0])
+    return now
+
+
+def arm(buffer, stamp, *names):
+    """Insert a chain of frames, each 1 m along x from the one before it."""
+    for parent, child in pairwise(names):
+        buffer.insert(stamp, parent, child, pose(1.0))
+
+
+def test_what_is_shown():
+    """All trees are shown, the largest in its root and others beside it, but no loops."""
+    buffer = BufferCore()
+    snapshot = FrameWatcher(buffer).snapshot()
+    assert (snapshot.fixed, snapshot.deepest) == ('', '')
+    assert (len(snapshot.names), snapshot.poses.shape, snapshot.ages.shape) == (0, (0, 7), (0,))
+    arm(buffer, T, 'world', 'tree')
+    arm(buffer, T, 'map', 'odom', 'base')
+    arm(buffer, T, 'map', 'other')
+    arm(buffer, T, 'x', 'y', 'x')
+    arm(buffer, T, 'y', 'below')
+    snapshot = FrameWatcher(buffer).snapshot()
+    assert snapshot.fixed == 'map'
+    assert snapshot.names == ['map', 'odom', 'other', 'base', 'world', 'tree']
+    assert snapshot.parents == [-1, 0, 0, 1, -1, 4]
+    assert snapshot.points.tolist() == [
+        [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, -2, 0], [1, -2, 0]]
+    assert snapshot.poses[:, :3].tolist() == [
+        [0, 0, 0], [1, 0, 0], [1, 0, 0], [2, 0, 0], [0, 0, 0], [1, 0, 0]]
+    assert snapshot.deepest == 'base'
+    assert snapshot.trees == {'map': 0.0, 'world': -2.0}
+    assert [sorted(loop) for loop in snapshot.loops] == [['x', 'y']]
+    assert snapshot.anchor_of('tree') == ('world', -2.0)
+    snapshot = FrameWatcher(buffer).snapshot('odom')
+    assert dict(zip(snapshot.names, snapshot.points[:, 0])) == {
+        'odom': 0, 'map': -1, 'base': 1, 'other': 0, 'world': 0, 'tree': 1}
+    assert snapshot.deepest == 'base'  # the same as before: ties are not broken by chance
+    assert snapshot.anchor_of('map') == ('odom', 0.0)
+    assert FrameWatcher(buffer).snapshot('nowhere').fixed == 'map'
+    assert FrameWatcher(buffer).snapshot('below').fixed == 'map'  # a loop
+
+
+def test_ages_live(clock):
+    """A frame is as old as the stalest edge on its path; a root as its youngest descendant."""
+    buffer = BufferCore()
+    watcher = FrameWatcher(buffer)
+    buffer.insert(T, 'map', 'base', pose(1.0), is_static=True)
+    arm(buffer, T, 'base', 'upper', 'hand')
+    arm(buffer, T, 'world', 'tree')
+    watcher.snapshot()
+    clock[0] += 10.0
+    arm(buffer, T + S, 'upper', 'hand')
+    snapshot = watcher.snapshot()
+    assert dict(zip(snapshot.names, snapshot.ages)) == {
+        'map': 0.0, 'base': 0.0, 'upper': 10.0, 'hand': 10.0, 'world': 10.0, 'tree': 10.0}
+    snapshot = watcher.snapshot('hand')
+    assert dict(zip(snapshot.names, snapshot.ages)) == {
+        'hand': 0.0, 'upper': 0.0, 'base': 10.0, 'map': 10.0, 'world': 10.0, 'tree': 10.0}
+    arm(buffer, T + S, 'base', 'upper')
+    assert not watcher.snapshot('map').ages[:4].any()
+
+
+def test_ages_in_a_bag():
+    """Ages count from the time that is shown, also in a gap of the data."""
+    buffer = BufferCore(10**18)
+    for second in 0, 1, 2, 8, 9:
+        arm(buffer, T + second * S, 'map', 'base')
+    watcher = FrameWatcher(buffer)
+    assert watcher.snapshot('', T - S).names == []
+    for second, age in (0, 0.0), (2, 0.0), (5, 3.0), (8, 0.0), (12, 3.0):
+        snapshot = watcher.snapshot('', T + second * S)
+        assert snapshot.ages.tolist() == [age, age]
+        assert snapshot.frames['base'].latest == T + min(second, 9) * S - (3 * S if age == 3.0 and
+                                                                        second == 5 else 0)
+
+
+def test_frames_of_a_time():
+    """The frames at a time have the parents and the samples that were known by then."""
+    buffer = BufferCore()
+    for second, parent in enumerate(['left', 'left', 'right', 'right']):
+        buffer.insert(T + second * S, parent, 'hand', pose(1.0))
+    buffer.insert(T, 'map', 'left', pose(1.0), is_static=True)
+
+    def known(until):
+        return [(frame.name, frame.parent, frame.length, frame.latest)
+                for frame in buffer.frames(until)]
+
+    assert known(T - 1) == [('left', 'map', 1, 0)]
+    assert known(T + S) == [('hand', 'left', 2, T + S), ('left', 'map', 1, 0)]
+    assert known(T + 5 * S // 2) == [('hand', 'right', 3, T + 2 * S), ('left', 'map', 1, 0)]
+    assert known(0) == known(T + 9 * S) == [('hand', 'right', 4, T + 3 * S),
+                                            ('left', 'map', 1, 0)]
+
+
+FAR = [(1e7, 0.0, 0.0), (-1e200, 1e200, 0.0), (1e308, 1e308, -1e308), (0.0, -1e154, 3.0),
+       (3e5, 4e5, -1e9), (-1.7e308, 0.0, 1.0)]
+
+
+@pytest.mark.parametrize('place', FAR)
+def test_what_is_far_is_drawn_nearer(place):
+    """It is drawn at 1000 km in the same direction, but its pose is not changed."""
+    buffer = BufferCore()
+    buffer.insert(T, 'map', 'near', pose(6e5, 8e5))
+    buffer.insert(T, 'map', 'far', pose(*place))
+    buffer.insert(T, 'x', 'y', pose(*place))
+    snapshot = FrameWatcher(buffer).snapshot()
+    assert snapshot.far == ['far', 'y']
+    assert snapshot.points[snapshot.names.index('near')].tolist() == [6e5, 8e5, 0.0]
+    i, y = map(snapshot.names.index, ('far', 'y'))
+    assert snapshot.poses[i, :3].tolist() == snapshot.poses[y, :3].tolist() == [*place]
+    direction = np.array(place) / np.abs(place).max()
+    assert np.linalg.norm(snapshot.points[[i, y]], axis=1) == pytest.approx(1e6)
+    for point in snapshot.points[[i, y]]:  # the trees lie 2 m beside each other
+        assert point == pytest.approx(1e6 * direction / np.linalg.norm(direction), abs=2.0)
+
+
+def test_what_is_not_finite_is_not_drawn():
+    """Such frames are listed with their descendants, of which none is drawn."""
+    buffer = BufferCore()
+    for parent, child, x in (('map', 'base', 1.0), ('map', 'lost', float('inf')),
+                             ('lost', 'below', 1.0), ('map', 'a', 1e308), ('a', 'b', 1e308)):
+        buffer.insert(T, parent, child, pose(x))
+    snapshot = FrameWatcher(buffer).snapshot()
+    assert {*snapshot.names} == {'map', 'base', 'a'}
+    assert {*snapshot.not_finite} == {'lost', 'below', 'b'}
+
+
+def test_rods():
+    """Each frame has rods along its x, y and z axes, and one to its parent."""
+    buffer = BufferCore()
+    buffer.insert(T, 'map', 'a', pose(0.0, 0.0, 2.0, (0.0, 0.0, HALF, HALF)))
+    buffer.insert(T, 'a', 'b', pose(1.0, 2.0, 2.0))
+    buffer.insert(T, 'a', 'c', pose(0.0, 0.0, 0.0))
+    snapshot = FrameWatcher(buffer).snapshot()
+    drawn = rods(snapshot, 0.5, 'b')
+    count = len(snapshot.names)
+    assert len(drawn.positions) == len(drawn.colors) == 4 * count
+    w, x, y, z = drawn.wxyzs.T  # each rod ends on the z axis of its rotation
+    ends = drawn.positions + drawn.scales[:, 2:] * np.column_stack(
+        [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+    begins = dict(zip(snapshot.names, drawn.positions[:count]))
+    for k, axis in enumerate(([0.0, 0.5, 0.0], [-0.5, 0.0, 0.0], [0.0, 0.0, 0.5])):
+        i = snapshot.names.index('a') + k * count
+        assert ends[i] - drawn.positions[i] == pytest.approx(axis, abs=1e-6)
+    for i, name in enumerate(snapshot.names):
+        parent = {'a': 'map', 'b': 'a', 'c': 'a'}.get(name, name)
+        assert ends[3 * count + i] == pytest.approx(begins[parent], abs=1e-6)
+    radii = dict(zip(snapshot.names, drawn.scales[:count, 0]))
+    assert radii['b'] > radii['a'] == radii['c'] > 0.0
+
+
+def test_fading_as_in_rviz():
+    """Of 15 s a frame keeps its colour for a third, then turns grey, and then vanishes."""
+    colourfulness, thickness = fading(np.array([0.0, 5.0, 7.5, 10.0, 12.5, 15.0, 99.0]))
+    assert colourfulness == pytest.approx([1.0, 1.0, 0.5, 0.0, 0.0, 0.0, 0.0])
+    assert thickness == pytest.approx([1.0, 1.0, 1.0, 1.0, 0.5, 0.0, 0.0])
+
+
+def test_a_trail():
+    """The trail covers the last 20 s in any fixed frame, however often it is drawn."""
+    pytest.importorskip('viser')
+    from dummy_arm.view.view import Trail
+    buffer = BufferCore(60 * S)
+    often, seldom = Trail(buffer), Trail(buffer)
+    for i in range(3001):
+        buffer.insert(T + i * S // 100, 'map', 'hand', pose(i / 100, 1.0))
+        if i % 3 == 0:
+            lines = often.draw('map', 'hand', T + i * S // 100, np.array([i / 100, 1.0, 0.0]))
+    for trail in lines, seldom.draw('map', 'hand', T + 30 * S, np.array([30.0, 1.0, 0.0])):
+        assert trail.shape[0] > 300
+        assert (trail[1:, 0] == trail[:-1, 1]).all()
+        assert 10.0 <= trail[0, 0, 0] < 10.1
+        assert trail[-1, 1].tolist() == [30.0, 1.0, 0.0]
+        assert np.ptp(trail[..., 1]) == 0.0
+        assert np.diff(trail[:, 0, 0]).max() < 0.1
+    back = often.draw('hand', 'map', T + 30 * S, np.array([-30.0, -1.0, 0.0]))
+    assert back[-1, 1].tolist() == [-30.0, -1.0, 0.0]
+    assert often.draw('map', 'hand', T + S, np.array([1.0, 1.0, 0.0]))[-1, 1].tolist() == [1, 1, 0]
+    assert not len(often.draw('map', 'still', 0, np.zeros(3)))
+
+
+def test_a_player(clock):
+    """The player follows the clock, pauses, seeks, and starts again after the end."""
+    buffer = BufferCore(10**18)
+    for second in 0, 4:
+        arm(buffer, T + second * S, 'map', 'base')
+    player = Player(buffer.frames())
+    assert player.length == 4.0
+    clock[0] += 1.5
+    player.advance(True)
+    assert (player.position, player.time) == (1.5, T + 3 * S // 2)
+    clock[0] += 1.0
+    player.advance(False)
+    assert player.position == 1.5
+    player.seek(3.9)
+    clock[0] += 1.0
+    player.advance(True)
+    assert (player.position, player.is_at_end) == (4.0, True)
+    player.advance(True)
+    assert player.position == 0.0
+    player.seek(99.0)
+    assert player.time == T + 4 * S
+    still = Player([])
+    still.advance(True)
+    assert (still.length, still.time) == (0.0, 1)
+
+
+class StubSource:
+    """A source with the same facts about every frame."""
+
+    name = '/tf'
+    player: Optional[Player] = None
+
+    def __init__(self, buffer, publication):
+        """Create a source of a buffer, with the facts about its frames."""
+        self.buffer, self._publication = buffer, publication
+
+    def publication(self, frame):
+        """Return the facts, whatever the frame is."""
+        return self._publication
+
+    def other_topics_hint(self):
+        """Return a hint."""
+        return 'other <topics>'
+
+    def why_no_frames(self):
+        """Return a reason."""
+        return 'because'
+
+
+def test_texts():
+    """Names cannot inject HTML, and problems are reported."""
+    from dummy_arm.view.details import details, overview
+    buffer = BufferCore()
+    source = StubSource(buffer, Publication(50.04, 0.00123, '/<i>'))
+    assert 'no frames yet. because' in overview(FrameWatcher(buffer).snapshot(), source)
+    arm(buffer, T, 'map', '<script>', 'b')
+    arm(buffer, T, 'x\n', 'y', 'x\n')
+    arm(buffer, T, 'w"orld', 'tree')
+    snapshot = FrameWatcher(buffer).snapshot()
+    text = overview(snapshot, source)
+    assert '/tf: 5 frames' in text
+    assert 'not connected to map: w&quot;orld' in text
+    assert 'in a loop: ' in text
+    assert 'other &lt;topics&gt;' in text
+    assert '→ x\\n' in text
+    text = details(snapshot, 'b', source)
+    assert '<b data-value="parent">&lt;script&gt;</b>' in text
+    assert '<td data-value="rate">50.0 Hz</td>' in text
+    assert '<td data-value="delay">1.23 ms</td>' in text
+    assert '<td data-value="publisher">/&lt;i&gt;</td>' in text
+    assert f'{T // S}.000000000 s' in text
+    buffer.clear()
+    text = details(snapshot, 'b', source)  # as after a jump of time or a long pause
+    assert 'parent' in text
+    assert 'nan' not in text
+    assert 'the fixed frame &lt;b&gt; is not available' in overview(snapshot, source, '<b>')
+    assert '&lt;i&gt; is not available.' in details(snapshot, '<i>', source)
+    assert 'Click a frame' in details(snapshot, '', source)
+    text = details(snapshot, 'map', source)
+    assert 'no parent: this is a root' in text
+    assert '<b data-value="fixed">map</b>' in text
+
+
+def test_texts_of_what_is_far():
+    """The panel lists frames that are far, with their real numbers, until they vanish."""
+    from dummy_arm.view.details import details, overview
+    buffer = BufferCore()
+    source = StubSource(buffer, Publication(None, None, ''))
+    buffer.insert(T, 'map', 'near', pose(1.0))
+    assert 'away' not in overview(FrameWatcher(buffer).snapshot(), source)
+    buffer.insert(T, 'map', '<far>', pose(1e7, -2.5))
+    buffer.insert(T, '<far>', 'tip', pose(1.0))
+    buffer.insert(T, 'map', 'lost', pose(float('inf')))
+    snapshot = FrameWatcher(buffer).snapshot()
+    text = overview(snapshot, source)
+    assert 'more than 1,000,000 m away, drawn at that distance: &lt;far&gt;, tip<' in text
+    assert 'not shown, since the translation is not finite: lost<' in text
+    assert '-translation">10000000.000  -2.500  0.000<' in details(snapshot, '<far>', source)
+    text = details(snapshot, 'tip', source)
+    assert '"parent-translation">1.000  0.000  0.000<' in text
+    assert '"fixed-translation">10000001.000  -2.500  0.000<' in text
+    snapshot = snapshot._replace(ages=np.full(len(snapshot.names), 20.0))
+    assert 'away' not in overview(snapshot, source)
+
+
+def test_a_stray_stamp_does_not_stretch_a_bag():
+    """A node may have published before its clock was set."""
+    buffer = BufferCore(10**19)
+    arm(buffer, T, 'map', 'base')
+    arm(buffer, T + 4 * S, 'map', 'base')
+    arm(buffer, 5 * S, 'map', 'stray')
+    for child, stamp in ('zero', 0), ('other', T + S):
+        arm(buffer, stamp, 'map', child)
+    player = Player(buffer.frames())
+    assert (player.time, player.length) == (T, 4.0)
+
+
+@pytest.fixture
+def page(clock, monkeypatch):
+    """A function that creates the page of a source and a viewer of it: `page(source)`."""
+    pytest.importorskip('viser')
+    from viewer import CAMERA, Viewer
+
+    from dummy_arm.view import view as view_module
+    from dummy_arm.view.server import serve
+    monkeypatch.setattr(view_module, 'monotonic', lambda: clock[0])
+    with ExitStack() as stack:
+        def create(source):
+            server = stack.enter_context(serve('127.0.0.1'))
+            return Page(view_module.View(source, server), server, clock, stack, Viewer, CAMERA)
+
+        yield create
+
+
+class Page:
+    """The page of a source, a viewer of it, and the clock of both."""
+
+    def __init__(self, view, server, clock, stack, viewer, camera):
+        """Update the page, and connect the viewer."""
+        self.view, self.server, self.clock = view, server, clock
+        view.update()
+        self.viewer = viewer(server.get_port())
+        stack.callback(self.viewer.close)
+        self.viewer.send(camera)
+        self.until(lambda: any(
+            props.get('label') == 'Focus on all frames' for props in self.viewer.gui.values()))
+
+    def update(self):
+        """Update the page as time passes: enough for the texts, not for a frame to fade."""
+        self.clock[0] += 0.01
+        self.view.update()
+
+    def set(self, label, value):
+        """
+        Change a control, and wait until the server has handled this.
+
+        Meanwhile the page is not updated: an update could overwrite the value before it is read.
+        """
+        self.viewer.last.clear()
+        self.viewer.set(label, value)
+        self.viewer.set('Focus on all frames', True)
+        self.viewer.until(lambda: 'SetCameraFarMessage' in self.viewer.last)
+
+    def until(self, condition):
+        """Update the page until a condition holds."""
+        self.viewer.until(condition, self.update)
+
+
+def live(buffer):
+    """Return a source of a buffer of which nothing else is known."""
+    return StubSource(buffer, Publication(None, None, ''))
+
+
+def test_a_page_of_what_is_static_or_odd(page, clock):
+    """Odd names, numbers and stamps, loops and a cleared buffer raise no error."""
+    buffer = BufferCore()
+    view = page(live(buffer)).view
+    buffer.insert(0, 'map', 'base', pose(1.0), is_static=True)
+    for parent, child, x in (('//map', 'bad', 1.0), ('map', 'far', float('inf')), ('a', 'b', 1.0),
+                             ('b', 'a', 1.0), ('c', 'zero', 1.0)):
+        buffer.insert(0 if child == 'zero' else T, parent, child, pose(x))
+    for _ in range(3):
+        view.update()
+        clock[0] += 1.0  # so that the cameras are turned
+    buffer.clear()
+    view.update()
+    buffer.insert(1, 'map', 'early', pose(1.0))
+    for i in range(5):
+        buffer.insert(1 + i * S // 30, 'map', 'early', pose(1.0))
+        view.update()
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize('place', FAR[2:4])
+def test_a_page_of_what_is_far(page, clock, place):
+    """All that is drawn is near, and no number overflows."""
+    buffer = BufferCore()
+    shown = page(live(buffer))
+    for i in range(5):
+        for sign, child in (1, 'far'), (-1, 'hand'):
+            buffer.insert(T + i * S, 'map', child, pose(*(sign * x for x in place)))
+        buffer.insert(T + i * S, 'far', 'tip', pose(1.0))
+        buffer.insert(T + i * S, 'x', 'y', pose(*place))
+        clock[0] += 1.0
+        shown.view.update()
+    viewer, camera = shown.viewer, shown.server.initial_camera
+    shown.until(lambda: len(viewer.names()) == 6 and '/trail' in viewer.nodes)
+    shown.set('Fixed frame', 'far')
+    shown.until(lambda: viewer.names().get('tip') == pytest.approx([1.0, 0.0, 0.0]))
+    for drawn in (viewer.rods('positions'), viewer.rods('scales'),
+                  viewer.nodes['/trail']['points'], camera.position, camera.look_at):
+        assert np.isfinite(drawn).all()
+        assert np.abs(drawn).max() < 1e8
+    assert 1e6 < camera.far < 1e12
+
+
+def test_trees_that_change(page):
+    """All roots are shown; frames appear, and move when they get another parent."""
+    buffer = BufferCore()
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: 'no frames yet. because' in viewer.text('overview'))
+    for parent, child, x in ('map', 'odom', 1.0), ('map', 'left', 3.0), ('odom', 'base', 0.5):
+        buffer.insert(T, parent, child, pose(x))
+    shown.until(lambda: viewer.names() == {
+        'map': [0, 0, 0], 'odom': [1, 0, 0], 'left': [3, 0, 0], 'base': [1.5, 0, 0]})
+    shown.until(lambda: {*viewer.gui[viewer.uuid('Frame')]['options']} == {
+        '(none)', 'map', 'odom', 'left', 'base'})
+    buffer.insert(T, 'world', 'tree', pose(1.0))
+    shown.until(lambda: viewer.names().get('tree') == [1, -2, 0])
+    shown.until(lambda: 'not connected to map: world' in viewer.text('overview'))
+    shown.set('Frame', 'tree')
+    shown.until(lambda: viewer.detail('parent') == 'world')
+    assert viewer.detail('parent-translation') == '1.000  0.000  0.000'
+    assert not viewer.detail('fixed')  # its numbers would be equal
+    for parent, child, x in ('map', 'left', 3.0), ('left', 'base', 0.5):
+        buffer.insert(T + S, parent, child, pose(x))
+    shown.until(lambda: viewer.names().get('base') == [3.5, 0, 0])
+    shown.set('Fixed frame', 'left')
+    shown.until(lambda: viewer.names().get('map') == [-3, 0, 0])
+    shown.set('Axis length (m)', 0.5)
+    shown.until(lambda: viewer.rods('scales')[:3, :, 2] == pytest.approx(0.5))
+    shown.set('Show names', False)
+    shown.until(lambda: not viewer.names())
+
+
+def test_frames_that_fade_and_return(page, clock):
+    """They turn grey, and vanish with their names and the trail, until they move again."""
+    buffer = BufferCore()
+    for parent, child in ('map', 'base'), ('base', 'hand'):
+        buffer.insert(T, parent, child, pose(1.0), is_static=parent == 'map')
+    shown = page(live(buffer))
+    viewer = shown.viewer
+
+    def move(stamp):
+        buffer.insert(stamp, 'base', 'hand', pose(1.0))
+
+    move(T + S // 2)
+    shown.until(lambda: viewer.nodes.get('/trail', {}).get('visible') and len(viewer.names()) == 3)
+    full = viewer.rods('scales')[0, 2, 0]
+    clock[0] += 12.5
+    shown.until(lambda: 0.0 < viewer.rods('scales')[0, 2, 0] < 0.6 * full)
+    assert viewer.rods('colors')[:, 2].tolist() == [[178] * 3] * 4
+    shown.until(lambda: viewer.detail('rate') == 'no update for 13 s')
+    clock[0] += 3.0
+    shown.until(lambda: viewer.names().keys() == {'map', 'base'})
+    shown.until(lambda: not viewer.nodes['/trail']['visible'])
+    assert viewer.rods('scales')[0, 2, 0] == 0.0
+    shown.until(lambda: 'not shown, because no new transform has arrived for 15 s on the path to: '
+                'hand<' in viewer.text('overview'))
+    assert '/tf: 2 frames' in viewer.text('overview')
+    move(T + 16 * S)
+    shown.until(lambda: viewer.names().keys() == {'map', 'base', 'hand'})
+    shown.until(lambda: viewer.rods('scales')[0, 2, 0] == full)
+    assert viewer.rods('colors')[0, 2].tolist() == [200, 0, 0]
+
+
+def test_a_page_that_stands_still(page):
+    """A paused page keeps its data, also after the buffer has dropped them."""
+    buffer = BufferCore()
+    arm(buffer, T, 'map', 'base', 'hand')
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: viewer.detail('parent') == 'base')
+    shown.set('Pause', True)
+    shown.set('Frame', 'base')
+    shown.until(lambda: viewer.detail('parent') == 'map')
+    arm(buffer, T + 100 * S, 'map', 'base', 'hand')
+    shown.set('Frame', 'hand')
+    shown.until(lambda: viewer.detail('parent') == 'base')
+    assert viewer.detail('fixed-time') == f'{T // S}.000000000 s'
+    shown.set('Pause', False)
+    shown.until(lambda: viewer.detail('fixed-time') == f'{T // S + 100}.000000000 s')
+
+
+def test_what_is_chosen_stays(page):
+    """A choice outlasts new proposals, even while the chosen frame does not exist."""
+    buffer = BufferCore()
+    arm(buffer, T, 'map', 'base', 'hand')
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: viewer.value('Fixed frame') == 'map')  # proposed
+    shown.set('Fixed frame', 'base')
+    shown.until(lambda: viewer.names().get('map') == [-1, 0, 0])
+    buffer.clear()
+    arm(buffer, T, 'map', 'other', 'more')
+    shown.until(lambda: 'the fixed frame base is not available' in viewer.text('overview'))
+    assert 'base' in viewer.gui[viewer.uuid('Fixed frame')]['options']
+    arm(buffer, T, 'map', 'base')
+    shown.until(lambda: viewer.names().get('map') == [-1, 0, 0])
+    assert viewer.value('Fixed frame') == 'base'
+    shown.set('Frame', '(none)')
+    shown.until(lambda: 'Click a frame' in viewer.text('details'))
+
+
+def test_a_click_selects_a_frame(page):
+    """Each rod of a frame selects it; a click on the whole scene, which has no index, does not."""
+    from viewer import CLICK
+    buffer = BufferCore()
+    arm(buffer, T, 'map', 'base', 'hand')
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: viewer.detail('parent') == 'base')  # of hand
+    for index in 3 * 3 + 1, None:  # the line from base to its parent
+        viewer.send({**CLICK, 'instance_index': index})
+    shown.until(lambda: viewer.detail('parent') == 'map')
+    assert viewer.rods('scales')[0, :, 0] == pytest.approx([0.008, 0.0136, 0.008])
+
+
+def test_a_bag_is_played(page, clock):
+    """A viewer sets the time; the names of many frames are hidden at first."""
+    buffer = BufferCore(10**18)
+    for second in range(11):
+        buffer.insert(T + second * S, 'map', 'base', pose(second))
+    for i in range(60):
+        buffer.insert(T, 'map', f'post_{i}', pose(0.0, i), is_static=True)
+    shown = page(BagSource(buffer, 'bag'))
+    viewer = shown.viewer
+    shown.until(lambda: 'bag: 62 frames' in viewer.text('overview'))
+    assert not viewer.names()
+    assert not viewer.value('Show names')
+    shown.set('Show names', True)
+    shown.set('Pause', True)
+    shown.set('Time (s)', 7)
+    shown.until(lambda: viewer.names().get('base') == [7, 0, 0] and 'post_59' in viewer.names())
+    clock[0] += 5.0
+    shown.update()
+    shown.set('Pause', False)
+    shown.until(lambda: 7 < viewer.names()['base'][0] < 10)
+    assert viewer.value('Time (s)') > 7
+    clock[0] += 5.0
+    shown.until(lambda: viewer.names()['base'][0] < 5)  # it starts again
+
+
+@pytest.mark.parametrize('changes', [
+    {}, {'up_direction': [0, 0, 0], 'wxyz': [0, 0, 0, 0]},
+    {'position': [1e308] * 3, 'look_at': [-1e308] * 3, 'far': -1e308}])
+def test_any_camera_can_be_turned(page, changes):
+    """By the button, too; and a viewer that has left harms no other."""
+    from viewer import CAMERA, Viewer
+    buffer = BufferCore()
+    arm(buffer, T, 'map', 'base')
+    shown = page(live(buffer))
+    other = Viewer(shown.server.get_port())
+    other.send({**CAMERA, **changes})
+    other.until(lambda: 'SetCameraLookAtMessage' in other.last, shown.update)
+    other.last.clear()
+    other.set('Focus on all frames', True)
+    other.until(lambda: 'SetCameraFarMessage' in other.last, shown.update)
+    look_at = other.last['SetCameraLookAtMessage']['look_at']
+    assert look_at == pytest.approx(shown.server.initial_camera.look_at)
+    other.close()
+    shown.clock[0] += 2.0  # all cameras are turned
+    shown.set('Pause', True)

@@ -1,0 +1,346 @@
+"""The logic of `view_frames`: the tree as text, files that are written, trees of bags."""
+
+from pathlib import Path
+import re
+import sys
+
+from environment import on_unix
+import pytest
+
+from dummy_arm.cli.parser import CommandError, UsageError
+from dummy_arm.inspection.forest import Forest
+from dummy_arm.tf import Frame
+from dummy_arm.tools import view_frames
+from dummy_arm.tools.view_frames import main
+
+S = 10**9
+
+
+def static(name, parent, publisher='/node'):
+    """Return a static frame."""
+    return Frame(name, parent, publisher, True, 1, 0, 0)
+
+
+def dynamic(name, parent, hertz=10):
+    """Return a dynamic frame, sent from 95 s to 100 s."""
+    return Frame(name, parent, '/node', False, hertz * 5 + 1, 100 * S, 95 * S)
+
+
+def chain(length):
+    """Return a forest in which each frame is the parent of the next: 0, 1, and so on."""
+    return Forest([dynamic(f'{i + 1}', f'{i}') for i in range(length)])
+
+
+@pytest.fixture
+def there(monkeypatch, tmp_path):
+    """The working directory, which is empty."""
+    path = tmp_path / 'there'
+    path.mkdir()
+    monkeypatch.chdir(path)
+    return path
+
+
+@pytest.fixture
+def make_bag(tmp_path):
+    """Bags, by `make_bag(kind, messages)`."""
+    bags = pytest.importorskip('bags')
+    return lambda kind, messages: str(bags.make(tmp_path / f'robot.{kind}', kind, messages))
+
+
+@pytest.fixture
+def walk(make_bag):
+    """A bag of a robot that moves."""
+    return make_bag('mcap', pytest.importorskip('bags').walk())
+
+
+def test_the_trees_in_the_terminal():
+    """Rates, ages and publishers are in columns."""
+    frames = [static('base', 'map'), dynamic('arm', 'base', 50), dynamic('日本', 'arm', 1),
+              dynamic('wheel', 'base'), static('a', 'b'), static('b', 'a'), static('tab\t', 'b')]
+    assert view_frames.format_tree(Forest(frames), 100 * S + S // 4) == [
+        'map',
+        '└── base             static                 /node',
+        '    ├── arm         50.0 Hz    0.250 s old  /node',
+        '    │   └── 日本     1.0 Hz    0.250 s old  /node',
+        '    └── wheel       10.0 Hz    0.250 s old  /node',
+        'b',
+        '├── a                static                 /node',
+        '│   └── b            static                 /node',
+        '└── tab\\t            static                 /node',
+    ]
+
+
+def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
+    """The columns of the other lines are as they would be without the long name."""
+    name = f'begin{"-" * 3000}end'
+    short = [static('base', 'map'), dynamic('arm', 'base')]
+    lines = view_frames.format_tree(
+        Forest([*short, static(name, 'map', publisher=f'/{name}')]), 100 * S)
+    assert lines[:3] == [
+        'map',
+        '├── base        static                 /node',
+        '│   └── arm    10.0 Hz    0.000 s old  /node']
+    begin, _, publisher = lines[3].split()[1:]
+    assert begin == f'begin{"-" * 44}...{"-" * 45}end'
+    assert publisher == f'/begin{"-" * 43}...{"-" * 45}end'
+    hostile = view_frames.format_tree(Forest([*short, static('\x1b' * 3000, 'map')]), 100 * S)
+    assert hostile[:3] == lines[:3]
+
+
+def test_the_lines_of_a_deep_tree_are_not_as_long_as_the_longest():
+    """The length of a line is that of its branches plus a bounded number."""
+    lines = view_frames.format_tree(chain(1000), 100 * S)
+    assert len(lines) == 1001
+    for level, line in enumerate(lines):
+        tree = 4 * min(level, 100) + len('1000 ... ') + len('1000')
+        assert len(line) <= max(100, tree) + 2 + 9 + 2 + 13 + 2 + len('/node')
+
+
+def test_only_the_lines_that_a_terminal_shows_are_formatted():
+    """Frames that are not shown do not widen the columns, either."""
+    lines = view_frames.format_tree(chain(3000), 100 * S, 10)
+    assert len(lines) == 10
+    assert lines[1] == f'{"└── 1":{4 * 9 + 1}}    10.0 Hz    0.000 s old  /node'
+
+
+@pytest.mark.parametrize(('output', 'files', 'begin'), [
+    ('tree', {'tree.pdf', 'tree.gv'}, b'%PDF'), ('tree.svg', {'tree.svg', 'tree.gv'}, b'<?xml'),
+    ('my.robot.PNG', {'my.robot.PNG', 'my.robot.gv'}, b'\x89PNG'),
+    ('v1.2', {'v1.2.pdf', 'v1.2.gv'}, b'%PDF')])
+def test_the_ending_says_how_to_draw(there, output, files, begin):
+    """The suffix of the output file is the format; the .gv file is written beside it."""
+    pytest.importorskip('pygraphviz')
+    path = view_frames.output_path(output)
+    view_frames.save(Forest([static('base', 'map')]), 0, path)
+    assert {path.name for path in there.iterdir()} == files
+    (drawn,) = (name for name in files if not name.endswith('.gv'))
+    assert str(path) == drawn
+    assert path.read_bytes().startswith(begin)
+
+
+@pytest.mark.parametrize(('arguments', 'message'), [
+    (['-t', '0'], 'more than 0 s, .*got 0'), (['-t', 'x'], "'x' is not a number"),
+    (['--wait_time'], r'unrecognized arguments: --wait_time \(did you mean --wait-time\?\)'),
+    (['-t', '1e300'], 'at most 1e[+]09 s, got 1e[+]300'),
+    (['-o', ''], 'is not a file name'), (['-o', '..'], 'is not a file name'),
+    (['-o', 'directory/'], 'is not a file name'),
+    (['-o', 'a.jpg'], 'must end in .pdf, .svg, .png'),
+    (['--root', ''], '--root needs the name of a frame'),
+    (['--root', '/'], '--root needs the name of a frame'),
+    (['--bag', 'x', '--watch'], 'are for listening: leave them out'),
+    (['--bag', 'x', '-t', '5'], 'are for listening: leave them out'),
+    (['--partial'], '--partial needs --bag'),
+    (['--bag', ''], '--bag needs the path of a bag')])
+def test_wrong_use_is_one_line_and_exit_code_2(failed, arguments, message):
+    """The line names the error."""
+    code, line = failed(main, *arguments)
+    assert code == 2
+    assert re.fullmatch(f'view_frames: .*{message}.*\n', line)
+
+
+def test_what_the_command_refuses():
+    """A caller from Python gets an exception, before ROS is needed."""
+    with pytest.raises(UsageError, match='more than 0 s'):
+        view_frames.command(wait_time=0.0)
+
+
+def test_a_bag_that_does_not_exist(failed, there):
+    """The exit code is 1."""
+    assert failed(main, '--bag', 'nowhere') == (
+        1, 'view_frames: cannot read nowhere: No such file or directory\n')
+
+
+@on_unix
+def test_a_file_is_written_whole_or_not_at_all(monkeypatch, there):
+    """On a full disk, there is no partial file, and an old file stays."""
+    view_frames.write(Path('old'), b'new and short')
+
+    def write_bytes(path, data):
+        with path.open('wb') as file:
+            file.write(data[:1000])
+        raise OSError(27, 'File too large')
+
+    monkeypatch.setattr(Path, 'write_bytes', write_bytes)
+    with pytest.raises(CommandError, match=r'^cannot write old: File too large$'):
+        view_frames.write(Path('old'), bytes(2000))
+    assert [path.name for path in there.iterdir()] == ['old']
+    assert Path('old').read_bytes() == b'new and short'
+
+
+@pytest.mark.parametrize('output', ['missing/frames', 'directory.pdf'])
+def test_where_nothing_can_be_written(failed, monkeypatch, there, output):
+    """The error says why the file cannot be written, before the command listens."""
+    Path('directory.pdf').mkdir()
+    monkeypatch.setattr(view_frames, 'read_bag', pytest.fail)
+    name = output.removesuffix('.pdf')
+    why = 'it is a directory' if name == 'directory' else 'missing is not a writable directory'
+    assert failed(main, '-o', output) == (1, f'view_frames: cannot write {name}.pdf: {why}\n')
+    assert [path.name for path in there.iterdir()] == ['directory.pdf']
+
+
+def test_without_pygraphviz(failed, monkeypatch, there, walk):
+    """The error has the remedy, and the .gv file is written; tf2 exits with code 0."""
+    monkeypatch.setitem(sys.modules, 'pygraphviz', None)
+    code, line = failed(main, '--bag', walk)
+    assert code == 1
+    assert re.fullmatch('view_frames: drawing needs pygraphviz, which cannot be imported .*: '
+                        'pip install pygraphviz; .*; wrote frames.gv\n', line)
+    assert [path.name for path in there.iterdir()] == ['frames.gv']
+    assert '"map" -> "odom"' in Path('frames.gv').read_text()
+
+
+def test_more_frames_than_can_be_drawn(capsys, failed, make_bag, there):
+    """The error has the remedy; the .gv file can be drawn elsewhere, and a part here."""
+    bags = pytest.importorskip('bags')
+    bag = make_bag('mcap', [('/tf_static', 0, [
+        bags.row(0, f'f{i}', f'f{i + 1}') for i in range(2000)])])
+    code, line = failed(main, '--bag', bag)
+    assert (code, line) == (1, 'view_frames: 2001 frames are too many to draw; the limit is 2000: '
+                               'draw a part with --root FRAME, or print the tree with --text; '
+                               'wrote frames.gv\n')
+    assert [path.name for path in there.iterdir()] == ['frames.gv']
+    assert Path('frames.gv').read_text().count('->') == 2000
+    pytest.importorskip('pygraphviz')
+    assert main(['--bag', bag, '--root', 'f1990']) == 0
+    assert Path('frames.pdf').read_bytes().startswith(b'%PDF')
+
+
+@pytest.mark.parametrize(('kind', 'publisher'), [('mcap', 'not recorded'), ('bag', '/sender')])
+def test_a_bag_is_drawn(capsys, make_bag, there, kind, publisher):
+    """The PDF shows the frames as they were at the end of the bag."""
+    pytest.importorskip('pygraphviz')
+    bags, pypdf = pytest.importorskip('bags'), pytest.importorskip('pypdf')
+    assert main(['--bag', make_bag(kind, bags.walk())]) == 0
+    assert capsys.readouterr() == (
+        'wrote frames.pdf and frames.gv: frames: 3, transforms: 2, root: map\n'
+        'from 100.000000 s to 110.000000 s, 10.000 s; ages are relative to the end\n', '')
+    text = pypdf.PdfReader('frames.pdf').pages[0].extract_text()
+    for words in ('map', 'odom', 'base_link', 'static', 'Average rate: 10.000 Hz',
+                  f'Broadcaster: {publisher}', 'Recorded at time: 110.000000',
+                  'Most recent transform: 110.000000', 'Buffer length: 10.000 s'):
+        assert words in text
+
+
+def test_the_tree_of_a_bag(capsys, failed, make_bag):
+    """Ages are relative to the end of the bag; --partial reads a damaged one, with a warning."""
+    bags = pytest.importorskip('bags')
+    bag = make_bag('bag', [
+        *bags.walk(), ('/tf', 99 * bags.S, [bags.row(99 * bags.S, 'odom', 'cup')])])
+    assert main(['--text', '--bag', bag]) == 0
+    assert capsys.readouterr() == (
+        'map\n'
+        '└── odom              static                 /sender\n'
+        '    ├── base_link    10.0 Hz    0.000 s old  /sender\n'
+        '    └── cup             ? Hz   11.000 s old  /sender\n'
+        'from 99.000000 s to 110.000000 s, 11.000 s; ages are relative to the end\n', '')
+    Path(bag).write_bytes(Path(bag).read_bytes()[:-1000])
+    code, line = failed(main, '--text', '--bag', bag)
+    assert code == 1
+    assert line.startswith(f'view_frames: {bag} cannot be read: ')
+    assert main(['--text', '--partial', '--bag', bag]) == 0
+    assert capsys.readouterr().out.startswith('map\n└── odom ')
+
+
+def test_a_bag_of_a_namespace(capsys, make_bag):
+    """Without `--namespace`, the error says which namespace the bag has."""
+    bag = make_bag('mcap', [(f'/robot{topic}', *rest)
+                            for topic, *rest in pytest.importorskip('bags').walk()])
+    assert main(['--text', '--bag', bag, '--namespace', 'robot']) == 0
+    assert 'base_link' in capsys.readouterr().out
+    assert main(['--text', '--bag', bag]) == 1
+    assert 'in the namespace /robot: pass it as namespace (--namespace)' in capsys.readouterr().err
+
+
+@pytest.fixture
+def house(make_bag):
+    """A bag with a tree, a loop, and branches that end at different times."""
+    bags = pytest.importorskip('bags')
+    return make_bag('mcap', [
+        *bags.walk(seconds=10), *(('/tf', time, [bags.row(time, *edge)]) for time, edge in (
+            (102 * S, ('base_link', 'arm')), (104 * S, ('base_link', 'arm')),
+            (104 * S, ('arm', 'tool')), (104 * S, ('x', 'y')), (104 * S, ('y', 'z')),
+            (104 * S, ('z', 'x')), (104 * S, ('y', 'twig'))))])
+
+
+def test_loops_are_reported(capsys, house, there):
+    """A loop is drawn, too; tf2 ends with exit code 0 and without a PDF."""
+    pytest.importorskip('pygraphviz')
+    assert main(['--bag', house]) == 0
+    out, err = capsys.readouterr()
+    assert re.fullmatch('view_frames: warning: these frames form a loop: '
+                        '(x -> y -> z -> x|y -> z -> x -> y|z -> x -> y -> z)\n', err)
+    assert 'frames: 9, transforms: 8, root: map\n' in out
+    assert (there / 'frames.pdf').exists()
+
+
+@pytest.mark.parametrize(('root', 'tree', 'span'), [
+    ('/base_link', ['base_link', '└── arm', '    └── tool'],
+     'from 102.000000 s to 104.000000 s, 2.000 s; '
+     'ages are relative to the end of the bag, 110.000000 s'),
+    ('odom', ['odom', '└── base_link', '    └── arm', '        └── tool'],
+     'from 100.000000 s to 110.000000 s, 10.000 s; ages are relative to the end'),
+    ('tool', ['tool'], 'all transforms are static')])
+def test_the_tree_below_a_root(capsys, house, root, tree, span):
+    """There is no warning of a loop elsewhere; ages are relative to the end of the whole bag."""
+    assert main(['--text', '--bag', house, '--root', root]) == 0
+    out, err = capsys.readouterr()
+    *lines, last = out.splitlines()
+    assert [re.sub(' +[0-9?.]+ Hz.*', '', line) for line in lines] == tree
+    assert ('6.000 s old' in out) == (root != 'tool')
+    assert last == span
+    assert err == ''
+
+
+def test_the_drawing_below_a_root(capsys, house, there):
+    """The root may have no descendants."""
+    pytest.importorskip('pygraphviz')
+    for root, message, edges in (('base_link', 'frames: 3, transforms: 2, root: base_link\n', 2),
+                                 ('tool', 'frames: 1, transforms: 0, root: tool\n', 0)):
+        assert main(['-o', root, '--bag', house, '--root', root]) == 0
+        assert f'{root}.gv: {message}' in capsys.readouterr().out
+        graph = Path(f'{root}.gv').read_text()
+        assert graph.count('->') == edges
+        assert f'"{root}" [label' in graph
+        assert 'odom' not in graph
+        assert Path(f'{root}.pdf').read_bytes().startswith(b'%PDF')
+
+
+def test_a_root_in_a_loop(capsys, house):
+    """The loop begins and ends with the root, and causes a warning; its branches are shown."""
+    assert main(['--text', '--bag', house, '--root', 'x']) == 0
+    out, err = capsys.readouterr()
+    names = re.findall(r'(\w+)(?: +\? Hz.*)?\n', out)[:-1]
+    assert names[0] == 'x'
+    assert sorted(names) == ['twig', 'x', 'x', 'y', 'z']
+    assert re.fullmatch('view_frames: warning: these frames form a loop: [xyz >-]+\n', err)
+
+
+def test_a_root_that_does_not_exist(failed, house):
+    """The error is one line with the nearest names."""
+    assert failed(main, '--text', '--bag', house, '--root', 'base_lnk') == (
+        1, "view_frames: frame 'base_lnk' does not exist. Nearest known: 'base_link'.\n")
+
+
+def test_without_tqdm_a_bag_is_read(capfd, monkeypatch, walk):
+    """The missing module is not mentioned."""
+    monkeypatch.setitem(sys.modules, 'tqdm', None)
+    assert main(['--text', '--bag', walk]) == 0
+    out, err = capfd.readouterr()
+    assert out.startswith('map\n└── odom ')
+    assert err == ''
+
+
+@pytest.mark.parametrize(('module', 'kind', 'partial'), [
+    ('mcap', 'mcap', []), ('mcap', 'mcap', ['--partial']), ('ruamel', 'db3', []),
+    ('lz4', 'bag lz4', [])])
+def test_without_a_reader_of_bags(failed, make_bag, monkeypatch, module, kind, partial):
+    """The error is one line with the remedy."""
+    bag = make_bag(kind, pytest.importorskip('bags').walk())
+    for name in [*sys.modules]:
+        if name.startswith(f'{module}.'):
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, module, None)
+    code, line = failed(main, '--text', '--bag', bag, *partial)
+    assert code == 1
+    assert re.fullmatch(f'view_frames: .* cannot be imported .*{module}.*: pip install '
+                        f'.*{module}.*\n', line)
