@@ -34,7 +34,7 @@ def pytest_configure() -> None:
 
 def pytest_runtest_logstart(nodeid: str) -> None:
     """Watch for a test that hangs: no wait is longer than a minute, except in long tests."""
-    seconds = 1800.0 if nodeid.startswith('test/long/') else 300.0
+    seconds = 1800.0 if nodeid.startswith('test/long/') else 600.0
     faulthandler.dump_traceback_later(seconds, exit=True, file=_stderr)
 
 

@@ -112,8 +112,8 @@ class _Layout:
         first = messages[0]
         if len(first.data) < self._size:
             return None
-        data = np.frombuffer(b''.join([message.data for message in messages]), np.uint8)
-        data = data.reshape(len(messages), -1)
+        data = np.frombuffer(b''.join([message.data for message in messages]),
+                             np.uint8).reshape(len(messages), -1)
         if (data.take(self._fixed_at, 1) != self._fixed).any():
             return None
         seconds, nanoseconds = (data.take(self._stamps_at[:, i:i + 4], 1) for i in (0, 4))

@@ -11,6 +11,7 @@ import signal
 import sys
 import threading
 import tracemalloc
+from typing import Any
 import weakref
 
 from ctrl_c import interruptions
@@ -519,7 +520,8 @@ def test_the_longest_span_of_time():
 def test_numbers_come_out_as_floats():
     """Integers and numbers of numpy are accepted, and returned as Python floats."""
     buffer = BufferCore()
-    buffer.insert(np.int64(T), 'a', 'b', (1, 2, 3, *np.array([0.1, 0.2, 0.3, 0.9], np.float32)),
+    stamp: Any = np.int64(T)
+    buffer.insert(stamp, 'a', 'b', (1, 2, 3, *np.array([0.1, 0.2, 0.3, 0.9], np.float32)),
                   is_static=True)
     answer = buffer.lookup_transform('a', 'b')
     assert {type(number) for number in (*answer.translation, *answer.rotation)} == {float}
