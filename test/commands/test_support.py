@@ -11,6 +11,7 @@ import pytest
 from ros_node import Ros
 from rosgraph_msgs.msg import Clock
 
+from dummy_arm.cli.signals import signal_received
 from dummy_arm.dummy_arm import main
 
 
@@ -46,6 +47,7 @@ def test_a_command_that_is_called_leaves_the_node_of_the_test_its_discovery(ros)
     """The command detaches the discovery listener of its own participant only."""
     domain = ros.context.get_domain_id()
     assert call(main, domain=domain, until=lambda text: 't = 0' in text).code == 0
+    assert not signal_received()
     other = Ros(domain)
     other.node.create_publisher(Clock, '/clock', 1)
     ros.until(lambda: ros.node.count_publishers('/clock'))

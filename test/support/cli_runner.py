@@ -11,6 +11,8 @@ from participants import destroy_newest
 from processes import ARM, open_terminal, Process, reserved_domain, TIMEOUT
 import pytest
 
+from dummy_arm.cli.signals import forget_signals
+
 
 class Result(NamedTuple):
     """What a command has done."""
@@ -112,6 +114,7 @@ def call(main: Callable[[Sequence[str]], int], *arguments: str, domain: int = 0,
         for output in outputs:
             output.restore()
         signal.signal(signal.SIGINT, before[1])
+        forget_signals()  # a later wait in this process would end at once
         if before[0] is None:
             del os.environ['ROS_DOMAIN_ID']
         else:
