@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 import pytest
 
 from dummy_arm.cli.bag_options import read_bag
-from dummy_arm.cli.signals import record_signals
+from dummy_arm.cli.signals import forget_signals, record_signals
 from dummy_arm.tf import bag, BufferCore, Transform
 from dummy_arm.tf.bag import BagError, read
 
@@ -843,6 +843,7 @@ def test_a_signal_ends_a_command_that_reads(tmp_path):
         with pytest.raises(KeyboardInterrupt):
             read_bag(str(path), '', False)
     finally:
+        forget_signals()
         for number, handler in handlers.items():
             signal.signal(number, handler)
 
