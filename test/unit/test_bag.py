@@ -8,7 +8,6 @@ from pathlib import Path
 import random
 import re
 import shutil
-import signal
 import sqlite3
 import struct
 import sys
@@ -21,7 +20,6 @@ from hypothesis import strategies as st
 import pytest
 
 from dummy_arm.cli.bag_options import read_bag
-from dummy_arm.cli.signals import forget_signals, record_signals
 from dummy_arm.tf import bag, BufferCore, Transform
 from dummy_arm.tf.bag import BagError, read
 
@@ -831,21 +829,6 @@ def test_the_callback_can_end_the_reading_of_one_thing(tmp_path):
     head = bags.mcap(tmp_path / 'x.mcap').read_bytes()[:-37] + bags.mcap_record(0x80, b'', 2**40)
     bags.file_of(path).write_bytes(bags.packed(head, 'zstd') + bags.packed(zeros, 'zstd') * 2)
     assert calls_of(path) > 60
-
-
-def test_a_signal_ends_a_command_that_reads(tmp_path):
-    """It is not an error of the bag."""
-    path = bags.make(tmp_path, 'mcap', bags.walk())
-    handlers = record_signals()
-    try:
-        assert read_bag(str(path), '', False) is not None
-        signal.raise_signal(signal.SIGINT)
-        with pytest.raises(KeyboardInterrupt):
-            read_bag(str(path), '', False)
-    finally:
-        forget_signals()
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
 
 
 # Limits
