@@ -8,7 +8,6 @@ function `tick` of the caller is called. If `tick` raises an exception, the deco
 """
 
 from collections.abc import Callable, Iterator
-from functools import cache
 from importlib import import_module
 from io import BytesIO
 import sys
@@ -211,7 +210,6 @@ def zstd() -> Any:
     return import_module('compression.zstd' if sys.version_info >= (3, 14) else 'backports.zstd')
 
 
-@cache
 def _decompressor(method: str) -> Callable[[], Any]:
     """
     Return a function that creates a decompressor.
