@@ -21,7 +21,6 @@ _stderr = 2
 # that was there before must not fail a later change. --hypothesis-profile=random draws others.
 _UNHURRIED = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.register_profile('short', _UNHURRIED, derandomize=True, max_examples=25)
-settings.register_profile('many', _UNHURRIED, derandomize=True, max_examples=500)
 settings.register_profile('random', _UNHURRIED, max_examples=500)
 settings.load_profile('short')
 
