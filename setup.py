@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 package_name = 'dummy_arm'
 home = 'https://github.com/dummy-arm/dummy_arm'
 # On PyPI, pictures and links need the whole address.
-readme = (Path(__file__).parent / 'README.md').read_text(encoding='utf-8')
+readme = (Path(__file__).resolve().parent / 'README.md').read_text(encoding='utf-8')
 readme = re.sub(r'(!\[[^]]*\]\()(?!http)', rf'\1{home}/raw/main/', readme)
 readme = re.sub(r'(\]\()(?!http|#)', rf'\1{home}/blob/main/', readme)
 install = """

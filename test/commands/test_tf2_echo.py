@@ -3,7 +3,6 @@
 import re
 import signal
 
-import bags
 from cli_runner import call
 from processes import Process, tool, tool_without_ros
 import pytest
@@ -140,6 +139,7 @@ def test_a_failure_is_printed_and_it_goes_on(ros):
 
 def test_a_bag_without_ros(start, tmp_path):
     """It prints one transform, and ends with exit code 0."""
+    bags = pytest.importorskip('bags')
     process = start(*tool_without_ros(
         'tf2_echo', 'map', 'base_link', '--bag', str(bags.make(tmp_path, 'mcap', bags.walk()))))
     assert process.exit_code() == 0

@@ -9,7 +9,6 @@ import sys
 import time
 from typing import Any
 
-import bags
 from cli_runner import call
 from processes import is_running, Process, TIMEOUT, tool, tool_without_ros
 import pytest
@@ -169,6 +168,7 @@ def test_a_live_tree_waits_for_its_root(ros, publish_static):
 
 def test_a_bag_without_ros(start, tmp_path):
     """Where stdout cannot encode the lines of the tree, as on Windows, they are replaced."""
+    bags = pytest.importorskip('bags')
     bag = str(bags.make(tmp_path / 'robot', 'mcap', bags.walk()))
     process = start(*tool_without_ros('view_frames', '--text', '--bag', bag),
                     environment={'PYTHONIOENCODING': 'cp1252'})
@@ -186,6 +186,7 @@ def seconds_of_work(pid):
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGKILL])
 def test_a_signal_ends_the_drawing(start, tmp_path, number):
     """Graphviz would work for half a minute, and C code does not notice Ctrl-C."""
+    bags = pytest.importorskip('bags')
     generator = random.Random(1)
     bag = bags.make(tmp_path / 'large', 'mcap', [('/tf_static', 0, [
         bags.row(0, f'f{generator.randrange(i + 1)}', f'f{i + 1}') for i in range(4000)])])
