@@ -1,12 +1,17 @@
 """
-Destroy a node without the hang that an error in Fast DDS 2.14 can cause.
+Start and destroy nodes without the hangs that errors in Fast DDS 2.14 can cause.
 
-This module calls functions of Fast DDS that ROS does not expose. test/ros/test_fast_dds.py tests
-the behaviour of these functions.
+This module calls functions of Fast DDS that ROS does not expose, and knows the names of its files.
+test/ros/test_fast_dds.py tests the behaviour on which this module relies.
 """
 
+from collections.abc import Iterator
 import ctypes
 import os
+from pathlib import Path
+import re
+import stat
+import time
 
 from rclpy.logging import get_logger
 from rclpy.node import Node
@@ -18,6 +23,40 @@ _LOOKUP = '_ZNK8eprosima7fastdds3dds24DomainParticipantFactory18lookup_participa
 _SET_LISTENER = (f'{_DDS}17DomainParticipant12set_listenerEPNS1_25DomainParticipantListenerE'
                  'NSt6chrono8durationIlSt5ratioILl1ELl1EEEE')
 _TIMEOUT = 1  # s
+#: A file is left over if it is empty and was not changed for this time (s). Fast DDS sets the size
+#: of a new file within milliseconds.
+_LEFT_OVER = 5.0
+
+
+def remove_empty_ports(directory: Path = Path('/dev/shm')) -> Iterator[str]:
+    """
+    Remove the empty files that processes killed by SIGKILL have left in shared memory.
+
+    If the file of a port that Fast DDS opens is empty, Fast DDS busy-waits for ever while it holds
+    the GIL, so that neither Ctrl-C nor SIGTERM ends the process. The files whose names end in
+    `_el` are always empty, and in use.
+
+    :param directory: the directory of the files; it need not exist.
+    :returns: a sentence for each such file: it was removed, or cannot be removed.
+    """
+    for path in sorted(directory.glob('fastrtps_port*')):
+        if not re.fullmatch(r'fastrtps_port\d+', path.name):
+            continue
+        try:
+            status = path.lstat()
+            if (not stat.S_ISREG(status.st_mode) or status.st_size
+                    or time.time() - status.st_mtime < _LEFT_OVER):
+                continue
+            path.unlink()
+        except FileNotFoundError:  # another command has removed it
+            continue
+        except OSError as error:
+            yield (f'cannot remove {path} ({error.strerror}): it is empty, left over from a '
+                   'process that was killed, and ROS programs that use this port hang; remove it '
+                   f'as its owner: rm {path}')
+            continue
+        yield (f'removed {path}: it was empty, left over from a process that was killed, and ROS '
+               'programs that use this port would hang')
 
 
 def destroy(node: Node) -> None:

@@ -3,6 +3,7 @@
 from _thread import interrupt_main
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+import sys
 from threading import Event, Thread
 
 import rclpy
@@ -13,7 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import try_shutdown
 from rclpy.validate_namespace import validate_namespace
 
-from dummy_arm.cli.fast_dds import destroy
+from dummy_arm.cli.fast_dds import destroy, remove_empty_ports
 from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
 from dummy_arm.cli.signals import begin_cleanup, signal_received
 from dummy_arm.tf.formatting import namespace_path
@@ -54,6 +55,7 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
     """
     # The first rule that fits a name is used, so the user's own rules come first.
     arguments = [*ros_args, *_namespace_args(namespace)]
+    clear_shared_memory(ros_args)
     try:
         # The signal handlers of rclpy would shut down the context while a node is using it.
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
@@ -65,6 +67,16 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
         raise UsageError(rcl_error_text(error)) from None
     finally:
         try_shutdown()
+
+
+def clear_shared_memory(ros_args: Sequence[str]) -> None:
+    """
+    Remove the files in shared memory with which ROS would hang; print a line for each.
+
+    :param ros_args: as for `run_node`.
+    """
+    for line in remove_empty_ports():
+        print(f'{ros_args[0]}: warning: {line}', file=sys.stderr)
 
 
 @contextmanager

@@ -7,12 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, ExitStack, suppress
 import csv
 from itertools import pairwise
+import json
 import logging
 from math import inf
 import os
 from pathlib import Path
 import random
 import re
+from select import select
 import signal
 import socket
 import subprocess
@@ -28,11 +30,18 @@ from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_parti
 from dummy_arm.cli.files import whole_file
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import wait
-from dummy_arm.cli.signals import begin_cleanup, sleep, wait_until
+from dummy_arm.cli.signals import (
+    begin_cleanup,
+    check_signals,
+    record_signals,
+    sleep,
+    wait_until,
+)
 from dummy_arm.inspection.arm_check import (
     ADVICE,
     check,
     FRAMES,
+    Line,
     Message,
     NOT_JUDGED,
     NOT_OK,
@@ -55,6 +64,9 @@ _START = 20.0
 _LATE = 10.0
 #: How long to wait until a program has ended after SIGINT (s).
 _GRACE = 3.0
+#: A process that observes a program is given up if it writes nothing for this time (s). It can
+#: hang, or crash, in the middleware.
+_SILENCE = 60.0
 #: How long to wait for a free ROS domain (s).
 _PATIENCE = 600.0
 #: The largest number of transforms that are judged.
@@ -90,6 +102,13 @@ if sys.platform == 'linux':
     ctypes.CDLL(None).prctl(1, 9)  # PR_SET_PDEATHSIG: SIGKILL, when the parent has ended
 os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 """
+#: The program of the process that observes a program.
+_OBSERVER = """
+import json, sys
+arguments, sys.path[:] = json.loads(sys.argv[1])
+from dummy_arm.tools.check_arm import observe
+observe(*arguments)
+"""
 
 
 class ProgramError(CommandError):
@@ -99,14 +118,15 @@ class ProgramError(CommandError):
 class Observer:
     """A listener that collects the messages of an arm."""
 
-    def __init__(self, node: 'Node') -> None:
+    def __init__(self, node: 'Node', on_poll: Callable[[], object] = lambda: None) -> None:
         """
         Subscribe to /tf and /tf_static.
 
         :param node: the node that subscribes.
+        :param on_poll: a function that each call of `poll` calls.
         """
         from dummy_arm.inspection.frame_listener import FrameListener
-        self._node = node
+        self._node, self._on_poll = node, on_poll
         self._listener = FrameListener(node)
         self.messages: list[Message] = []
         #: True if a message of /tf has been received.
@@ -120,6 +140,7 @@ class Observer:
         :returns: True if a message of /tf has been received, now or earlier.
         :raises ProgramError: if there are too many messages.
         """
+        self._on_poll()
         received, dropped = self._listener.publisher_listener.received()
         for message in received:
             with suppress(ValueError):  # the listener logs this error
@@ -171,7 +192,6 @@ class Program:
         :param domain: the ROS domain of the program.
         :param directory: the working directory of the program, which no other process uses.
         """
-        self._mark = f'ROS_LOG_DIR={directory}'.encode()
         environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': directory,
                        'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'PYTHONUNBUFFERED': '1',
                        'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONIOENCODING': 'utf-8'}
@@ -215,7 +235,7 @@ class Program:
             f'; its last line: {abbreviated(visible(last[0]))}' if last else '.'))
 
     def end(self) -> None:
-        """End the program and all processes that it has started."""
+        """End the program and the processes of its group."""
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGINT)
         with suppress(subprocess.TimeoutExpired):
@@ -223,10 +243,6 @@ class Program:
         with suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
         self._process.wait()
-        for path in Path('/proc').glob('[0-9]*/environ'):  # processes that have left the group
-            with suppress(OSError):
-                if self._mark in path.read_bytes().split(b'\0'):
-                    os.kill(int(path.parent.name), signal.SIGKILL)
         self._reader.join(_GRACE)
         if not self._reader.is_alive() and self._process.stdout:
             self._process.stdout.close()
@@ -288,59 +304,146 @@ def _error_of(output: str, name: str) -> str:
 
 
 class Grade(NamedTuple):
-    """The result of a program."""
+    """The result of a program, or of a drawing."""
 
     file: str
     report: Optional[Report]  #: None if the program could not be judged
-    reason: str  #: why the program did not pass; '' if it passed
+    reason: str  #: why it did not pass; '' if it passed
+    verdict: str  #: OK, NOT_OK or NOT_JUDGED
 
     @property
     def line(self) -> str:
         """The line that is printed."""
         advice = [f'{line.requirement} ({line.measured})' for line in self.report.advice
                   if line.verdict == ADVICE] if self.report else []
-        verdict = f'{NOT_OK}: {self.reason}' if self.reason else (
+        verdict = f'{self.verdict}: {self.reason}' if self.reason else (
             f'{OK}; advice: {"; ".join(advice)}' if advice else OK)
         return f'{visible(self.file)}: {verdict}'
 
 
-def grade(file: str, seconds: float, ros_args: Sequence[str] = ()) -> Grade:
+def _grade(file: str, report: Optional[Report], reason: str) -> Grade:
+    return Grade(file, report, reason, NOT_OK if reason else OK)
+
+
+def grade(file: str, seconds: float, ros_args: Sequence[str] = (), silence: float = _SILENCE
+          ) -> Grade:
     """
     Run a program in a ROS domain of its own, and judge the arm that it publishes.
+
+    Another process observes the arm, since the middleware can hang or crash.
 
     :param file: the path of the program.
     :param seconds: how long to observe the arm (s).
     :param ros_args: the ROS arguments of the node that listens.
+    :param silence: how long to wait for a sign of life of the other process (s).
     :returns: the grade.
     :raises CommandError: if no ROS domain is free.
     :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received.
     """
+    with _free_domain() as domain, TemporaryDirectory(ignore_cleanup_errors=True) as directory:
+        reading, writing = os.pipe()
+        arguments = [writing, file, seconds, domain, directory, [*ros_args]]
+        observer = subprocess.Popen(
+            [sys.executable, '-I', '-S', '-c', _LAUNCHER, '-c', _OBSERVER,
+             json.dumps([arguments, sys.path])],
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=[writing],
+            start_new_session=True)
+        os.close(writing)
+        try:
+            written = _read(reading, silence)
+            if written is None:
+                observer.kill()
+                return Grade(file, None, f'The process that observes it has said nothing for '
+                             f'{silence:g} s: the middleware hangs.', NOT_JUDGED)
+            if not written.strip():
+                code = observer.wait(_GRACE)
+                how = f'by signal {-code}' if code < 0 else f'with exit code {code}'
+                return Grade(file, None, f'The process that observes it ended {how}.', NOT_JUDGED)
+            report, reason, verdict = json.loads(written)
+            if report:
+                *lines, passed = report
+                report = Report(*([Line(*line) for line in each] for each in lines), passed)
+            return Grade(file, report, reason, verdict)
+        finally:
+            os.close(reading)
+            _end(observer, directory)
+
+
+def _read(pipe: int, silence: float) -> Optional[bytes]:
+    """Read a pipe to its end; return None if nothing comes for some time (s)."""
+    data, last = b'', time.monotonic()
+    while time.monotonic() < last + silence:
+        check_signals()
+        if select([pipe], [], [], 0.1)[0]:
+            new, last = os.read(pipe, 2**16), time.monotonic()
+            if not new:
+                return data
+            data += new
+    return None
+
+
+def _end(observer: 'subprocess.Popen[bytes]', directory: str) -> None:
+    """End an observer, its program, and the processes that this has started."""
+    # If the observer is killed, the kernel kills the program, too.
+    observer.terminate()
+    try:
+        observer.wait(2.0 * _GRACE)
+    except subprocess.TimeoutExpired:
+        observer.kill()
+        observer.wait()
+    mark = f'ROS_LOG_DIR={directory}'.encode()
+    for path in Path('/proc').glob('[0-9]*/environ'):  # also processes that have left the group
+        with suppress(OSError):
+            if mark in path.read_bytes().split(b'\0'):
+                os.kill(int(path.parent.name), signal.SIGKILL)
+
+
+def observe(pipe: int, file: str, seconds: float, domain: int, directory: str,
+            ros_args: Sequence[str]) -> None:
+    """
+    Run a program and judge its arm; write empty lines as signs of life, and then the grade.
+
+    :param pipe: the file descriptor for the lines and the grade, which is JSON.
+    :param file: the path of the program.
+    :param seconds: how long to observe the arm (s).
+    :param domain: the ROS domain.
+    :param directory: the working directory of the program.
+    :param ros_args: the ROS arguments of the node that listens.
+    """
+    record_signals()
+    warnings.simplefilter('ignore')  # what the compiler thinks of the program
+    with open(pipe, 'w') as output, suppress(KeyboardInterrupt, BrokenPipeError):
+        result = _observe(file, seconds, domain, directory, ros_args,
+                          lambda: print(file=output, flush=True))
+        json.dump(result[1:], output)
+
+
+def _observe(file: str, seconds: float, domain: int, directory: str, ros_args: Sequence[str],
+             on_poll: Callable[[], object]) -> Grade:
+    """Run a program and judge its arm."""
     try:
         with ExitStack() as stack:
             arguments = _arguments(Path(file))
-            domain = stack.enter_context(_free_domain())
-            directory = stack.enter_context(TemporaryDirectory(ignore_cleanup_errors=True))
-            observer = Observer(stack.enter_context(_node_in(domain, ros_args)))
+            observer = Observer(stack.enter_context(_node_in(domain, ros_args)), on_poll)
             program = Program(Path(file), arguments, domain, directory)
             stack.callback(program.end)
             wait_until(_START, lambda: observer.poll() or program.fault())
             if observer.has_started:
                 wait_until(seconds, lambda: observer.poll() and program.fault())
             if fault := program.fault():
-                return Grade(file, check(observer.messages), fault)
+                return _grade(file, check(observer.messages), fault)
             if not observer.has_started:
                 static = 'on /tf' if observer.messages else 'on /tf and /tf_static'
-                return Grade(file, check(observer.messages),
-                             f'It publishes nothing {static} within {_START:.0f} s: is the timer '
-                             'created, and does rclpy.spin run?')
+                return _grade(file, check(observer.messages),
+                              f'It publishes nothing {static} within {_START:.0f} s: is the timer '
+                              'created, and does rclpy.spin run?')
             report = observer.report()
-            return Grade(file, report, program.fault() or _reason(report))
+            if fault := program.fault():
+                return _grade(file, report, fault)
+            line = report.first_failure
+            return Grade(file, report, _reason(report), line.verdict if line else OK)
     except ProgramError as error:
-        return Grade(file, None, str(error))
-    except CommandError:
-        raise
-    except Exception as error:  # the other programs are judged all the same
-        return Grade(file, None, f'check_arm failed: {type(error).__name__}: {error}')
+        return _grade(file, None, str(error))
 
 
 def _reason(report: Report) -> str:
@@ -351,8 +454,7 @@ def _reason(report: Report) -> str:
     others = sum(other.verdict == NOT_OK for other in report.lines) - (line.verdict == NOT_OK)
     more = f' ({others} more)' if others else ''
     measured = f' ({line.measured})' if line.measured else ''
-    verdict = f'{NOT_JUDGED}: ' if line.verdict == NOT_JUDGED else ''
-    return f'{verdict}{line.requirement}{measured}. {line.text}{more}'
+    return f'{line.requirement}{measured}. {line.text}{more}'
 
 
 @contextmanager
@@ -363,6 +465,8 @@ def _node_in(domain: int, ros_args: Sequence[str]) -> Iterator['Node']:
     from rclpy.node import Node
 
     from dummy_arm.cli.fast_dds import destroy
+    from dummy_arm.cli.node import clear_shared_memory
+    clear_shared_memory(ros_args)
     context = Context()
     context.init(args=[*ros_args], domain_id=domain)
     # The lines of all programs would be mixed, and the report has what matters.
@@ -421,14 +525,9 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
     :returns: the exit code.
     :raises CommandError: if the table cannot be written, or if Ctrl-C or SIGTERM was received.
     """
-    # Imported before the threads start: several threads must not import a module at once.
-    import dummy_arm.cli.fast_dds
-    import dummy_arm.inspection.frame_listener  # noqa: F401
     os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
     os.environ.pop('ROS_STATIC_PEERS', None)
     with ExitStack() as stack:
-        stack.enter_context(warnings.catch_warnings())
-        warnings.simplefilter('ignore')  # what the compiler thinks of the programs
         add_row = _csv_file(table) if table else None
         pool = ThreadPoolExecutor(jobs)
         stack.callback(pool.shutdown, cancel_futures=True)
@@ -487,7 +586,7 @@ def _csv_file(path: str) -> Callable[[Grade], None]:
 
         :param grade: the grade.
         """
-        rows.append([grade.file, NOT_OK if grade.reason else OK, grade.reason, *(
+        rows.append([grade.file, grade.verdict, grade.reason, *(
             (line.verdict for line in (*grade.report.lines, *grade.report.advice))
             if grade.report else ())])
         write()
@@ -726,7 +825,7 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None, bag: Opt
         if others := [name for name in frames
                       if Path(name).suffix.lower() not in ('.pdf', '.gv')]:
             raise UsageError(f'{others[0]!r} must end in .pdf or .gv')
-        grades = [Grade(name, None, fault_of_drawing(Path(name))) for name in frames]
+        grades = [_grade(name, None, fault_of_drawing(Path(name))) for name in frames]
         print('\n'.join(grade.line for grade in grades))
         return 1 if any(grade.reason for grade in grades) else 0
     if files:

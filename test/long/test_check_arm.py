@@ -1,5 +1,6 @@
 """check_arm in rare cases: a static arm, busy domains, a reader that has ended."""
 
+from pathlib import Path
 import socket
 import sys
 import time
@@ -42,3 +43,19 @@ def test_a_closed_output(start, tmp_path):
                     cwd=tmp_path)
     assert process.exit_code() == 1
     assert 'Traceback' not in process.output
+
+
+def test_a_middleware_that_hangs(start, tmp_path):
+    """Fast DDS hangs at the empty file of a port that is too new to be removed: not judged."""
+    (tmp_path / 'arm.py').write_text('')
+    option, code, *arguments = tool('check_arm', 'arm.py')
+    own_domain = 'import dummy_arm.tools.check_arm as c; c._DOMAINS = range(231, 232); '
+    port = Path(f'/dev/shm/fastrtps_port{7400 + 250 * 231 + 11}')
+    try:
+        port.touch()
+        process = start(option, own_domain + code, *arguments, cwd=tmp_path)
+        assert process.exit_code(120.0) == 1
+        assert process.output == ('arm.py: not judged: The process that observes it has said '
+                                  'nothing for 60 s: the middleware hangs.\n')
+    finally:
+        port.unlink(missing_ok=True)

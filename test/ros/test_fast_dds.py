@@ -1,5 +1,7 @@
 """Tests of the behaviour of Fast DDS 2.14 on which cli/fast_dds.py relies."""
 
+import os
+from pathlib import Path
 from types import SimpleNamespace
 
 from processes import ARM
@@ -8,7 +10,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from ros_node import eventually
 
 from dummy_arm.cli import fast_dds
-from dummy_arm.cli.fast_dds import detach_discovery_listener
+from dummy_arm.cli.fast_dds import detach_discovery_listener, remove_empty_ports
 
 pytestmark = pytest.mark.skipif(
     get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp',
@@ -58,3 +60,39 @@ def test_where_there_is_no_participant_it_says_so_at_debug_level(ros, debug_log)
     assert not detach_discovery_listener(domain)
     assert debug_log == ['the discovery listener of Fast DDS is not detached: '
                          f'no participant in the domain {domain}']
+
+
+OLD = 'fastrtps_port7411'
+KEPT = {'fastrtps_port7412': '', 'fastrtps_port7413': 'x', f'{OLD}_el': '', f'{OLD}_mutex': '',
+        f'sem.{OLD}_mutex': '', 'fastrtps_port': '', 'fastrtps_portal': ''}
+
+
+@pytest.fixture
+def shared_memory(tmp_path):
+    """A directory with a file that was left over, and others, of which one is new."""
+    for name, text in {OLD: '', **KEPT}.items():
+        (tmp_path / name).write_text(text)
+        if name != 'fastrtps_port7412':
+            os.utime(tmp_path / name, (0, 0))
+    (tmp_path / 'fastrtps_port7414').symlink_to(OLD)
+    return tmp_path
+
+
+def test_an_empty_port_that_was_left_over_is_removed(shared_memory):
+    """The line names it. Files that are new, have content, or have another name are kept."""
+    (line,) = remove_empty_ports(shared_memory)
+    assert line.startswith(f'removed {shared_memory / OLD}: ')
+    assert {path.name for path in shared_memory.iterdir()} == {'fastrtps_port7414', *KEPT}
+    assert not [*remove_empty_ports(shared_memory)]
+    assert not [*remove_empty_ports(shared_memory / 'missing')]
+
+
+def test_an_empty_port_of_another_user(shared_memory, monkeypatch):
+    """The line names the file and the remedy."""
+    def unlink(path):
+        raise PermissionError(1, 'Operation not permitted')
+
+    monkeypatch.setattr(Path, 'unlink', unlink)
+    (line,) = remove_empty_ports(shared_memory)
+    assert line.startswith(f'cannot remove {shared_memory / OLD} (Operation not permitted): ')
+    assert line.endswith(f'remove it as its owner: rm {shared_memory / OLD}')

@@ -12,8 +12,8 @@ from environment import on_unix
 from processes import tool_without_ros
 import pytest
 
-from dummy_arm.inspection.arm_check import FRAMES
-from dummy_arm.tools.check_arm import main
+from dummy_arm.inspection.arm_check import FRAMES, NOT_JUDGED
+from dummy_arm.tools.check_arm import Grade, grade, main
 
 
 def test_a_bag(tmp_path, capsys):
@@ -180,3 +180,17 @@ def test_without_pypdf(failed, monkeypatch):
     assert code == 1
     assert error.startswith(
         'check_arm: pypdf is needed to read a PDF: apt install python3-pypdf, or pip')
+
+
+@on_unix
+@pytest.mark.parametrize(('middleware', 'reason'), [
+    ('while True:\n    pass\n', 'has said nothing for 2 s: the middleware hangs.'),
+    ('import os\nos.kill(os.getpid(), 11)\n', 'ended by signal 11.')], ids=['hangs', 'crashes'])
+def test_an_observer_that_fails(tmp_path, monkeypatch, middleware, reason):
+    """The program is not judged, since it is not to blame; the others are."""
+    (tmp_path / 'rclpy').mkdir()
+    (tmp_path / 'rclpy' / '__init__.py').write_text(middleware)
+    (tmp_path / 'arm.py').write_text('')
+    monkeypatch.syspath_prepend(tmp_path)
+    assert grade(str(tmp_path / 'arm.py'), 1.0, silence=2.0) == Grade(
+        str(tmp_path / 'arm.py'), None, f'The process that observes it {reason}', NOT_JUDGED)
