@@ -1,6 +1,7 @@
 """What all commands with ROS share: how nodes and commands end, by themselves and by signals."""
 
 import os
+from pathlib import Path
 import re
 import signal
 import subprocess
@@ -8,7 +9,7 @@ import sys
 import time
 
 from cli_runner import call
-from processes import BEGUN, tool
+from processes import ARM, BEGUN, tool
 import pytest
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
@@ -153,6 +154,17 @@ def test_ctrl_c_at_any_time_is_no_traceback(start, tmp_path, delay):
     assert process.exit_code() in (0, 1)
     assert not re.search('Traceback|ignored', process.output)
     assert not [*tmp_path.iterdir()]
+
+
+def test_an_empty_port_of_fast_dds_does_not_stop_a_command(start, domain_id):
+    """Plain rclpy hangs at such a file, and neither Ctrl-C nor SIGTERM ends it."""
+    port = Path(f'/dev/shm/fastrtps_port{7400 + 250 * domain_id + 11}')
+    port.touch()
+    os.utime(port, (0, 0))
+    try:
+        start(*ARM).line_with('publishing map -> base_link')
+    finally:
+        port.unlink(missing_ok=True)
 
 
 @pytest.mark.parametrize(('command', 'code'), [('tf2_echo', 0), ('check_arm', 1)])
