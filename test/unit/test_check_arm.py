@@ -9,7 +9,7 @@ import sys
 
 from arms import Arm, BEGIN, RIGHT, S, WRONG
 from environment import on_unix
-from processes import tool_without_ros
+from processes import TIMEOUT, tool_without_ros
 import pytest
 
 from dummy_arm.inspection.arm_check import FRAMES, NOT_JUDGED
@@ -183,14 +183,15 @@ def test_without_pypdf(failed, monkeypatch):
 
 
 @on_unix
-@pytest.mark.parametrize(('middleware', 'reason'), [
-    ('while True:\n    pass\n', 'has said nothing for 2 s: the middleware hangs.'),
-    ('import os\nos.kill(os.getpid(), 11)\n', 'ended by signal 11.')], ids=['hangs', 'crashes'])
-def test_an_observer_that_fails(tmp_path, monkeypatch, middleware, reason):
+@pytest.mark.parametrize(('middleware', 'silence', 'reason'), [
+    ('while True:\n    pass\n', 2.0, 'has said nothing for 2 s: the middleware hangs.'),
+    ('import os\nos.kill(os.getpid(), 11)\n', TIMEOUT, 'ended by signal 11.')],
+    ids=['hangs', 'crashes'])
+def test_an_observer_that_fails(tmp_path, monkeypatch, middleware, silence, reason):
     """The program is not judged, since it is not to blame; the others are."""
     (tmp_path / 'rclpy').mkdir()
     (tmp_path / 'rclpy' / '__init__.py').write_text(middleware)
     (tmp_path / 'arm.py').write_text('')
     monkeypatch.syspath_prepend(tmp_path)
-    assert grade(str(tmp_path / 'arm.py'), 1.0, silence=2.0) == Grade(
+    assert grade(str(tmp_path / 'arm.py'), 1.0, silence=silence) == Grade(
         str(tmp_path / 'arm.py'), None, f'The process that observes it {reason}', NOT_JUDGED)
