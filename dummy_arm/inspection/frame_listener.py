@@ -15,8 +15,8 @@ from dummy_arm.tf.publisher_listener import PublisherListener
 #: The largest number of known frames that a message lists.
 _SHOWN = 20
 #: For this time (s) after the start, `why_no_transform` does not add the text of `why_no_frames`,
-#: since the publishers may not have been discovered yet.
-_DISCOVERY = 1.0
+#: since the publishers may not have been discovered yet: on a busy computer, this takes up to 5 s.
+_DISCOVERY = 6.0
 #: The name of the type of TFMessage in the ROS graph.
 TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
 
@@ -109,9 +109,8 @@ class FrameListener:
         """
         Return why there is no transform, and which frames exist.
 
-        The text of `other_topics_hint` is added. If it is empty, and no frame exists at all, the
-        text of `why_no_frames` is added, but only once. In the first second after the start, both
-        are left out if no frame exists.
+        The text of `other_topics_hint` is added. If it is empty, and no frame exists 6 s after the
+        start, the text of `why_no_frames` is added, but only once.
 
         :param target: the frame in which the transform is expressed.
         :param source: the frame whose pose is looked up.
@@ -124,11 +123,9 @@ class FrameListener:
             return ''
         known = self.buffer.frame_names()
         if not known:
-            if monotonic() < self._start + _DISCOVERY:
-                return why
             if hint := self.other_topics_hint():
                 return f'{why} {hint}'
-            if self._has_explained:
+            if self._has_explained or monotonic() < self._start + _DISCOVERY:
                 return why
             self._has_explained = True
             return f'{why} {self.why_no_frames()}'
