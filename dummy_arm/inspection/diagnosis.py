@@ -58,6 +58,7 @@ class Endpoint(NamedTuple):
     node: str  #: the full name of its node
     is_unlatched: bool  #: True if the topic is /tf_static and later listeners receive nothing
     mismatch: str  #: the listener whose QoS it does not match, and why; '': it matches all
+    wrong_type: str = ''  #: its type, if it is not TFMessage
 
 
 class Headers(NamedTuple):
@@ -124,7 +125,7 @@ class Snapshot:
         :param topics: the names of the topics of dynamic and of static transforms.
         :param nodes: the full names of the nodes, by publisher.
         :param present: the publishers that exist at the end of the observation; None: all.
-        :param endpoints: the publishers on the two topics.
+        :param endpoints: the publishers on the two topics; of a bag, those of a wrong type.
         :param headers: the headers on other topics.
         :param empty_names: as in `Statistics`.
         :param not_known: what is not known, and why, for the checks that need it: 'nodes', 'qos',
@@ -339,11 +340,26 @@ def _seconds(nanoseconds: float) -> str:
         'Nothing was received on /tf and /tf_static.',
         'Start the nodes that publish transforms, in the same ROS domain.')
 def _no_transforms(snapshot: Snapshot) -> Iterator[_Fault]:
-    if not snapshot.tracks and not snapshot.other_namespaces:
+    is_explained = snapshot.other_namespaces or any(
+        endpoint.wrong_type for endpoint in snapshot.endpoints)
+    if not snapshot.tracks and not is_explained:
         refused = [each for each in snapshot.endpoints if each.mismatch or each.is_unlatched]
         yield _Fault((), f'{len(snapshot.endpoints)} publishers exist, but {len(refused)} of them '
                      'do not match the QoS of a listener' if refused else
                      snapshot.why_no_transforms or '0 transforms', topics=snapshot.topics)
+
+
+@_check('wrong_type', ERROR,
+        'Messages on /tf or /tf_static have another type than tf2_msgs/msg/TFMessage; no listener '
+        'receives them.',
+        'Send transforms with a TransformBroadcaster or a StaticTransformBroadcaster '
+        '(sendTransform), and other messages on another topic.')
+def _wrong_type(snapshot: Snapshot) -> Iterator[_Fault]:
+    for endpoint in snapshot.endpoints:
+        if endpoint.wrong_type:
+            yield _Fault((), f'{endpoint.node or "a node"} publishes {endpoint.wrong_type} on '
+                         f'{endpoint.topic}, not tf2_msgs/msg/TFMessage', topics=[endpoint.topic],
+                         nodes=[*filter(None, [endpoint.node])])
 
 
 @_check('two_publishers', ERROR,

@@ -9,7 +9,13 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 
 from dummy_arm.tf import Buffer, Frame
-from dummy_arm.tf.formatting import comma_list, match_candidates, quoted, suggest_names
+from dummy_arm.tf.formatting import (
+    comma_list,
+    full_name,
+    match_candidates,
+    quoted,
+    suggest_names,
+)
 from dummy_arm.tf.publisher_listener import PublisherListener
 
 #: The largest number of known frames that a message lists.
@@ -58,10 +64,10 @@ class FrameListener:
         """
         Return the possible reasons why no transform has been received.
 
-        :returns: the text of `other_topics_hint`; if it is empty, sentences that name the settings
-            to check.
+        :returns: the text of `topics_hint`; if it is empty, sentences that name the settings to
+            check.
         """
-        if hint := self.other_topics_hint():
+        if hint := self.topics_hint():
             return hint
         publishers = sum(map(self.node.count_publishers, self.topics))
         static, dynamic = self.topics
@@ -71,6 +77,31 @@ class FrameListener:
                 'ROS_AUTOMATIC_DISCOVERY_RANGE (here: '
                 f'{os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") or "SUBNET"}); or listen '
                 'longer: discovery can take several seconds.')
+
+    def topics_hint(self) -> str:
+        """
+        Return which publishers have a wrong type, and which other topics have transforms.
+
+        :returns: the texts of `wrong_type_hint` and of `other_topics_hint`.
+        """
+        return ' '.join(filter(None, [self.wrong_type_hint(), self.other_topics_hint()]))
+
+    def wrong_type_hint(self) -> str:
+        """
+        Return who publishes another type than TFMessage on the topics of transforms.
+
+        :returns: sentences that name the nodes, the types, the topics and the remedy; '' if all
+            publishers have the right type.
+        """
+        wrong = dict.fromkeys(
+            f'{full_name(info.node_namespace, info.node_name)} publishes {info.topic_type} on '
+            f'{topic}' for topic in self.topics
+            for info in self.node.get_publishers_info_by_topic(topic)
+            if info.topic_type != TF_MESSAGE)
+        if not wrong:
+            return ''
+        return (f'{comma_list([*wrong], _SHOWN)}. The type must be {TF_MESSAGE}: send transforms '
+                'with a TransformBroadcaster or a StaticTransformBroadcaster.')
 
     def other_topics_hint(self) -> str:
         """
@@ -86,7 +117,9 @@ class FrameListener:
             self._has_dynamic_frames = not all(frame.is_static for frame in frames)
             if frames and dynamic != '/tf':
                 return ''
-        if self._has_dynamic_frames or self.node.count_publishers(dynamic):
+        if self._has_dynamic_frames or any(
+                info.topic_type == TF_MESSAGE
+                for info in self.node.get_publishers_info_by_topic(dynamic)):
             return ''
         remedies: dict[str, str] = {}
         for topic, types in sorted(self.node.get_topic_names_and_types()):
@@ -109,7 +142,7 @@ class FrameListener:
         """
         Return why there is no transform, and which frames exist.
 
-        The text of `other_topics_hint` is added. If it is empty, and no frame exists 6 s after the
+        The text of `topics_hint` is added. If it is empty, and no frame exists 6 s after the
         start, the text of `why_no_frames` is added, but only once.
 
         :param target: the frame in which the transform is expressed.
@@ -123,7 +156,7 @@ class FrameListener:
             return ''
         known = self.buffer.frame_names()
         if not known:
-            if hint := self.other_topics_hint():
+            if hint := self.topics_hint():
                 return f'{why} {hint}'
             if self._has_explained or monotonic() < self._start + _DISCOVERY:
                 return why
@@ -138,4 +171,4 @@ class FrameListener:
             SequenceMatcher(None, name, other).ratio() for other in missing or [target, source]))
         listed = list(dict.fromkeys((*near, *known)))
         return (f'{why} Frames here, the nearest names first: '
-                f'{comma_list(listed, _SHOWN, quoted)}. {self.other_topics_hint()}').rstrip()
+                f'{comma_list(listed, _SHOWN, quoted)}. {self.topics_hint()}').rstrip()

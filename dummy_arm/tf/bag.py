@@ -78,11 +78,11 @@ class BagMessage(NamedTuple):
 
 
 class TopicHeaders(NamedTuple):
-    """The headers on a topic of a bag, other than the topics that are read."""
+    """The headers on a topic of a bag that is not read, or the wrong type of one that is."""
 
     topic: str  #: the name of the topic
     msgtype: str  #: the type of its messages, such as 'sensor_msgs/msg/LaserScan'
-    #: The `frame_id` of the headers of its first messages; empty for a topic with TF messages;
+    #: The `frame_id` of the headers of its first messages; empty for TF messages, or a wrong type;
     #: None if it is not known whether the messages begin with a header.
     frames: Optional[frozenset[str]]
 
@@ -100,12 +100,14 @@ def messages(path: Union[str, 'os.PathLike[str]'], *, namespace: str = '', parti
     :param max_bytes: as for `read`.
     :param on_progress: as for `read`.
     :param on_headers: called at the end, with a list of the other topics whose messages begin with
-        a std_msgs/Header, or may do so, and of the other topics with TF messages. Of each topic,
-        the headers of the first 10 messages are read. None: no headers are read, and parts of the
-        bag without TF are skipped.
+        a std_msgs/Header, or may do so, of the other topics with TF messages, and of the topics
+        `tf` and `tf_static` if their messages are of another type. Of each topic, the headers of
+        the first 10 messages are read. None: no headers are read, and parts of the bag without TF
+        are skipped.
     :returns: an iterator over the messages. The messages of a bag of ROS 1 are in the order of the
         file; those of each file of a bag of rosbag2 are in the order of their times.
-    :raises BagError: as `read`; but a bag whose messages have no valid transform is no error.
+    :raises BagError: as `read`; but a bag whose messages have no valid transform is no error, and
+        with `on_headers`, neither is a bag whose topic `tf` or `tf_static` has another type.
     :raises ValueError: if max_bytes is out of range.
     :raises OSError: as `read`.
     """
@@ -122,7 +124,7 @@ def messages(path: Union[str, 'os.PathLike[str]'], *, namespace: str = '', parti
             *(TopicHeaders(topic, msgtype, None)
               for topic, msgtype in context.unknown_types.items()),
             *(TopicHeaders(topic, msgtype, frozenset())
-              for topic, msgtype in context.other_tf.items())])
+              for topic, msgtype in (*context.other_tf.items(), *context.wrong_types.items()))])
 
 
 def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namespace: str = '',
@@ -209,13 +211,16 @@ def _finish(path: Path, context: BagContext, count: int) -> None:
     Report that the whole bag has been read; log its damage.
 
     :param count: the number of TF messages that were read.
-    :raises BagError: if there was no TF message.
+    :raises BagError: if there was no TF message, and `messages` does not report a wrong type.
     """
     context.finish()
-    if not count:
+    is_wrong = bool(context.wrong_types)
+    if not count and not (is_wrong and context.with_headers):
         raise BagError(
             f'no TF message can be read from {" ".join(context.damage)}' if context.damage else
             f'{path} has no TF: {context.why_no_tf()}')
+    if is_wrong and not context.with_headers:
+        logging.getLogger('dummy_arm.tf').warning('%s: %s', path, context.wrong_types_text())
     if context.damage:
         logging.getLogger('dummy_arm.tf').warning(
             '%s Read %d TF messages', ' '.join(context.damage), count)

@@ -176,6 +176,10 @@ class Observer:
         """Return the possible reasons why no transform has been received."""
         return self._listener.why_no_frames()
 
+    def wrong_type_hint(self) -> str:
+        """Return who publishes another type than TFMessage; '' if nobody does."""
+        return self._listener.wrong_type_hint()
+
 
 # Programs
 
@@ -430,7 +434,7 @@ def _observe(file: str, seconds: float, domain: int, directory: str, ros_args: S
             wait_until(_START, lambda: observer.poll() or program.fault())
             if observer.has_started:
                 wait_until(seconds, lambda: observer.poll() and program.fault())
-            if fault := program.fault():
+            if fault := program.fault() or observer.wrong_type_hint():
                 return _grade(file, check(observer.messages), fault)
             if not observer.has_started:
                 static = 'on /tf' if observer.messages else 'on /tf and /tf_static'
@@ -613,6 +617,8 @@ def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> R
             elif not observer.messages:
                 raise CommandError(f'no transform was received within {_START:g} s. '
                                    f'{observer.why_no_frames()}')
+            if hint := observer.wrong_type_hint():
+                print(f'check_arm: warning: {visible(hint)}', file=sys.stderr)
             return observer.report()
         except KeyboardInterrupt:
             raise CommandError('interrupted: nothing was judged') from None

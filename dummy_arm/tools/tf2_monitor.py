@@ -187,7 +187,7 @@ def _results(frame_listener: 'FrameListener', traffic: Traffic, chain: Optional[
     if not frame_listener.now():
         lines += wrapped('Warning: use_sim_time is set, but no message has arrived on /clock: '
                          'delays are not known')
-    if hint := frame_listener.other_topics_hint():
+    if hint := frame_listener.topics_hint():
         lines += wrapped(f'Warning: {hint}')
     if dropped:
         lines += wrapped(f'Warning: {dropped} messages arrived too fast to be counted')

@@ -178,19 +178,30 @@ class _HeaderSampler:
         self._next_scan = 0.0
         #: By topic: the frames in the headers that were read.
         self.frames: dict[str, set[str]] = {}
-        #: By topic: its type, which cannot be imported.
-        self.unknown_types: dict[str, str] = {}
+        #: By topic: why its headers are not read.
+        self.not_read: dict[str, str] = {}
 
     def scan_if_due(self) -> None:
-        """Subscribe to new topics whose messages begin with a header, but twice a second only."""
+        """
+        Subscribe to new topics whose messages begin with a header, but twice a second only.
+
+        A node cannot subscribe to a topic with two types: topics of transforms are left out.
+        """
         if time.monotonic() < self._next_scan:
             return
+        from dummy_arm.inspection.frame_listener import TF_MESSAGE
         self._next_scan = time.monotonic() + _SCAN_INTERVAL
         for topic, types in self._node.get_topic_names_and_types():
-            if topic not in self.frames and self._node.count_publishers(topic):
+            if topic in self.frames or TF_MESSAGE in types:
+                continue
+            published = sorted({
+                info.topic_type for info in self._node.get_publishers_info_by_topic(topic)})
+            if published:
                 self.frames[topic] = set()
-                for name in types:
-                    self._examine(topic, name)
+            if len(published) == 1:
+                self._examine(topic, published[0])
+            elif published:
+                self.not_read[topic] = f'its publishers have the types {", ".join(published)}'
 
     def _examine(self, topic: str, type_name: str) -> None:
         """Subscribe to a topic if its messages begin with a header."""
@@ -202,8 +213,10 @@ class _HeaderSampler:
             fields = message_type.get_fields_and_field_types()
             if next(iter(fields.values()), '') == 'std_msgs/Header':
                 self._subscribe(topic, message_type)
-        except Exception:  # a type that cannot be imported causes errors of many types
-            self.unknown_types[topic] = type_name
+        except (ImportError, AttributeError):
+            self.not_read[topic] = f'its type {type_name} cannot be imported'
+        except Exception as error:  # the code of another package can raise any error
+            self.not_read[topic] = f'{type_name}: {type(error).__name__}: {error}'
 
     def _subscribe(self, topic: str, message_type: Any) -> None:
         """Subscribe to a topic until the headers of some messages are read."""
@@ -287,8 +300,7 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
             empty_names=statistics.empty_names, not_known=not_known,
             why_no_transforms='' if tracks else frame_listener.why_no_frames(),
             other_namespaces=frame_listener.other_topics_hint(), end=end, clock_hint=hint)
-    left_out = [f'headers on {topic}: its type {name} cannot be imported'
-                for topic, name in sorted(sampler.unknown_types.items())]
+    left_out = [f'headers on {topic}: {why}' for topic, why in sorted(sampler.not_read.items())]
     if dropped:
         left_out.append(f'{dropped} messages: they arrived too fast')
     return Observation(
@@ -320,12 +332,18 @@ def _not_counted(statistics: Statistics, malformed: Counter[str]) -> Iterator[st
 def _endpoints(node: 'Node', topics: Sequence[str]) -> Iterator[Endpoint]:
     """Yield the publishers on the topics, with the first listener that each does not match."""
     from rclpy.qos import DurabilityPolicy, qos_check_compatible, QoSCompatibility
+
+    from dummy_arm.inspection.frame_listener import TF_MESSAGE
     own_name = node.get_fully_qualified_name()
     for topic in topics:
         # The subscription of this node has the QoS of tf2's TransformListener; it comes first.
-        listeners = sorted(node.get_subscriptions_info_by_topic(topic),
+        listeners = sorted((info for info in node.get_subscriptions_info_by_topic(topic)
+                            if info.topic_type == TF_MESSAGE),
                            key=lambda info: _full_name(info) != own_name)
         for publisher in node.get_publishers_info_by_topic(topic):
+            if publisher.topic_type != TF_MESSAGE:
+                yield Endpoint(topic, _full_name(publisher), False, '', publisher.topic_type)
+                continue
             mismatch = ''
             for listener in listeners:
                 compatibility, reason = qos_check_compatible(
@@ -366,12 +384,16 @@ def _observe_bag(bag: str, namespace: str, partial: bool) -> Observation:
     if not any(track['delays'] for track in tracks):
         not_known['arrivals'] = 'there are no dynamic transforms with a time of the recording'
     path = namespace_path(namespace)
+    own_topics = f'{path}/tf', f'{path}/tf_static'
     tf_topics = [topic.topic for topic in topics if topic.frames == frozenset()
-                 and topic.topic.removesuffix('_static').endswith('/tf')]
+                 and topic.topic.removesuffix('_static').endswith('/tf')
+                 and topic.topic not in own_topics]
     others = [topic for topic in tf_topics if topic.endswith('/tf')]
     is_static = all(track.is_static for track in tracks)
     snapshot = Snapshot(
-        tracks, (f'{path}/tf', f'{path}/tf_static'), nodes=nodes,
+        tracks, own_topics, nodes=nodes,
+        endpoints=[Endpoint(topic.topic, '', False, '', topic.msgtype) for topic in topics
+                   if topic.topic in own_topics],
         headers=headers_of(path, [Headers(topic.topic, topic.frames) for topic in topics
                                   if topic.frames], tf_topics),
         empty_names=statistics.empty_names, not_known=not_known, has_record_times=True,
@@ -434,6 +456,8 @@ def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: 
         if not buffer.frame_names():
             return explanation._replace(
                 why_not=f'No transform has been received. {frame_listener.why_no_frames()}')
+        if explanation.why_not and (hint := frame_listener.topics_hint()):
+            return explanation._replace(why_not=f'{explanation.why_not} {hint}')
         now = frame_listener.now()
     if not now or not explanation.stamp or stamp:
         return explanation

@@ -139,7 +139,7 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
                                f'{frame_listener.why_no_frames()}')
         wait(seconds, f'listening to {" and ".join(reversed(frame_listener.topics))}')
         now, frames = frame_listener.now(), frame_listener.frames()
-        if hint := frame_listener.other_topics_hint():
+        if hint := frame_listener.topics_hint():
             print(f'view_frames: warning: {visible(hint)}', file=sys.stderr)
         return frames, now
 
@@ -156,7 +156,7 @@ def _show(frame_listener: 'FrameListener', root: Optional[str]) -> None:
     except CommandError as error:  # the root may be published later
         show(wrapped(f'waiting for the root: {error}'))
     else:
-        hint = frame_listener.other_topics_hint()
+        hint = frame_listener.topics_hint()
         warning = wrapped(f'Warning: {hint}') if hint else []
         show([*warning, *format_tree(forest, now, height())], len(warning) + forest.line_count)
 

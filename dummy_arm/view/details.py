@@ -38,7 +38,7 @@ def overview(snapshot: Snapshot, source: Source, fixed: str = '') -> str:
     name = _text(source.name)
     lines = [f'{name}: {alive} frame{"" if alive == 1 else "s"}' if snapshot.names else
              f'{name}: no frames yet. {_text(source.why_no_frames())}']
-    if snapshot.names and (hint := source.other_topics_hint()):
+    if snapshot.names and (hint := source.topics_hint()):
         lines.append(_text(hint))
     if timed_out:
         lines.append(f'not shown, because no new transform has arrived for {TIMEOUT:g} s on the '

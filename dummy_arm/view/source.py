@@ -114,11 +114,11 @@ class Source(Protocol):
         :returns: its rate, delay and publisher.
         """
 
-    def other_topics_hint(self) -> str:
+    def topics_hint(self) -> str:
         """
-        Return which other topics have transforms, if no dynamic transform has arrived.
+        Return which publishers have a wrong type, and which other topics have transforms.
 
-        :returns: one sentence; '' if there are no such topics.
+        :returns: one or more sentences; '' if there are no such publishers and topics.
         """
 
     def why_no_frames(self) -> str:
@@ -153,7 +153,7 @@ class BagSource:
         """
         return Publication(frequency(frame), None, frame.authority)
 
-    def other_topics_hint(self) -> str:
+    def topics_hint(self) -> str:
         """
         Return an empty text: when a bag is opened, the command checks its topics.
 
@@ -216,13 +216,13 @@ class LiveSource:
             return Publication(None, None, publisher)
         return Publication(summary.rate, summary.average_delay, publisher)
 
-    def other_topics_hint(self) -> str:
+    def topics_hint(self) -> str:
         """
-        Return which other topics have transforms, if no dynamic transform has arrived.
+        Return which publishers have a wrong type, and which other topics have transforms.
 
-        :returns: as `FrameListener.other_topics_hint`.
+        :returns: as `FrameListener.topics_hint`.
         """
-        return self._frame_listener.other_topics_hint()
+        return self._frame_listener.topics_hint()
 
     def why_no_frames(self) -> str:
         """

@@ -156,7 +156,7 @@ class View:
         """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""
         snapshot, key = self._snapshot, self._texts_key
         if now >= self._next_hint:
-            self._hint, self._next_hint = self._source.other_topics_hint(), now + _HINT_PERIOD
+            self._hint, self._next_hint = self._source.topics_hint(), now + _HINT_PERIOD
         is_new = snapshot is not key[0] or (fixed, selected, self._hint) != key[1]
         if is_new and now >= self._next_texts:
             self._next_texts = now + _TEXT_PERIOD

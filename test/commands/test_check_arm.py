@@ -6,6 +6,7 @@ from cli_runner import call
 from geometry_msgs.msg import TransformStamped
 from processes import tool
 import pytest
+from ros_node import eventually, stamped
 
 from dummy_arm.inspection.arm_check import OK
 from dummy_arm.tf import StaticTransformBroadcaster
@@ -35,6 +36,20 @@ def test_no_arm(domain_id, monkeypatch):
     assert (result.code, result.stdout) == (1, '')
     assert 'check_arm: no transform was received within 0.5 s. ' in result.stderr
     assert f'ROS_DOMAIN_ID (here: {domain_id})' in result.stderr
+
+
+def test_another_type(ros, monkeypatch):
+    """A warning names the node that publishes another type than TFMessage."""
+    def wait(_, what, poll):  # what is created later is discovered later
+        eventually(lambda: poll() or poll.__self__.messages)
+
+    monkeypatch.setattr(check_arm, 'wait', wait)
+    ros.node.create_publisher(TransformStamped, '/tf', 10)
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'lamp'))
+    result = call(main, domain=ros.context.get_domain_id())
+    assert result.code == 1
+    assert ('check_arm: warning: /test publishes geometry_msgs/msg/TransformStamped on /tf. '
+            in result.stderr)
 
 
 def test_ctrl_c(arm_domain):

@@ -4,6 +4,7 @@ import re
 import time
 
 from cli_runner import call
+from geometry_msgs.msg import TransformStamped
 from processes import ARM, TIMEOUT
 import pytest
 from ros_node import stamped
@@ -78,6 +79,16 @@ def test_every_command_names_other_topics(ros, main, arguments, text):
         return begun and re.search(text, written)
 
     assert call(main, *arguments, domain=ros.context.get_domain_id(), until=until).code == 0
+
+
+@pytest.mark.parametrize(('main', 'arguments'), [
+    (tf2_echo.main, ('map', 'robot')), (tf2_monitor.main, ()), (view_frames.main, ('--watch',))])
+def test_every_command_names_another_type(ros, main, arguments):
+    """Also a publisher of another type on /tf is named."""
+    ros.node.create_publisher(TransformStamped, '/tf', 10)
+    assert call(main, *arguments, domain=ros.context.get_domain_id(), until=re.compile(
+        '/test publishes geometry_msgs/msg/TransformStamped on /tf. The type must').search
+        ).code == 0
 
 
 def test_view_frames_names_other_topics_at_its_end(ros):

@@ -1,5 +1,6 @@
 """The command `tf_doctor` on real DDS: publishers, headers of other topics, healthy systems."""
 
+from importlib import import_module
 import json
 import os
 import re
@@ -7,13 +8,13 @@ import signal
 from typing import Any
 
 from cli_runner import call
-from geometry_msgs.msg import PointStamped
+from geometry_msgs.msg import PointStamped, TransformStamped
 from processes import Process, TIMEOUT, tool
 import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
-from ros_node import stamped
+from ros_node import Ros, stamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 
@@ -114,6 +115,66 @@ def test_publishers_and_headers(ros):
     assert found['other_clock']['frames'] == ['wheel']
     assert found['other_clock']['nodes'] == ['/other']
     assert not [text for text in data['not_checked'] if not text.startswith('headers on')]
+
+
+def test_another_type(ros):
+    """A publisher of another type on /tf is the one cause, and nothing else is said about it."""
+    ros.node.create_publisher(TransformStamped, '/tf', 10)
+    point = ros.node.create_publisher(PointStamped, '/point', 10)  # it is discovered later
+    code, output, error = run(ros, '--json', publishers=[point])
+    data = json.loads(output)
+    (finding,) = data['findings']
+    assert (code, finding['code'], finding['severity']) == (1, 'wrong_type', 'error')
+    assert (finding['topics'], finding['nodes']) == (['/tf'], ['/test'])
+    assert finding['evidence'] == ('/test publishes geometry_msgs/msg/TransformStamped on /tf, '
+                                   'not tf2_msgs/msg/TFMessage')
+    assert 'TransformBroadcaster' in finding['remedy']
+    assert (data['not_checked'], error) == ([], '')
+
+
+def test_another_type_beside_transforms(ros):
+    """It is an error where transforms arrive, too, and the cause of a missing frame."""
+    ros.node.create_publisher(TransformStamped, '/tf', 10)
+    static = StaticTransformBroadcaster(ros.node)
+    static.sendTransform(stamped('map', 'odom'))
+    status, data = examine(ros, publishers=[static.pub_tf])
+    assert (status, codes(data)) == (1, {'wrong_type'})
+    code, output, _ = run(ros, 'map', 'camera', publishers=[static.pub_tf])
+    assert code == 1
+    assert '/test publishes geometry_msgs/msg/TransformStamped on /tf. ' in output
+
+
+@pytest.mark.parametrize(('error', 'text'), [
+    (ImportError('no file'), 'its type sensor_msgs/msg/JointState cannot be imported'),
+    (OSError('no memory'), 'sensor_msgs/msg/JointState: OSError: no memory')])
+def test_a_type_that_cannot_be_imported(ros, monkeypatch, error, text):
+    """Its headers are listed as not checked, with the reason."""
+    def fail(name):
+        if name == 'sensor_msgs.msg':
+            raise error
+        return import_module(name)
+
+    monkeypatch.setattr(tf_doctor, 'import_module', fail)
+    ros.node.create_publisher(JointState, '/joints', 10)
+    point = ros.node.create_publisher(PointStamped, '/point', 10)
+    _, data = examine(ros, '--ignore', 'no_transforms', publishers=[point])
+    assert data['not_checked'] == [f'headers on /joints: {text}']
+
+
+def test_a_topic_with_two_types(ros):
+    """Its headers are listed as not checked: a node cannot subscribe to both types."""
+    other = Ros(ros.context.get_domain_id())
+    names = '/a', '/b'
+    for node, kind in (ros.node, PointStamped), (other.node, JointState):
+        for name in names:
+            node.create_publisher(kind, name, 10)
+    points = [each.node.create_publisher(PointStamped, '/point', 10) for each in (ros, other)]
+    _, output, error = run(ros, '--json', '--ignore', 'no_transforms', publishers=points)
+    other.close()
+    assert error == ''
+    assert json.loads(output)['not_checked'] == [
+        f'headers on {name}: its publishers have the types geometry_msgs/msg/PointStamped, '
+        'sensor_msgs/msg/JointState' for name in names]
 
 
 def test_malformed_headers(ros):

@@ -52,6 +52,13 @@ PROGRAMS = {
                         ("('joint_2', 'joint_3'", "('base_link', 'joint_3'")),
                 'not ok: the tree (base_link → joint_2). The tree is a star: joint_1, joint_2, '
                 'joint_3 have the same parent.'),
+    'another_type.py': (program(
+        ('self.broadcaster = TransformBroadcaster(self)',
+         'self.broadcaster = self.create_publisher(TransformStamped, "tf", 10)'),
+        ('self.broadcaster.sendTransform([', '[*map(self.broadcaster.publish, ['),
+        ('limit in JOINTS])', 'limit in JOINTS])]')),
+        'not ok: /dummy_arm publishes geometry_msgs/msg/TransformStamped on /tf. The type must be '
+        'tf2_msgs/msg/TFMessage: send transforms with a TransformBroadcaster or '),
     'syntax.py': ('import rclpy\nprint("no end)\n',
                   'not ok: It does not compile: line 2: unterminated string literal'),
     'crash.py': ('import rclpy\nrclpy.init()\nnode = rclpy.create_node("a")\n\n\ndef f():\n'

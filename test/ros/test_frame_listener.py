@@ -1,7 +1,9 @@
 """The listener of the commands: what it says if nothing arrives on /tf."""
 
+from geometry_msgs.msg import TransformStamped
+import pytest
 from rclpy.node import Node
-from ros_node import stamped
+from ros_node import Ros, stamped
 
 from dummy_arm.inspection.frame_listener import FrameListener
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
@@ -43,3 +45,37 @@ def test_no_remedy_is_needed(ros):
         'No transform has arrived on /tf, but /robot1/tf has 1 publisher: --namespace robot1.')
     listener.buffer.set_transform(stamped('map', 'robot', 1), 'test')
     assert listener.other_topics_hint() == ''
+
+
+@pytest.fixture
+def student(ros):
+    """Another participant: within one, a topic cannot have two types."""
+    other = Ros(ros.context.get_domain_id())
+    yield other.node
+    other.close()
+
+
+def test_another_type(ros, student):
+    """Publishers of another type are named once each, and do not count as those of transforms."""
+    listener = FrameListener(ros.node)
+    for topic in '/tf_static', '/tf', '/tf':
+        student.create_publisher(TransformStamped, topic, 10)
+    text = ('/test publishes geometry_msgs/msg/TransformStamped on /tf_static, /test publishes '
+            'geometry_msgs/msg/TransformStamped on /tf. The type must be tf2_msgs/msg/TFMessage: '
+            'send transforms with a TransformBroadcaster or a StaticTransformBroadcaster.')
+    ros.until(lambda: listener.topics_hint() == text)
+    assert listener.why_no_frames() == text
+    TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
+    other = 'No transform has arrived on /tf, but /robot1/tf has 1 publisher: --namespace robot1.'
+    ros.until(lambda: listener.topics_hint() == f'{text} {other}')
+    assert listener.why_no_transform('map', 'camera').endswith(f'{text} {other}')
+
+
+def test_another_type_beside_transforms(ros, student):
+    """The cause of a missing frame is named where other frames exist."""
+    listener = FrameListener(ros.node)
+    student.create_publisher(TransformStamped, '/tf', 10)
+    listener.buffer.set_transform(stamped('map', 'robot', 1), 'test')
+    ros.until(listener.wrong_type_hint)
+    assert 'on /tf. The type must be' in listener.why_no_transform('map', 'camera')
+    assert not listener.why_no_transform('map', 'robot')

@@ -249,7 +249,7 @@ def _offline_listener() -> Any:
         def now(self) -> int:
             return T
 
-        def other_topics_hint(self) -> str:
+        def topics_hint(self) -> str:
             return ''
 
         def why_no_frames(self) -> str:

@@ -386,11 +386,24 @@ def test_a_bag_without_tf(tmp_path, kind):
 def test_another_type_or_encoding_on_tf(tmp_path):
     """A topic /tf of another type or encoding is not TF, and the error names it."""
     path = bags.make(tmp_path, 'mcap', [('/tf', S, b'\0\1\0\0\0', 'std_msgs/msg/Bool')])
-    with pytest.raises(BagError, match=r'its topics: /tf \(std_msgs/msg/Bool\)'):
+    with pytest.raises(BagError, match=f'TF: /tf has the type std_msgs/msg/Bool, not {bags.TF}: '):
         read(path)
     path = bags.mcap(tmp_path / 'x.mcap', bags.mcap_channel(encoding='json'))
-    with pytest.raises(BagError, match=re.escape(f'its topics: /tf ({bags.TF} in json)')):
+    with pytest.raises(BagError, match=f'TF: /tf has the type {bags.TF} in json, not {bags.TF}: '):
         read(path)
+
+
+@pytest.mark.parametrize('kind', PLAIN)
+def test_another_type_beside_transforms(tmp_path, logs, kind):
+    """The transforms are read, and a warning names the topic of another type."""
+    path = bags.make(tmp_path, kind, [
+        ('/tf_static', S, [bags.row(S, 'map', 'odom')]), ('/tf', S, bytes(4), POINT)])
+    assert [frame.name for frame in read(path).frames()] == ['odom']
+    (record,) = logs
+    assert f'/tf has the type {POINT}, not {bags.TF}: ' in record.getMessage()
+    topics: list[bag.TopicHeaders] = []
+    assert len([*bag.messages(path, on_headers=topics.extend)]) == 1
+    assert topics == [bag.TopicHeaders('/tf', POINT, frozenset())]
 
 
 def test_control_characters_of_a_bag(tmp_path):

@@ -18,6 +18,8 @@ S, MS = bags.S, 10**6
 T = 1_700_000_000 * S
 KINDS = 'mcap', 'db3', 'bag'
 POINT = 'geometry_msgs/msg/PointStamped'
+#: A message of another type on /tf.
+WRONG = '/tf', T, b'\0\1\0\0', 'geometry_msgs/msg/TransformStamped'
 
 
 def pose(x, z=0.0):
@@ -254,6 +256,12 @@ CASES = {
         [tf(i, 'map base_link', 'base_link odom') for i in range(100)], {'rep_105'}),
     'siblings': ([tf(i, 'map base_link', 'map odom') for i in range(100)], {'rep_105'}),
     'no transforms': ([('/tf', T, [], bags.TF, '/robot')], {'no_transforms'}),
+    'only another type': ([WRONG], {'wrong_type'}),
+    'another type that has no header': (
+        [static('map odom'), ('/tf', T, b'\0\1\0\0\0', 'std_msgs/msg/Bool')], {'wrong_type'}),
+    'another type, and another namespace': (
+        [WRONG, static('map odom'), tf(0, 'odom base_link', topic='/robot/tf')],
+        {'wrong_type', 'other_namespace'}),
     'a huge quaternion': (
         with_pose(robot(), 7, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1e200)), {'unnormalized'}),
 }
@@ -314,6 +322,21 @@ def test_cases(capsys, tmp_path, name):
     _, found = doctor(capsys, bags.make(tmp_path, kind, converted(content, kind)))
     assert {finding['code'] for finding in found['findings']} == expected
     assert capsys.readouterr().err == ''
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_another_type(capsys, tmp_path, kind):
+    """The topic and its type are named; what the other topic has is checked all the same."""
+    path = bags.make(tmp_path, kind, [static('map odom', 'base lamp'), WRONG])
+    status, found = doctor(capsys, path)
+    error, info = found['findings']
+    assert (status, error['code'], error['severity']) == (1, 'wrong_type', 'error')
+    assert error['topics'] == ['/tf']
+    assert 'geometry_msgs/msg/TransformStamped on /tf, not tf2_msgs/msg/TFMessage' in (
+        error['evidence'])
+    assert 'TransformBroadcaster' in error['remedy']
+    assert info['code'] == 'several_trees'
+    assert not any('/tf' in text for text in found['not_checked'])
 
 
 def test_whose_clock_is_wrong(capsys, tmp_path):

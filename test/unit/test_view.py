@@ -250,7 +250,7 @@ class StubSource:
         """Return the facts, whatever the frame is."""
         return self._publication
 
-    def other_topics_hint(self):
+    def topics_hint(self):
         """Return a hint."""
         return 'other <topics>'
 

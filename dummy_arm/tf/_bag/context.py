@@ -157,6 +157,8 @@ class BagContext:
         self.header_streams: dict[str, HeaderStream] = {}
         #: The types of further topics with TF messages; by the name of the topic.
         self.other_tf: dict[str, str] = {}
+        #: The types of the topics `tf` and `tf_static`, where these are not TF messages.
+        self.wrong_types: dict[str, str] = {}
         #: The types of other topics whose definition is not known; by the name of the topic.
         self.unknown_types: dict[str, str] = {}
         self._namespace = namespace_path(namespace)
@@ -194,6 +196,9 @@ class BagContext:
             if is_static is not None:
                 return Stream(is_static, publisher, encoding)
             self.other_tf[topic] = msgtype
+            return None
+        if is_static is not None:
+            self.wrong_types[topic] = msgtype
             return None
         if not self.with_headers or len(self.header_streams) >= _MAX_TOPICS:
             return None
@@ -270,7 +275,7 @@ class BagContext:
         Return a text that says why no TF message was found.
 
         The text lists the namespaces in which the bag has TF messages. If there are no such
-        namespaces, the text lists the topics of the bag.
+        namespaces, it is `wrong_types_text`, or lists the topics of the bag.
         """
         expected = ' or '.join(self._is_static)
         namespaces = {topic.rpartition('/')[0] for topic, msgtype in self._types.items()
@@ -283,10 +288,19 @@ class BagContext:
             return (f'no TFMessage on {expected}, but in the namespace '
                     f'{comma_list([logged(name) or "/" for name in others], _SHOWN)}: pass it as '
                     'namespace (--namespace)')
+        if self.wrong_types:
+            return self.wrong_types_text()
         topics = sorted(f'{logged(topic)} ({logged(msgtype)})'
                         for topic, msgtype in self._types.items())
         return (f'no tf2_msgs/msg/TFMessage on {expected}; its topics: '
                 f'{comma_list(topics, _SHOWN) or "none"}')
+
+    def wrong_types_text(self) -> str:
+        """Return what is wrong with `wrong_types`, and the remedy."""
+        types = ' and '.join(f'{logged(topic)} has the type {logged(msgtype)}'
+                             for topic, msgtype in sorted(self.wrong_types.items()))
+        return (f'{types}, not {_TYPES[0]}: send transforms with a TransformBroadcaster or a '
+                'StaticTransformBroadcaster')
 
 
 def _begins_with_header(msgtype: str, definition: str) -> Optional[bool]:
