@@ -97,6 +97,17 @@ def test_only_what_is_connected_and_known():
     assert [*buffer.lookup_all(['x'])[0]] == ['x', 'y']
 
 
+def test_only_over_some_edges():
+    """Frames that are connected only by other edges are left out, in both directions."""
+    buffer = BufferCore()
+    for parent, child in ('map', 'odom'), ('odom', 'base'), ('base', 'hand'), ('map', 'post'):
+        buffer.insert(T, parent, child, pose(1))
+    assert [*buffer.lookup_all(['map'], children=['odom', 'hand'])[0]] == ['map', 'odom']
+    up, down = buffer.lookup_all(['hand', 'map'], children={'hand', 'base', 'post'})
+    assert [*up] == ['hand', 'base', 'odom']
+    assert [*down] == ['map', 'post']
+
+
 def test_no_such_frame():
     """An unknown or invalid target frame raises the same exception as in a single lookup."""
     buffer = BufferCore()

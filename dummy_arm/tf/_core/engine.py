@@ -118,7 +118,7 @@ taken in time, the child process drops the dynamic transforms of that buffer; se
 """
 
 from array import array
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Sequence
 from contextlib import AbstractContextManager, suppress
 from operator import index
 from queue import Empty, SimpleQueue
@@ -587,8 +587,8 @@ class Engine:
             twist, self._lookups, target_frame, source_frame, nanoseconds_or_int(time),
             nanoseconds_or_int(interval, 'interval'))
 
-    def lookup_all(self, target_frames: Iterable[str], until: int = 0
-                   ) -> list[dict[str, Transform]]:
+    def lookup_all(self, target_frames: Iterable[str], until: int = 0,
+                   children: Optional[Container[str]] = None) -> list[dict[str, Transform]]:
         """
         Return, for each target frame, the poses of all frames that are connected to it.
 
@@ -600,6 +600,8 @@ class Engine:
         :param until: the latest time (ns) at which a pose may be valid. The paths follow the
             parents that the frames had at this time. 0: there is no limit, and the paths follow
             the newest parents.
+        :param children: the paths use only the transforms of these frames from their parents;
+            None: of all frames.
         :returns: for each target frame, a dict from the name of each connected frame to its
             transform. The nearest frames, counted in edges, come first. Frames without a transform
             are left out.
@@ -613,7 +615,7 @@ class Engine:
         return [{name: Transform(time, target, name, pose[:3], pose[3:])
                  for name, (time, pose) in placed.items()}
                 for target, placed in zip(targets, self._pull_and_call(
-                    self._lookups.all_poses, targets, until))]
+                    self._lookups.all_poses, targets, until, children))]
 
     def chain(self, target_frame: str, source_frame: str) -> list[str]:
         """

@@ -1,6 +1,6 @@
 """Lookups in the tree of frames: one pose, the poses at many times, or the poses of all frames."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Container, Iterable, Sequence
 from contextlib import suppress
 from typing import Optional
 
@@ -267,7 +267,9 @@ class Lookups:
             self.paths[target, source] = path
         return time, path
 
-    def all_poses(self, targets: Iterable[str], until: int) -> list[dict[str, tuple[int, Pose]]]:
+    def all_poses(self, targets: Iterable[str], until: int,
+                  children: Optional[Container[str]] = None
+                  ) -> list[dict[str, tuple[int, Pose]]]:
         """
         Compute, for each target frame, the poses of all frames that are connected to it.
 
@@ -275,6 +277,8 @@ class Lookups:
         :param until: the latest time (ns) at which a pose may be valid. The paths follow the
             parents that the frames had at this time. 0: there is no limit, and the paths follow
             the newest parents.
+        :param children: the paths use only the edges from these frames to their parents; None:
+            all edges.
         :returns: one dict for each target frame. The keys are the names of the connected frames;
             the frames nearest to the target frame come first. Each value is the time of the pose
             (ns), and the pose in the target frame. Frames without a pose are left out.
@@ -282,8 +286,9 @@ class Lookups:
         """
         edges: dict[str, list[_Edge]] = {}
         for child, parent, history in self.tree.parents(until):
-            edges.setdefault(parent, []).append((child, True, history))
-            edges.setdefault(child, []).append((parent, False, history))
+            if children is None or child in children:
+                edges.setdefault(parent, []).append((child, True, history))
+                edges.setdefault(child, []).append((parent, False, history))
         return [self._all_poses(edges, target, until) for target in targets]
 
     def _all_poses(self, edges: dict[str, list[_Edge]], target: str, until: int
