@@ -19,6 +19,9 @@ _LAST_PORT = 65535
 #: The interval between two updates of the page (s): `_UPDATE_PERIOD` while a browser shows the
 #: page, `_IDLE_PERIOD` while no browser shows it.
 _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
+#: After an update that took long, since there are many frames, the page rests for this many times
+#: as long. Meanwhile viser sends the changes to the viewers.
+_REST = 2.0
 
 
 def command(host: str = HOST, port: Optional[int] = None, bag: Optional[str] = None,
@@ -57,8 +60,9 @@ def _show(source: 'Source', host: str, port: Optional[int]) -> None:
         while True:
             start = monotonic()
             view.update()
+            spent = monotonic() - start
             pause = _UPDATE_PERIOD if server.get_clients() else _IDLE_PERIOD
-            sleep(max(0.0, start + pause - monotonic()))
+            sleep(max(pause - spent, _REST * spent))
 
 
 def port_number(text: str) -> int:

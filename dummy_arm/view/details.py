@@ -12,7 +12,7 @@ from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import comma_list, SECOND, visible
 from dummy_arm.tf.rotations import euler_from_quaternion
 from dummy_arm.view.rods import TIMEOUT
-from dummy_arm.view.snapshot import REACH, Snapshot
+from dummy_arm.view.snapshot import MAX_FRAMES, REACH, Snapshot
 from dummy_arm.view.source import Source
 
 #: If a frame has had no new stamp for more than this time (s), its rate is not shown.
@@ -43,8 +43,16 @@ def overview(snapshot: Snapshot, source: Source, fixed: str = '') -> str:
     if timed_out:
         lines.append(f'not shown, because no new transform has arrived for {TIMEOUT:g} s on the '
                      f'path to: {comma_list(timed_out, _MAX_NAMES, _text)}')
+    if snapshot.gone:
+        lines.append(f'{snapshot.gone} frame{"" if snapshot.gone == 1 else "s"} without an update '
+                     'for a minute: not shown')
+    if snapshot.left_out:
+        total = len(snapshot.names) + len(snapshot.not_finite) + len(snapshot.left_out)
+        lines.append(f'only {MAX_FRAMES} of {total} frames are shown, not: '
+                     f'{comma_list(snapshot.left_out, _MAX_NAMES, _text)}')
     if fixed not in ('', snapshot.fixed):
-        lines.append(f'the fixed frame {_text(fixed)} is not available')
+        lines.append(f'the fixed frame {_text(fixed)} is not available' + (
+            f'; instead of it: {_text(snapshot.fixed)}' if snapshot.fixed else ''))
     if len(snapshot.trees) > 1:
         others = [name for name in snapshot.trees if name != snapshot.fixed]
         lines.append(f'not connected to {_text(snapshot.fixed)}: '

@@ -15,6 +15,9 @@ _NONE = '(none)'
 _SIZES = 0.02, 2.0
 #: The step of the time slider (s).
 _TIME_STEP = 0.01
+#: A change of the frames in a dropdown sends all names to all viewers. So after a change with n
+#: names, the next change waits for n times this (s).
+_OPTION_PERIOD = 0.5e-3
 
 
 class FrameChoice:
@@ -60,19 +63,23 @@ class FrameChoice:
         """
         self._chosen = '' if name == _NONE else name
 
-    def set_options(self, names: Iterable[str], proposal: str) -> None:
+    def set_options(self, names: Iterable[str]) -> None:
         """
-        Add frames to the dropdown, and set the proposal.
-
-        Earlier frames stay in the dropdown, since they may be published again.
+        Set the frames of the dropdown; the chosen frame stays, since it may be published again.
 
         :param names: the names of the frames.
+        """
+        options = (_NONE, *sorted({*names, self.chosen} - {''}))
+        if options != self._dropdown.options:
+            self._dropdown.options = options
+
+    def propose(self, proposal: str) -> None:
+        """
+        Set the proposal, and show the frame that is chosen or proposed.
+
         :param proposal: the frame to use until a viewer chooses one; '' for none.
         """
         self._proposal = proposal
-        options = self._dropdown.options
-        if new := {*names}.difference(options):
-            self._dropdown.options = (_NONE, *sorted(new.union(options[1:])))
         shown = self.name or _NONE
         if self._dropdown.value != shown and shown in self._dropdown.options:
             self._dropdown.value = shown
@@ -91,6 +98,10 @@ class Panel:
         :param look_at_all: a coroutine function that moves the camera of a client so that all
             frames are visible.
         """
+        #: The frames of the dropdowns, and the earliest time of their next change (s, monotonic
+        #: clock).
+        self._options: list[str] = []
+        self._next_options = 0.0
         self._overview = gui.add_html('')
         self._pause = gui.add_checkbox('Pause', False)
         self._requested_time: deque[float] = deque(maxlen=1)
@@ -156,18 +167,24 @@ class Panel:
         """
         self._time.value = round(position, 2)
 
-    def set_frames(self, snapshot: Snapshot) -> None:
+    def set_frames(self, snapshot: Snapshot, names: list[str], now: float) -> None:
         """
-        Add the frames of a snapshot to the dropdowns, and set the checkbox 'Show names'.
+        Set the proposals and frames of the dropdowns, and the checkbox 'Show names'.
 
         Until a viewer uses the checkbox, it is ticked if the snapshot has at most `NAMES_AT_ONCE`
         frames.
 
         :param snapshot: the frames that are shown.
+        :param names: the names of the frames that a viewer can choose.
+        :param now: the time (s, monotonic clock).
         """
-        self.fixed.set_options(snapshot.names, snapshot.fixed)
-        self.trail.set_options(snapshot.names, snapshot.deepest)
-        self.selected.set_options(snapshot.names, snapshot.deepest)
+        choices = self.fixed, self.trail, self.selected
+        if names != self._options and now >= self._next_options:
+            self._options, self._next_options = names, now + len(names) * _OPTION_PERIOD
+            for choice in choices:
+                choice.set_options(names)
+        for choice, name in zip(choices, (snapshot.fixed, snapshot.deepest, snapshot.deepest)):
+            choice.propose(name)
         few = len(snapshot.names) <= NAMES_AT_ONCE
         self._names.value = few if self._names_chosen is None else self._names_chosen
 

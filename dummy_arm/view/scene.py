@@ -1,6 +1,7 @@
 """The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
 
 from collections.abc import Iterable
+from itertools import islice
 from threading import Lock
 from typing import Optional
 
@@ -56,9 +57,10 @@ class Scene:
                                       thickness_units='screen')
         self._rods: Optional[viser.BatchedMeshHandle] = None
         self._trail: Optional[viser.LineSegmentsHandle] = None
-        self._names: list[viser.LabelHandle] = []
-        self._texts: list[str] = []
-        self._next_name = 0
+        #: The labels that are shown, by the name of their frame, and the labels that are not used.
+        self._labels: dict[str, viser.LabelHandle] = {}
+        self._free_labels: list[viser.LabelHandle] = []
+        self._next_label = 0
         #: The names of the frames in the order of the rods, so that `_click` can find the name
         #: by the index of the clicked rod.
         self._frame_names: list[str] = []
@@ -139,26 +141,24 @@ class Scene:
 
     def _show_names(self, snapshot: Snapshot, size: float, with_names: bool) -> None:
         texts = _texts(snapshot, size) if with_names else []
-        positions = snapshot.points
-        while len(self._names) < len(texts):
-            self._names.append(self._scene.add_label(
-                f'/names/{len(self._names)}', '', visible=False, anchor='bottom-left'))
-            self._texts.append('')
-        for i, label in enumerate(self._names):
-            text = texts[i] if i < len(texts) else ''
-            if text != self._texts[i]:
-                self._texts[i] = text
-                label.visible = bool(text)
-                if text:
-                    label.text, label.position = text, positions[i]
-        visible_labels = [i for i, text in enumerate(self._texts) if text]
-        moved = visible_labels
-        if len(visible_labels) > NAMES_AT_ONCE:
-            begin = self._next_name % len(visible_labels)
-            moved = (visible_labels[begin:] + visible_labels[:begin])[:NAMES_AT_ONCE]
-            self._next_name = begin + NAMES_AT_ONCE
-        for i in moved:
-            self._names[i].position = positions[i]
+        shown = {name: (text, position) for name, text, position in zip(
+            snapshot.names, texts, snapshot.points) if text}
+        for name in self._labels.keys() - shown.keys():
+            label = self._labels.pop(name)
+            label.visible = False
+            self._free_labels.append(label)
+        for name, (text, position) in shown.items():
+            label = self._labels.get(name)
+            if label is None:
+                label = self._free_labels.pop() if self._free_labels else self._scene.add_label(
+                    f'/names/{len(self._labels)}', '', visible=False, anchor='bottom-left')
+                self._labels[name] = label
+                label.position, label.visible = position, True
+            label.text = text
+        begin = self._next_label % max(1, len(shown))
+        for name in islice([*shown, *shown], begin, begin + min(NAMES_AT_ONCE, len(shown))):
+            self._labels[name].position = shown[name][1]
+        self._next_label = begin + NAMES_AT_ONCE
 
     def _show_trail(self, lines: NDArray[np.float64]) -> None:
         if not len(lines):

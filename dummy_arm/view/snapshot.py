@@ -20,6 +20,13 @@ SPACING = 2.0
 #: Frames that are farther than this from the origin of the scene are drawn at this distance (m): a
 #: browser computes in float32, and much larger numbers would become infinite.
 REACH = 1e6
+#: If no viewer has chosen a fixed frame, it is the first of these that exists.
+PREFERRED = 'map', 'odom', 'world', 'base_link'
+#: A dynamic frame leaves the page if its last update is this much (s) older than the last update
+#: of any frame.
+GONE = 60.0
+#: The largest number of frames that are shown.
+MAX_FRAMES = 2000
 
 _Value = TypeVar('_Value')
 
@@ -45,12 +52,16 @@ class Snapshot(NamedTuple):
     #: and its anchor (s); for the anchor itself see `_ages`
     silences: dict[str, float]  #: by name, for each of `frames`: the time since its last new stamp
     #: (s); 0 if the frame is static
-    frames: dict[str, Frame]  #: all frames that have a parent, by name
+    frames: dict[str, Frame]  #: the frames that have a parent, by name, without those that have
+    #: left the page or are left out
     trees: dict[str, float]  #: by the name of each anchor: the y of the anchor in the scene (m)
     deepest: str  #: in the tree of the fixed frame, the frame with the most ancestors; '': none
     loops: list[list[str]]  #: for each loop, the names of its frames; these are not in `names`
     far: list[str]  #: the frames that are beyond `REACH`, and therefore drawn at that distance
     not_finite: list[str]  #: the frames that are not in `names` because x, y or z is not finite
+    gone: int  #: the number of frames that have left the page; see `GONE`
+    left_out: list[str]  #: the frames that are not in `names` because there are more than
+    #: `MAX_FRAMES`
 
     def anchor_of(self, name: str) -> tuple[str, float]:
         """
@@ -68,23 +79,25 @@ class Snapshot(NamedTuple):
 class FrameWatcher:
     """Takes snapshots of the frames of a buffer, and stores when each frame was last updated."""
 
-    def __init__(self, buffer: AnyBuffer) -> None:
+    def __init__(self, buffer: AnyBuffer, clock: Callable[[], float] = monotonic) -> None:
         """
         Create a watcher that has not seen any frame.
 
         :param buffer: the buffer whose frames are watched.
+        :param clock: a function that returns the time (s), which never goes back.
         """
-        self._buffer = buffer
-        #: The newest stamp of each frame (ns), and the time at which this stamp was first seen (s,
-        #: monotonic clock).
+        self._buffer, self._clock = buffer, clock
+        #: For each dynamic frame of the buffer: the newest stamp (ns), and the time at which this
+        #: stamp was first seen (s).
         self._updates: dict[str, tuple[int, float]] = {}
 
     def snapshot(self, fixed: str = '', until: int = 0) -> Snapshot:
         """
         Take a snapshot of the frames.
 
-        :param fixed: the name of the fixed frame. If no tree has this frame, the root of the
-            largest tree is used. (Frames in a loop and below a loop are in no tree.)
+        :param fixed: the name of the fixed frame. If no tree has this frame, the first frame of
+            `PREFERRED` that a tree has is used; if there is none, the root of the largest tree.
+            (Frames in a loop and below a loop are in no tree.)
         :param until: the time of the snapshot (ns), for a bag; 0: the latest time.
         :returns: the snapshot.
         """
@@ -92,20 +105,32 @@ class FrameWatcher:
             return self._snapshot(fixed, until)
 
     def _snapshot(self, fixed: str, until: int) -> Snapshot:
-        forest = Forest(self._buffer.frames(until))
+        known = {frame.name: frame for frame in self._buffer.frames(until)}
+        silences = self._silences(known, until)
+        kept = known if until else _without_gone(known, silences)
+        forest = Forest(kept.values())
         frames = forest.frames
         root_of = _descend(frames, {root: root for root in forest.roots}, lambda _, root: root)
         if fixed not in root_of:
+            # Between trees of the same size, the name decides, and not what came first.
             counts = Counter(root_of.values())
-            fixed = max(counts, key=counts.__getitem__, default='')
+            fixed = next((name for name in PREFERRED if name in root_of), min(
+                counts, key=lambda root: (-counts[root], root), default=''))
+        left_out: list[str] = []
+        if len(root_of) > MAX_FRAMES:
+            shown = _first(frames, root_of, fixed)
+            left_out = [name for name in root_of if name not in shown]
+            root_of = {name: root_of[name] for name in shown}
+            frames = {name: frame for name, frame in frames.items() if name in shown}
+        silences = {name: silences[name] for name in frames}
         trees = {fixed: 0.0} if fixed else {}
         for root in forest.roots:
-            if root != root_of.get(fixed):
+            if root != root_of.get(fixed) and root in root_of:
                 trees[root] = -SPACING * len(trees)
         placed: dict[str, Transform] = {}
         offsets: list[float] = []
         not_finite: list[str] = []
-        for y, tree in zip(trees.values(), self._buffer.lookup_all(trees, until)):
+        for y, tree in zip(trees.values(), self._buffer.lookup_all(trees, until, frames)):
             placed |= {name: transform for name, transform in tree.items()
                        if all(map(isfinite, transform.translation))}
             not_finite += [name for name in tree if name not in placed]
@@ -116,7 +141,6 @@ class FrameWatcher:
         places = poses[:, :3].copy()
         places[:, 1] += offsets
         points = within_reach(places)
-        silences = {name: self._silence(frame, until) for name, frame in frames.items()}
         ages = _ages(frames, trees, silences)
         depths = _descend(frames, {root_of.get(fixed, ''): 0}, lambda _, depth: depth + 1)
         return Snapshot(
@@ -127,20 +151,64 @@ class FrameWatcher:
             max(depths.keys() & placed.keys(), key=lambda name: (depths[name], -index[name]),
                 default=''), forest.loops,
             [name for name, is_far in zip(placed, (points != places).any(axis=1)) if is_far],
-            not_finite)
+            not_finite, len(_names(known)) - len(_names(kept)), left_out)
 
-    def _silence(self, frame: Frame, until: int) -> float:
-        """Return the time since the last new stamp of a frame (s)."""
-        if frame.is_static:
-            return 0.0
+    def _silences(self, frames: dict[str, Frame], until: int) -> dict[str, float]:
+        """Return the time since the last new stamp of each frame (s); 0 if it is static."""
         if until:
-            return in_seconds(until - frame.latest)
-        now = monotonic()
-        stamp, since = self._updates.get(frame.name, (None, now))
-        if stamp != frame.latest:
-            self._updates[frame.name] = frame.latest, now
-            return 0.0
-        return now - since
+            return {name: 0.0 if frame.is_static else in_seconds(until - frame.latest)
+                    for name, frame in frames.items()}
+        now, before = self._clock(), self._updates
+        self._updates = {}
+        for name, frame in frames.items():
+            if not frame.is_static:
+                stamp, since = before.get(name, (0, now))
+                self._updates[name] = frame.latest, since if stamp == frame.latest else now
+        return {name: now - self._updates[name][1] if name in self._updates else 0.0
+                for name in frames}
+
+
+def _names(frames: dict[str, Frame]) -> set[str]:
+    """Return the names of frames that have a parent, and of their parents."""
+    return {*frames, *(frame.parent for frame in frames.values())}
+
+
+def _without_gone(frames: dict[str, Frame], silences: dict[str, float]) -> dict[str, Frame]:
+    """
+    Return the frames without those that have left the page.
+
+    A dynamic frame leaves after `GONE`, and with it the static frames below it, unless there is
+    also a dynamic frame below it that stays: then they stay, in a tree of their own.
+    """
+    quietest = min((silences[name] for name, frame in frames.items() if not frame.is_static),
+                   default=0.0)
+    silent = {name for name, silence in silences.items() if silence - quietest > GONE}
+    if not silent:
+        return frames
+    rest = {name: frame for name, frame in frames.items() if name not in silent}
+    root_of = _descend(rest, {root: root for root in _names(rest) - rest.keys()},
+                       lambda _, root: root)
+    silent.difference_update(
+        root_of.get(name, '') for name, frame in rest.items() if not frame.is_static)
+    return {name: frame for name, frame in rest.items() if root_of.get(name) not in silent}
+
+
+def _first(frames: dict[str, Frame], root_of: dict[str, str], fixed: str) -> dict[str, None]:
+    """
+    Return `MAX_FRAMES` names: the frames that came first, each with its ancestors.
+
+    The frames in the tree of the fixed frame are preferred. A frame that is shown is not left out
+    when others appear, since the buffer lists new frames last.
+    """
+    shown: dict[str, None] = {}
+    preferred = sorted((name for name in frames if name in root_of),
+                       key=lambda name: root_of[name] != root_of[fixed])
+    for name in [fixed, *preferred]:
+        new = [each for each in _self_and_ancestors(name, frames) if each not in shown]
+        shown |= dict.fromkeys(new[::-1][:MAX_FRAMES - len(shown)])
+        if len(shown) == MAX_FRAMES:
+            break
+    return shown
 
 
 def within_reach(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,5 +1,6 @@
 """The page: the scene and the panel, updated from a source and from the viewers' choices."""
 
+from collections.abc import Callable
 from time import monotonic
 from typing import Optional
 
@@ -82,20 +83,24 @@ class Trail:
 class View:
     """The page that shows a source: the scene and the panel."""
 
-    def __init__(self, source: Source, server: Server) -> None:
+    def __init__(self, source: Source, server: Server, clock: Callable[[], float] = monotonic
+                 ) -> None:
         """
         Create the page; `update` fills it.
 
         :param source: the source of the frames.
         :param server: the server of the page.
+        :param clock: a function that returns the time (s), which never goes back.
         """
-        self._source, self._player = source, source.player
-        self._watcher = FrameWatcher(source.buffer)
+        self._source, self._player, self._clock = source, source.player, clock
+        self._watcher = FrameWatcher(source.buffer, clock)
         self._snapshot, self._fixed = self._watcher.snapshot(), ''
         self._scene = Scene(server)
         self._panel = Panel(server.gui, self._player.length if self._player else 0.0,
                             self._look_at_all)
         server.on_client_connect(self._look_at_all)
+        #: The frames that a viewer can choose.
+        self._names: dict[str, None] = {}
         self._trail = Trail(source.buffer)
         #: The snapshot and the frame for which `_lines`, the lines of the trail, were computed.
         self._trail_key: tuple[Optional[Snapshot], str] = None, ''
@@ -114,14 +119,16 @@ class View:
 
     def update(self) -> None:
         """Read the source and the panel, and update the page."""
-        panel, now = self._panel, monotonic()
+        panel, now = self._panel, self._clock()
         until = self._advance() if self._player else 0
         fixed = panel.fixed.chosen
         latest = self._watcher.snapshot(fixed, until)
         if self._player or not panel.is_paused or fixed != self._fixed:
             self._snapshot, self._fixed = latest, fixed
         snapshot = self._snapshot
-        panel.set_frames(snapshot)
+        # A bag is played again and again, so its frames stay in the dropdowns.
+        self._names = dict.fromkeys([*(self._names if self._player else ()), *snapshot.names])
+        panel.set_frames(snapshot, [*self._names], now)
         if clicked := self._scene.take_click():
             panel.selected.choose(clicked)
         self._draw_trail(panel.trail.name)

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from dummy_arm.tf import BufferCore
-from dummy_arm.view import snapshot as snapshot_module
 from dummy_arm.view import source as source_module
 from dummy_arm.view.rods import fading, rods
 from dummy_arm.view.snapshot import FrameWatcher
@@ -28,8 +27,7 @@ def pose(x, y=0.0, z=0.0, rotation=(0.0, 0.0, 0.0, 1.0)):
 def clock(monkeypatch):
     """A clock that a test sets: `clock[0]` (s)."""
     now = [1000.0]
-    for module in snapshot_module, source_module:
-        monkeypatch.setattr(module, 'monotonic', lambda: now[0])
+    monkeypatch.setattr(source_module, 'monotonic', lambda: now[0])
     return now
 
 
@@ -71,10 +69,109 @@ def test_what_is_shown():
     assert FrameWatcher(buffer).snapshot('below').fixed == 'map'  # a loop
 
 
+@pytest.mark.parametrize(('trees', 'fixed'), [
+    (['base_lnk laser tip', 'base_link hand'], 'base_link'),
+    (['base_lnk laser tip', 'base_link hand', 'world tree'], 'world'),
+    (['world tree', 'odom base_link'], 'odom'), (['earth odom', 'odom map'], 'map'),
+    (['b c', 'a d'], 'a'), (['a d', 'b c'], 'a'), (['a d', 'b c', 'c e'], 'b'),
+    (['map odom', 'odom map', 'b c'], 'b')])  # a loop
+def test_the_proposed_fixed_frame(trees, fixed):
+    """REP 105's names come first, wherever they are in a tree; then the largest tree, by name."""
+    buffer = BufferCore()
+    for tree in trees:
+        arm(buffer, T, *tree.split())
+    assert FrameWatcher(buffer).snapshot().fixed == fixed
+
+
+def test_frames_that_are_gone_leave(clock):
+    """A minute after its last update, a frame leaves with the static frames below it."""
+    buffer = BufferCore()
+    watcher = FrameWatcher(buffer, lambda: clock[0])
+    for parent, child in ('map', 'post'), ('tip', 'tool'), ('tool', 'screw'):
+        buffer.insert(T, parent, child, pose(1.0), is_static=True)
+    arm(buffer, T, 'map', 'base', 'tip')
+    arm(buffer, T, 'base_lnk', 'laser')
+    assert len(watcher.snapshot().names) == 8
+
+    def later(seconds):
+        clock[0] += seconds
+        arm(buffer, T + round(clock[0] * S), 'map', 'base')
+        return watcher.snapshot()
+
+    assert len(later(60.0).names) == 8
+    snapshot = later(0.5)
+    assert {*snapshot.names} == {'map', 'post', 'base'}
+    assert (snapshot.gone, {*snapshot.frames}) == (5, {'post', 'base'})
+    assert watcher.snapshot('tip').fixed == 'map'
+    arm(buffer, T + round(clock[0] * S), 'base', 'tip')
+    snapshot = watcher.snapshot()
+    assert {*snapshot.names} == {'map', 'post', 'base', 'tip', 'tool', 'screw'}
+    assert snapshot.gone == 2
+
+
+def test_what_is_published_below_a_frame_that_is_gone(clock):
+    """It stays, in a tree of its own, with the static frames of this tree."""
+    buffer = BufferCore()
+    watcher = FrameWatcher(buffer, lambda: clock[0])
+    arm(buffer, T, 'map', 'odom')
+    for parent, child in ('odom', 'base'), ('base', 'laser'):
+        buffer.insert(T, parent, child, pose(1.0), is_static=True)
+    arm(buffer, T, 'base', 'wheel')
+    watcher.snapshot()
+    clock[0] += 61.0
+    arm(buffer, T + S, 'base', 'wheel')
+    snapshot = watcher.snapshot()
+    assert snapshot.names == ['odom', 'base', 'laser', 'wheel']
+    assert snapshot.points[:, 0].tolist() == [0.0, 1.0, 2.0, 2.0]
+    assert not snapshot.ages.any()
+    assert snapshot.trees.keys() == {'odom'}
+
+
+def test_frames_stay_if_nothing_is_updated(clock):
+    """A robot that has stopped can still be looked at; so can a bag with a gap."""
+    buffer = BufferCore(10**18)
+    watcher = FrameWatcher(buffer, lambda: clock[0])
+    arm(buffer, T, 'map', 'base', 'hand')
+    watcher.snapshot()
+    clock[0] += 1000.0
+    for until in 0, T + 1000 * S:
+        snapshot = watcher.snapshot('', until)
+        assert (snapshot.names, snapshot.gone) == (['map', 'base', 'hand'], 0)
+    arm(buffer, T + 900 * S, 'map', 'base')
+    assert len(watcher.snapshot('', T + 1000 * S).names) == 3
+
+
+def test_at_most_2000_frames():
+    """Those of the fixed frame's tree that came first are shown, each with its ancestors."""
+    from dummy_arm.view.details import overview
+    buffer = BufferCore()
+    arm(buffer, T, 'world', 'tree')
+    arm(buffer, T, 'map', 'base', 'arm', 'hand')
+    for i in range(3000):
+        arm(buffer, T, 'map', f'object_{i}')
+    arm(buffer, T, 'map', 'base', 'late')
+    snapshot = FrameWatcher(buffer).snapshot()
+    assert {*snapshot.names} == {'map', 'base', 'arm', 'hand',
+                                 *(f'object_{i}' for i in range(1996))}
+    assert snapshot.trees.keys() == {'map'}
+    assert {*snapshot.left_out} == {'world', 'tree', 'late',
+                                    *(f'object_{i}' for i in range(1996, 3000))}
+    text = overview(snapshot, live(buffer))
+    assert 'only 2000 of 3007 frames are shown, not: ' in text
+    assert ' and 1002 more<' in text
+    snapshot = FrameWatcher(buffer).snapshot('tree')
+    assert {'world', 'tree', 'map', 'object_1993'} < {*snapshot.names}
+    assert len(snapshot.names) == 2000
+    deep = BufferCore()
+    for i in range(2500):  # the deepest frame comes first
+        deep.insert(T, f'f{2500 - i - 1}', f'f{2500 - i}', pose(0.0), is_static=True)
+    assert {*FrameWatcher(deep).snapshot().names} == {f'f{i}' for i in range(2000)}
+
+
 def test_ages_live(clock):
     """A frame is as old as the stalest edge on its path; a root as its youngest descendant."""
     buffer = BufferCore()
-    watcher = FrameWatcher(buffer)
+    watcher = FrameWatcher(buffer, lambda: clock[0])
     buffer.insert(T, 'map', 'base', pose(1.0), is_static=True)
     arm(buffer, T, 'base', 'upper', 'hand')
     arm(buffer, T, 'world', 'tree')
@@ -328,18 +425,18 @@ def test_a_stray_stamp_does_not_stretch_a_bag():
 
 
 @pytest.fixture
-def page(clock, monkeypatch):
+def page(clock):
     """A function that creates the page of a source and a viewer of it: `page(source)`."""
     pytest.importorskip('viser')
     from viewer import CAMERA, Viewer
 
-    from dummy_arm.view import view as view_module
     from dummy_arm.view.server import serve
-    monkeypatch.setattr(view_module, 'monotonic', lambda: clock[0])
+    from dummy_arm.view.view import View
     with ExitStack() as stack:
         def create(source):
             server = stack.enter_context(serve('127.0.0.1'))
-            return Page(view_module.View(source, server), server, clock, stack, Viewer, CAMERA)
+            return Page(View(source, server, lambda: clock[0]), server, clock, stack, Viewer,
+                        CAMERA)
 
         yield create
 
@@ -523,6 +620,83 @@ def test_what_is_chosen_stays(page):
     assert viewer.value('Fixed frame') == 'base'
     shown.set('Frame', '(none)')
     shown.until(lambda: 'Click a frame' in viewer.text('details'))
+
+
+def test_the_fixed_frame_of_a_page_that_nobody_has_chosen(page, clock):
+    """It changes by itself: when a better one appears, and when it is gone for a minute."""
+    buffer = BufferCore()
+    shown = page(live(buffer))
+    viewer = shown.viewer
+
+    def options():
+        return viewer.gui[viewer.uuid('Fixed frame')]['options']
+
+    arm(buffer, T, 'base_lnk', 'laser', 'tip')
+    shown.until(lambda: viewer.value('Fixed frame') == 'base_lnk')
+    arm(buffer, T, 'map', 'base_link')
+    shown.until(lambda: viewer.value('Fixed frame') == 'map')
+    shown.until(lambda: 'not connected to map: base_lnk' in viewer.text('overview'))
+    shown.set('Frame', 'laser')
+    shown.until(lambda: viewer.detail('parent') == 'base_lnk')
+    clock[0] += 61.0
+    arm(buffer, T + S, 'odom', 'base_link')
+    shown.until(lambda: viewer.value('Fixed frame') == 'odom')
+    shown.until(lambda: viewer.names().keys() == {'odom', 'base_link'})
+    shown.until(lambda: options() == ['(none)', 'base_link', 'odom'])
+    shown.until(lambda: '3 frames without an update for a minute: not shown' in
+                viewer.text('overview'))
+    assert 'not connected' not in viewer.text('overview')
+    assert viewer.gui[viewer.uuid('Frame')]['options'] == [
+        '(none)', 'base_link', 'laser', 'odom']  # laser is chosen
+    shown.until(lambda: 'laser is not available' in viewer.text('details'))
+    arm(buffer, T + S, 'base_lnk', 'laser')
+    shown.until(lambda: 'laser' in options() and viewer.detail('parent') == 'base_lnk')
+
+
+def test_many_names_are_sent_seldom(page, clock):
+    """A change of a dropdown with 1000 names waits, so that not all are sent at each update."""
+    buffer = BufferCore()
+    for i in range(1000):
+        buffer.insert(T, 'map', f'post_{i}', pose(0.0), is_static=True)
+    shown = page(live(buffer))
+    viewer = shown.viewer
+
+    def is_offered():
+        return 'new' in viewer.gui[viewer.uuid('Frame')]['options']
+
+    buffer.insert(T, 'map', 'new', pose(1.0), is_static=True)
+    shown.view.update()
+    viewer.until(lambda: viewer.rods('positions').shape[1] == 1002)
+    shown.view.update()
+    assert not is_offered()
+    clock[0] += 1.0
+    shown.view.update()
+    viewer.until(is_offered)
+
+
+def test_a_name_keeps_its_label(page, clock):
+    """So that only what changes is sent when a frame in between appears or leaves."""
+    buffer = BufferCore()
+    for child in 'first', 'second', 'third':
+        arm(buffer, T, 'map', child)
+    shown = page(live(buffer))
+    viewer = shown.viewer
+
+    def labels():
+        return {node['text']: name for name, node in viewer.nodes.items()
+                if name.startswith('/names/') and node.get('visible')}
+
+    shown.until(lambda: len(labels()) == 4)
+    before = labels()
+    clock[0] += 61.0
+    for child in 'first', 'third':
+        arm(buffer, T + S, 'map', child)
+    shown.until(lambda: labels().keys() == {'map', 'first', 'third'})
+    after = labels()
+    assert after.items() < before.items()
+    arm(buffer, T + S, 'map', 'fourth')
+    shown.until(lambda: 'fourth' in labels())
+    assert labels() == {**after, 'fourth': before['second']}
 
 
 def test_a_click_selects_a_frame(page):
