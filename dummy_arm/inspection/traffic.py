@@ -113,7 +113,8 @@ class Stream(NamedTuple):
     frame: str  #: the child frame; '': all frames of the node
     node: str  #: the full name of the node
     is_static: bool  #: True if no transform was received on /tf, only on /tf_static
-    is_present: bool  #: True if the node still publishes on /tf or /tf_static
+    #: True if the node still publishes on /tf or /tf_static; False if not; None: not known.
+    is_present: Optional[bool]
     #: The rate and the delays of dynamic transforms; None if none was counted within the window.
     summary: Optional[Summary]
     #: The time since the last dynamic transform that was counted (s); None if none was counted.
@@ -218,13 +219,14 @@ class Traffic:
         return arrivals
 
     def streams(self, names_of: Callable[[Iterable[str]], dict[str, str]],
-                present: Collection[str]) -> list[Stream]:
+                is_present: Callable[[str], Optional[bool]]) -> list[Stream]:
         """
         Summarise the received transforms by frame and node.
 
         :param names_of: a function that takes gids of publishers, and returns a dict from each gid
             to the full name of the node.
-        :param present: the gids of the publishers that still exist.
+        :param is_present: a function that takes the gid of a publisher, and returns whether the
+            publisher still exists; None: not known.
         :returns: a stream for each pair of a frame and a node, sorted by the two names; then, for
             each node, a stream for all its frames.
         """
@@ -236,14 +238,16 @@ class Traffic:
             now, _ = self._read_clocks()
             for frame, gid in self._arrivals:
                 gids_of.setdefault((frame, names.get(gid, '')), []).append(gid)
-            return [self._stream(*key, gids_of[key], present, now) for key in sorted(
+            return [self._stream(*key, gids_of[key], is_present, now) for key in sorted(
                 gids_of, key=lambda key: (not key[0], key))]
 
-    def _stream(self, frame: str, node: str, gids: list[str], present: Collection[str], now: int
-                ) -> Stream:
+    def _stream(self, frame: str, node: str, gids: list[str],
+                is_present: Callable[[str], Optional[bool]], now: int) -> Stream:
         all_arrivals = [self._arrivals[frame, gid] for gid in gids]
         delays = [arrivals.delays for arrivals in all_arrivals]
         last = max(each.last for each in delays)
+        found = {is_present(gid) for gid in gids}
         return Stream(frame, node, not any(arrivals.is_dynamic for arrivals in all_arrivals),
-                      any(gid in present for gid in gids), summarize(delays, now),
+                      next((each for each in (True, None) if each in found), False),
+                      summarize(delays, now),
                       in_seconds(max(0, now - last)) if last else None)

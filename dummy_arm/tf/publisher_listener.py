@@ -10,14 +10,14 @@ from collections.abc import Iterable
 from itertools import groupby
 from operator import attrgetter
 from time import monotonic, time_ns
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Optional
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 
 from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf._core.pose import BatchOrRows, Row
-from dummy_arm.tf._core.texts import full_name
+from dummy_arm.tf._core.texts import comma_list, full_name
 from dummy_arm.tf._ros.rclpy_private import GID_SIZE, rcl_take, RCLError, Taker
 from dummy_arm.tf._ros.subscription import SubscriptionSource
 from dummy_arm.tf._wire import cdr
@@ -31,6 +31,10 @@ _QUERY_INTERVAL = 0.5
 #: If there are more node names than this, the oldest names of publishers that are gone are
 #: dropped.
 _MOST_NAMES = 10_000
+#: The largest number of nodes that are named in place of one node.
+_SHOWN = 5
+#: The type of the messages, in the ROS graph.
+_TYPE = 'tf2_msgs/msg/TFMessage'
 #: The node name that rmw reports for a publisher whose node is not discovered yet.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 #: The largest number of messages that are kept for `received`, and the largest sum of their sizes
@@ -41,7 +45,9 @@ _MOST_MESSAGES, _MOST_BYTES = 10_000, 2**24
 class ReceivedMessage(bytes):
     """The bytes of a TFMessage, with the publisher's gid, the time of arrival and the topic."""
 
-    publisher = ''  #: the gid of the publisher, in hex; '' if the gid is not known
+    #: The gid of the publisher, in hex; '' if the gid is not known. If the middleware does not
+    #: report gids: what else it reports of the publisher.
+    publisher = ''
     time = 0  #: the time of arrival, on the system clock (ns)
     is_static = False  #: True if the message is from /tf_static
     #: The encoding of the bytes.
@@ -87,7 +93,12 @@ class Received(NamedTuple):
 
 
 class _NodeNames:
-    """A table from the gid of each publisher to the name of the publisher's node."""
+    """
+    A table from the gid of each publisher to the name of the publisher's node.
+
+    With some middleware, what arrives with a message is not the gid of any publisher in the ROS
+    graph. Then the publisher is one of those on the topic; it is known if there was only one.
+    """
 
     def __init__(self, node: Node) -> None:
         """
@@ -98,7 +109,10 @@ class _NodeNames:
         self._node = node
         #: The topics whose publishers are queried.
         self.topics: set[str] = set()
-        self._names: dict[str, str] = {}
+        #: By gid: the name of the node, and the topic.
+        self._nodes: dict[str, tuple[str, str]] = {}
+        #: By gid: the topic, if the gid may never be that of a publisher in the ROS graph.
+        self._topics: dict[str, str] = {}
         self._next_query = 0.0
         #: The gids of the publishers that existed at the last query.
         self.present: frozenset[str] = frozenset()
@@ -119,12 +133,42 @@ class _NodeNames:
         Return the full names of the publishers' nodes.
 
         :param gids: the gids of the publishers, in hex.
-        :returns: a dict from each gid to the name of the node, or to `UNKNOWN`.
+        :returns: as `PublisherListener.names_of`.
         """
         requested = set(gids)
-        if not requested <= self._names.keys():
+        if not requested <= self._nodes.keys():
             self.query()
-        return {gid: self._names.get(gid, UNKNOWN) for gid in requested}
+        return {gid: self._name_of(gid) for gid in requested}
+
+    def _name_of(self, gid: str) -> str:
+        if found := self._nodes.get(gid):
+            return found[0]
+        topic = self._topics.get(gid)
+        # Also publishers that are gone: one of them may have sent the message.
+        names = sorted({name for name, each in tuple(self._nodes.values()) if each == topic})
+        if len(names) > 1:
+            return f'one of {comma_list(names, _SHOWN)}'
+        return names[0] if names else UNKNOWN
+
+    def is_present(self, gid: str) -> Optional[bool]:
+        """
+        Return whether a publisher exists.
+
+        :param gid: the gid of the publisher, in hex.
+        :returns: as `PublisherListener.is_present`.
+        """
+        return True if gid in self.present else False if gid in self._nodes else None
+
+    def add_topic(self, gid: str, topic: str) -> None:
+        """
+        Keep the topic of a publisher, if its gid may never be found in the ROS graph.
+
+        :param gid: the gid that has arrived with a message on the topic, in hex.
+        :param topic: the name of the topic.
+        """
+        self._topics[gid] = topic
+        if len(self._topics) > _MOST_NAMES:
+            del self._topics[next(iter(self._topics))]
 
     def query(self) -> None:
         """
@@ -136,15 +180,17 @@ class _NodeNames:
         present = set()
         for topic in self.topics:
             for info in self._node.get_publishers_info_by_topic(topic):
+                if info.topic_type != _TYPE:  # this listener receives nothing from it
+                    continue
                 gid = bytes(info.endpoint_gid[:GID_SIZE]).hex()
                 present.add(gid)
                 if info.node_name != _UNKNOWN_NODE:
-                    self._names[gid] = full_name(info.node_namespace, info.node_name)
+                    self._nodes[gid] = full_name(info.node_namespace, info.node_name), topic
         self.present = frozenset(present)
-        if (surplus := len(self._names) - _MOST_NAMES) > 0:
-            gone = [gid for gid in tuple(self._names) if gid not in present]
+        if (surplus := len(self._nodes) - _MOST_NAMES) > 0:
+            gone = [gid for gid in tuple(self._nodes) if gid not in present]
             for gid in gone[:surplus]:
-                self._names.pop(gid, None)
+                self._nodes.pop(gid, None)
 
 
 class _GidSource(SubscriptionSource):
@@ -164,9 +210,13 @@ class _GidSource(SubscriptionSource):
         super().__init__(*args)
         names.topics = {topic.name for topic, _, _ in self._topics}
         self._names = names
-        #: The takers of the messages of /tf and of /tf_static. Both are None if rcl cannot be
+        #: The takers of the messages of /tf and of /tf_static. All are None if rcl cannot be
         #: called; then no gid is known.
-        self._takers = [Taker(ReceivedMessage.of) if rcl_take() else None for _ in range(2)]
+        self._takers = [Taker(topic.handle, ReceivedMessage.of) if rcl_take() else None
+                        for topic, _, _ in reversed(self._topics)]
+        self._has_gids = all(taker is None or taker.has_gids for taker in self._takers)
+        self._has_reception_times = all(taker and taker.has_reception_times
+                                        for taker in self._takers)
         self._kept: deque[ReceivedMessage] = deque()
         self._size = self._dropped = 0
 
@@ -179,7 +229,7 @@ class _GidSource(SubscriptionSource):
         try:
             for taker, (topic, _, arrived) in zip(self._takers, reversed(self._topics)):
                 if taker is not None:
-                    taker.take(topic.handle, topic.max_messages, arrived)
+                    taker.take(topic.max_messages, arrived)
                     continue
                 without_gids: list[Any] = []
                 topic.take(without_gids)
@@ -191,6 +241,8 @@ class _GidSource(SubscriptionSource):
                 self._count += len(arrived)
                 try:
                     for gid, messages in groupby(arrived, attrgetter('publisher')):
+                        if not self._has_gids:
+                            self._names.add_topic(gid, topic.name)
                         self._batches += reader.read(messages, gid, topic.is_static)
                 except Exception as error:  # a bug in this package must not end the thread
                     self._on_fault(error)
@@ -201,10 +253,12 @@ class _GidSource(SubscriptionSource):
         """
         Update the names of the nodes; then do the same as `SubscriptionSource.end_round`.
 
-        :returns: how long the thread can pause before its next round (s).
+        :returns: how long the thread can pause before its next round (s). It is 0 if a pause
+            would count as delay of the messages.
         """
         self._names.query_if_due()
-        return super().end_round()
+        pause = super().end_round()
+        return pause if self._has_reception_times else 0.0
 
     def _keep(self, messages: list[Any], is_static: bool) -> None:
         """Move messages to `_kept`; if `_kept` is then too large, drop its oldest messages."""
@@ -262,6 +316,16 @@ class PublisherListener(TransformListener):
         """The gids (in hex) of the publishers that exist; updated every half second."""
         return self._names.present
 
+    def is_present(self, gid: str) -> Optional[bool]:
+        """
+        Return whether a publisher exists.
+
+        :param gid: the gid of the publisher, in hex.
+        :returns: True if it exists; False if it existed and has ended; None if it is not known:
+            the gid was never that of a publisher in the ROS graph.
+        """
+        return self._names.is_present(gid)
+
     def received(self) -> Received:
         """
         Return the messages that have arrived since the last call of this method.
@@ -279,7 +343,7 @@ class PublisherListener(TransformListener):
         Return the frames of the buffer, each with the name of the node that has published it.
 
         :returns: the frames that have a parent, as `buffer.frames()` returns them. But the
-            `authority` of a frame is the full name of the publisher's node, or `UNKNOWN`.
+            `authority` of a frame is a name as `names_of` returns it.
         """
         frames: list[Frame] = self.buffer.frames()
         names = self.names_of(frame.authority for frame in frames)
@@ -290,6 +354,8 @@ class PublisherListener(TransformListener):
         Return the full names of the publishers' nodes.
 
         :param gids: the gids of the publishers, in hex.
-        :returns: a dict from each gid to the name of the node, or to `UNKNOWN`.
+        :returns: a dict from each gid to the name of the node, or to `UNKNOWN`. If the middleware
+            does not report gids: to the name of the only node that has published on the topic, or
+            to a text such as 'one of /a, /b'.
         """
         return self._names.names_of(gids)

@@ -125,7 +125,7 @@ def _table(title: str, node_title: str, streams: Sequence[Stream]) -> Iterator[s
     yield f'{title:<{columns}}{"rate":>11}{"average delay":>16}{"max delay":>14}  {node_title}'
     for name, stream in zip(names, streams):
         yield (f'{padded(name, columns)}{_rate_and_delays(stream)}  '
-               f'{shortened(stream.node)}{"" if stream.is_present else " (gone)"}')
+               f'{shortened(stream.node)}{" (gone)" if stream.is_present is False else ""}')
 
 
 def _rate_and_delays(stream: Stream) -> str:
@@ -179,7 +179,7 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
 def _results(frame_listener: 'FrameListener', traffic: Traffic, chain: Optional[Chain],
              dropped: int) -> list[str]:
     listener = frame_listener.publisher_listener
-    streams = traffic.streams(listener.names_of, listener.present)
+    streams = traffic.streams(listener.names_of, listener.is_present)
     if not streams:
         return wrapped(f'No transform has been received yet. {frame_listener.why_no_frames()}')
     ends = 'all frames' if chain is None else ' to '.join(map(shortened, chain.ends))

@@ -283,6 +283,8 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
                                    *(publisher for publisher, _ in statistics.empty_names)])
         static, dynamic = frame_listener.topics
         not_known = _not_known(statistics)
+        if tracks and all(listener.is_present(track.publisher) is None for track in tracks):
+            not_known['nodes'] = 'the ROS graph does not know the publishers of the transforms'
         if not end:
             not_known['arrivals'] = 'use_sim_time is set, but no message has arrived on /clock'
         hint = ''

@@ -206,11 +206,12 @@ class LiveSource:
         else:
             self._traffic.observe(messages)
         publisher = listener.names_of([frame.authority])[frame.authority]
-        streams = [stream for stream in self._traffic.streams(listener.names_of, listener.present)
-                   if stream.frame == frame.name and stream.is_present]
+        streams = [
+            stream for stream in self._traffic.streams(listener.names_of, listener.is_present)
+            if stream.frame == frame.name and stream.is_present is not False]
         summary = next((stream.summary for stream in streams if stream.node == publisher), None)
-        if len(streams) > 1:
-            nodes = ' and '.join(stream.node for stream in streams)
+        if len(several := [stream.node for stream in streams if stream.is_present]) > 1:
+            nodes = ' and '.join(several)
             publisher = f'{nodes} (more than one publisher)'
         if summary is None:
             return Publication(None, None, publisher)

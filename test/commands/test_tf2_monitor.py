@@ -121,6 +121,24 @@ def test_two_nodes_that_publish_one_frame(ros):
     assert 'Warning' not in gone
 
 
+def test_a_middleware_that_does_not_report_gids(ros, handles):
+    """Nobody is gone; publishers that cannot be told apart have one row, and no warning."""
+    other = Node('other', context=ros.context)
+    for node in ros.node, other:
+        StaticTransformBroadcaster(node).sendTransform(stamped('map', 'odom'))
+    broadcaster = TransformBroadcaster(ros.node)
+    ros.node.create_timer(0.02, lambda: broadcaster.sendTransform(
+        stamped('odom', 'robot', ros.node.get_clock().now().nanoseconds)))
+    rows = (r'  odom +static +one of /other, /test\n', rf'  robot +{RATE_AND_DELAYS}  /test\n')
+    with ros.spinning():
+        result = call(main, domain=ros.context.get_domain_id(), until=lambda text: all(
+            re.search(row, text) for row in rows))
+    other.destroy_node()
+    assert result.code == 0
+    assert '(gone)' not in result.stdout
+    assert 'Warning' not in result.stdout
+
+
 def test_in_place_on_a_terminal(ros):
     """The output is cut off at the size of the terminal: 80 columns and 24 lines."""
     StaticTransformBroadcaster(ros.node).sendTransform(

@@ -177,6 +177,20 @@ def test_a_topic_with_two_types(ros):
         'sensor_msgs/msg/JointState' for name in names]
 
 
+def test_a_middleware_that_does_not_report_gids(ros, handles):
+    """Whether a frame has two publishers is not checked; they are named as far as possible."""
+    other = Node('other', context=ros.context)
+    static = [StaticTransformBroadcaster(node) for node in (ros.node, other)]
+    for x, each in enumerate(static):
+        each.sendTransform([stamped('map', '/odom', x=float(x))])
+    status, data = examine(ros, publishers=[each.pub_tf for each in static])
+    other.destroy_node()
+    assert (status, codes(data)) == (0, {'leading_slash'})
+    assert data['not_checked'] == [
+        'two_publishers: the ROS graph does not know the publishers of the transforms']
+    assert {*data['findings'][0]['nodes']} == {'one of /other, /test'}
+
+
 def test_malformed_headers(ros):
     """A malformed message on another topic is skipped; later headers are read."""
     sender = TransformBroadcaster(ros.node)

@@ -9,12 +9,14 @@ from types import SimpleNamespace
 from messages import golden_messages, ignore
 from processes import TIMEOUT
 import pytest
+from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
 from ros_node import eventually, stamped
+from std_msgs.msg import String
 
 from dummy_arm.tf import (
     Buffer,
@@ -25,6 +27,7 @@ from dummy_arm.tf import (
 )
 from dummy_arm.tf._ros import rclpy_private
 from dummy_arm.tf._ros.rclpy_private import subscribe, Taker
+from dummy_arm.tf._ros.subscription import SubscriptionSource
 from dummy_arm.tf.publisher_listener import PublisherListener, ReceivedMessage, UNKNOWN
 
 S = 10**9
@@ -81,6 +84,120 @@ def test_the_newest_publisher_counts(ros, listener):
     other.destroy_node()
 
 
+@pytest.fixture
+def other(ros):
+    """Another node that publishes."""
+    node = Node('other', context=ros.context)
+    yield node
+    node.destroy_node()
+
+
+def gid_of(listener, name):
+    """Return the identifier of the publisher of a frame."""
+    (gid,) = {frame.authority for frame in listener.buffer.frames() if frame.name == name}
+    return gid
+
+
+def test_cyclone_dds_is_asked_for_the_gids(ros, other, libddsc, listener):
+    """With a handle in place of each gid, the publishers are known, also when they have ended."""
+    for node, name in (ros.node, 'a'), (other, 'b'):
+        StaticTransformBroadcaster(node).sendTransform(stamped('map', name))
+    eventually(lambda: [publisher_of(listener, name) for name in 'ab'] == ['/test', '/other'])
+    gids = {bytes(info.endpoint_gid)[:16].hex()
+            for info in ros.node.get_publishers_info_by_topic('/tf_static')}
+    assert {gid_of(listener, name) for name in 'ab'} == gids
+    assert {message.publisher for message in listener.received().messages} == gids
+    assert not libddsc.structs
+    other.destroy_node()
+    eventually(lambda: listener.is_present(gid_of(listener, 'b')) is False)
+    assert publisher_of(listener, 'b') == '/other'
+    assert listener.is_present(gid_of(listener, 'a'))
+
+
+def test_a_publisher_that_ended_before_cyclone_dds_was_asked_is_unknown(
+        ros, other, libddsc, listener):
+    """It is not taken for the only publisher that exists."""
+    libddsc.gids = {}
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'a'))
+    eventually(listener.frames)
+    assert publisher_of(listener, 'a') == UNKNOWN
+    assert listener.is_present(gid_of(listener, 'a')) is None
+
+
+def test_without_gids_the_only_publisher_of_the_topic_has_sent_it(ros, other, handles, listener):
+    """The other topic, and publishers of other types, do not matter."""
+    TransformBroadcaster(other)
+    context = Context()  # a participant has only one type for each topic
+    context.init(domain_id=ros.context.get_domain_id())
+    strings = Node('strings', context=context)
+    strings.create_publisher(String, '/tf_static', 1)
+    eventually(lambda: [info.node_name for info in ros.node.get_publishers_info_by_topic(
+        '/tf_static')] == ['strings'])
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'a'))
+    eventually(lambda: publisher_of(listener, 'a') == '/test')
+    gid = gid_of(listener, 'a')
+    assert len(handles) == 1
+    assert gid not in listener.present
+    assert listener.is_present(gid) is None
+    strings.destroy_node()
+    context.try_shutdown()
+
+
+def test_without_gids_it_is_one_of_the_publishers_of_the_topic(ros, other, handles, listener):
+    """Also after the end of one of them, since that one may have sent it."""
+    for node, name in (ros.node, 'a'), (other, 'b'):
+        StaticTransformBroadcaster(node).sendTransform(stamped('map', name))
+    eventually(lambda: [publisher_of(listener, name) for name in 'ab'] == [
+        'one of /other, /test'] * 2)
+    assert len({gid_of(listener, name) for name in 'ab'}) == 2
+    other.destroy_node()
+    eventually(lambda: len(listener.present) == 1)
+    assert publisher_of(listener, 'a') == 'one of /other, /test'
+
+
+def test_the_list_of_possible_publishers_is_short(ros, handles, listener, monkeypatch):
+    """Five names and the number of the others."""
+    monkeypatch.setattr(ros.node, 'get_publishers_info_by_topic', lambda topic: [
+        SimpleNamespace(endpoint_gid=[i] * 16, node_name=f'node_{i}', node_namespace='/',
+                        topic_type='tf2_msgs/msg/TFMessage')
+        for i in range(9) if topic == '/tf_static'])
+    StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'a'))
+    eventually(listener.frames)
+    assert publisher_of(listener, 'a') == (
+        'one of /node_0, /node_1, /node_2, /node_3, /node_4 and 4 more')
+
+
+def test_the_topics_that_are_kept_for_gids_are_bounded(
+        ros, other, handles, listener, monkeypatch):
+    """Of publishers whose gids are not known, the oldest ones are forgotten."""
+    monkeypatch.setattr(publisher_listener, '_MOST_NAMES', 1)
+    for node, name in (ros.node, 'a'), (other, 'b'):
+        StaticTransformBroadcaster(node).sendTransform(stamped('map', name))
+        eventually(lambda: name in listener.buffer.frame_names())  # noqa: B023
+    eventually(lambda: publisher_of(listener, 'b') == 'one of /other, /test')
+    assert publisher_of(listener, 'a') == UNKNOWN
+
+
+def test_no_pause_where_the_time_of_reception_is_that_of_the_take(ros, handles, monkeypatch):
+    """The thread takes all messages by itself, even if a listener otherwise pauses for long."""
+    taken: list[bytes] = []
+    of = ReceivedMessage.of
+
+    def record(data, *args):
+        taken.append(data)
+        return of(data, *args)
+
+    monkeypatch.setattr(ReceivedMessage, 'of', record)
+    monkeypatch.setattr(SubscriptionSource, 'end_round', lambda self: 1000.0)
+    listener = PublisherListener(Buffer(node=ros.node), ros.node)
+    publisher = TransformBroadcaster(ros.node).pub_tf
+    eventually(publisher.get_subscription_count)
+    for stamp in range(1, 6):
+        publisher.publish(bytes_of(stamped('map', 'moving', stamp)))
+        eventually(lambda: len(taken) == stamp)  # noqa: B023
+    listener.unregister()
+
+
 @pytest.mark.parametrize('lacks', ['the library', 'the function'])
 def test_where_rcl_cannot_be_called_the_publisher_is_unknown(ros, monkeypatch, lacks):
     """The listener reports an unknown publisher, and receives the transforms all the same."""
@@ -119,10 +236,10 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener):
     for message in messages:
         publisher.publish(message)
     taken: list[ReceivedMessage] = []
-    taker = Taker(ReceivedMessage.of)
+    taker = Taker(subscription.handle, ReceivedMessage.of)
 
     def all_taken():
-        taker.take(subscription.handle, 1000, taken)
+        taker.take(1000, taken)
         return len(taken) == len(raw) == len(messages)
 
     ros.until(all_taken)
@@ -148,9 +265,9 @@ def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros):
     taken: tuple[list[ReceivedMessage], ...] = ([], [])
 
     def take(subscription, messages):
-        taker = Taker(ReceivedMessage.of)
+        taker = Taker(subscription.handle, ReceivedMessage.of)
         while len(messages) < number:
-            taker.take(subscription.handle, 1000, messages)
+            taker.take(1000, messages)
 
     threads = [threading.Thread(target=take, args=both) for both in zip(subscriptions, taken)]
     interval = sys.getswitchinterval()
@@ -284,7 +401,8 @@ def test_the_names_that_are_kept_are_bounded(ros, listener, monkeypatch):
     def name_at(i):
         """Return the name of publisher i, by its gid, while only 0 and i exist."""
         monkeypatch.setattr(ros.node, 'get_publishers_info_by_topic', lambda _: [
-            SimpleNamespace(endpoint_gid=gid, node_name='node', node_namespace=f'/{gid[0]}')
+            SimpleNamespace(endpoint_gid=gid, node_name='node', node_namespace=f'/{gid[0]}',
+                            topic_type='tf2_msgs/msg/TFMessage')
             for gid in (gids[0], gids[i])])
         return listener.names_of([gids[i].hex()])
 

@@ -18,6 +18,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, qos_policy_name_from_kind, QoSProfile
 from rclpy.serialization import deserialize_message, serialize_message
 from rclpy.task import Future
+from rclpy.utilities import get_rmw_implementation_identifier
 from ros_node import run_in_thread
 from std_msgs.msg import Header, String
 
@@ -31,6 +32,7 @@ from dummy_arm.tf._ros.rclpy_private import (
     is_of_executor,
     rcl_take,
     RCLError,
+    rmw_subscription,
     subscribe,
     take_message,
     Taker,
@@ -242,14 +244,14 @@ def test_rcl_reports_the_gid_of_a_message(strings, ros):
     publisher, subscription = strings
     assert rcl_take() is not None
     messages: list[tuple[bytes, str, int]] = []
-    taker = Taker(lambda data, gid, received: (data, gid, received))
-    taker.take(subscription.handle, 10, messages)
+    taker = Taker(subscription.handle, lambda data, gid, received: (data, gid, received))
+    taker.take(10, messages)
     assert not messages
     for text in 'one', 'two', 'three':
         publisher.publish(String(data=text))
 
     def has_all():
-        taker.take(subscription.handle, 2, messages)
+        taker.take(2, messages)
         return len(messages) == 3
 
     ros.until(has_all)
@@ -258,6 +260,14 @@ def test_rcl_reports_the_gid_of_a_message(strings, ros):
     (info,) = ros.node.get_publishers_info_by_topic('text')
     assert {gid for _, gid, _ in messages} == {bytes(info.endpoint_gid[:GID_SIZE]).hex()}
     assert all(abs(received - time.time_ns()) < 60e9 for _, _, received in messages)
+
+
+def test_the_middleware_has_a_struct_for_a_subscription(strings):
+    """The struct has the name of the middleware, the address of its own data, and the topic."""
+    struct = rmw_subscription(strings[1].handle)
+    assert struct.implementation_identifier.decode() == get_rmw_implementation_identifier()
+    assert struct.topic_name == b'/text'
+    assert struct.data
 
 
 @pytest.mark.parametrize(

@@ -1,8 +1,8 @@
 """
 Tests of the private names of other libraries: which file uses them, and how Python's behave.
 
-Those of rclpy, viser and Fast DDS are in test_rclpy_private.py, test_viser_private.py and
-test_fast_dds.py.
+Those of rclpy, viser, Fast DDS and Cyclone DDS are in test_rclpy_private.py,
+test_viser_private.py, test_fast_dds.py and test_cyclone_dds.py.
 """
 
 from argparse import ArgumentParser
@@ -73,6 +73,12 @@ def test_fast_dds_is_used_by_one_file():
     """Its mangled symbols, which contain `eprosima`, are in no other file."""
     assert [path.name for path in PACKAGE.rglob('*.py')
             if 'eprosima' in path.read_text()] == ['fast_dds.py']
+
+
+def test_cyclone_dds_is_used_by_one_file():
+    """The names of its functions, which begin with `dds_`, are in no other file."""
+    assert [path.name for path in PACKAGE.rglob('*.py')
+            if '.dds_' in path.read_text()] == ['cyclone_dds.py']
 
 
 def test_a_lock_knows_whether_this_thread_holds_it():

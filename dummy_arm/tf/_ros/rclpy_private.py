@@ -7,7 +7,7 @@ test/ros/test_rclpy_private.py checks this behaviour, and fails if an upgrade of
 
 from collections.abc import Callable
 import ctypes
-from ctypes import byref, c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
+from ctypes import byref, c_char_p, c_int64, c_size_t, c_uint8, c_uint64, c_void_p, POINTER
 from functools import cache
 from typing import Any, Generic, Optional, TypeVar
 from weakref import finalize
@@ -26,9 +26,11 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 from rclpy.type_support import check_is_valid_msg_type
+from rclpy.utilities import get_rmw_implementation_identifier
 from rclpy.validate_full_topic_name import validate_full_topic_name
 from rclpy.validate_topic_name import validate_topic_name
 
+from dummy_arm.tf._ros import cyclone_dds
 from dummy_arm.tf._ros.transform_stamped import deserialize, serialize
 from dummy_arm.tf._wire.cdr import MalformedMessage
 
@@ -266,6 +268,28 @@ def rcl_take() -> Any:
     return take
 
 
+class _RmwSubscription(ctypes.Structure):
+    """The beginning of the struct rmw_subscription_t."""
+
+    _fields_ = [('implementation_identifier', c_char_p), ('data', c_void_p),
+                ('topic_name', c_char_p)]
+
+
+def rmw_subscription(handle: Any) -> Any:
+    """
+    Return the struct with which the middleware represents a subscription.
+
+    :param handle: the handle of the subscription.
+    :returns: the struct, which is valid while the subscription exists. Its fields are
+        `implementation_identifier`, `data` (the address of a struct of the middleware; its layout
+        depends on the middleware) and `topic_name`.
+    """
+    get = ctypes.PyDLL('librcl.so').rcl_subscription_get_rmw_handle
+    get.argtypes, get.restype = (c_void_p,), POINTER(_RmwSubscription)
+    with handle:
+        return get(handle.pointer).contents
+
+
 class Taker(Generic[_Message]):
     """
     An object that takes messages from a subscription.
@@ -274,27 +298,36 @@ class Taker(Generic[_Message]):
     ctypes. With each message, rcl returns the gid of the publisher.
     """
 
-    def __init__(self, make: Callable[[bytes, str, int], _Message]) -> None:
+    def __init__(self, handle: Any, make: Callable[[bytes, str, int], _Message]) -> None:
         """
         Create the structs into which rcl writes.
 
         A Taker can be used only if `rcl_take` does not return None.
 
+        :param handle: the handle of the subscription.
         :param make: a function that creates a message. Its arguments are the bytes of the message,
             the gid of the publisher (hex), and the time of reception (ns; 0 if it is not known).
         """
-        self._make, self._take = make, rcl_take()
+        self._handle, self._make, self._take = handle, make, rcl_take()
+        middleware = get_rmw_implementation_identifier()
+        is_cyclone = middleware == cyclone_dds.IDENTIFIER
+        self._gid_of = cyclone_dds.gid_translator(
+            rmw_subscription(handle).data) if is_cyclone else None
+        #: True if each gid is the gid of a publisher in the ROS graph, once the graph knows it.
+        #: False if this is not known; a gid still identifies one publisher.
+        self.has_gids = 'fastrtps' in middleware or self._gid_of is not None
+        #: False if the time of reception is the time at which the message is taken.
+        self.has_reception_times = not is_cyclone
         rcutils = ctypes.PyDLL('librcutils.so')
         rcutils.rcutils_get_default_allocator.restype = _Allocator
         self._bytes = _Bytes(allocator=rcutils.rcutils_get_default_allocator())
         self._info = _MessageInfo()
         finalize(self, rcutils.rcutils_uint8_array_fini, byref(self._bytes))
 
-    def take(self, handle: Any, max_messages: int, messages: list[_Message]) -> None:
+    def take(self, max_messages: int, messages: list[_Message]) -> None:
         """
         Take the messages that have arrived; only one thread at a time may call this method.
 
-        :param handle: the handle of a subscription.
         :param max_messages: the largest number of messages to take.
         :param messages: the list to which the messages are appended.
         :raises InvalidHandle: if the subscription is destroyed.
@@ -302,9 +335,9 @@ class Taker(Generic[_Message]):
         """
         # If Ctrl-C has interrupted the previous call, one message may be taken but not appended.
         self._append_taken(messages)
-        with handle:
+        with self._handle:
             for _ in range(max_messages):
-                code = self._take(handle.pointer, self._bytes, self._info, None)
+                code = self._take(self._handle.pointer, self._bytes, self._info, None)
                 if code == _TAKE_FAILED:
                     break
                 if code:
@@ -315,8 +348,10 @@ class Taker(Generic[_Message]):
         """Append the message that was taken last, if it is not appended yet."""
         written, info = self._bytes, self._info
         if written.length:
-            message = self._make(ctypes.string_at(written.buffer, written.length),
-                                 bytes(info.gid).hex(), info.received_timestamp)
+            gid = bytes(info.gid).hex()
+            message = self._make(
+                ctypes.string_at(written.buffer, written.length),
+                self._gid_of(gid) if self._gid_of else gid, info.received_timestamp)
             # After a call of `append`, Ctrl-C could interrupt before `length` is set to 0. Then
             # the message would be appended twice.
             messages += [message]
