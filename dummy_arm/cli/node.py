@@ -11,7 +11,7 @@ from rclpy.exceptions import InvalidNamespaceException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import try_shutdown
+from rclpy.utilities import get_rmw_implementation_identifier, try_shutdown
 from rclpy.validate_namespace import validate_namespace
 
 from dummy_arm.cli.fast_dds import destroy, remove_empty_ports
@@ -34,10 +34,10 @@ def run_node(make_node: Callable[[], Node], ros_args: Sequence[str], namespace: 
     :returns: the exit code, which is 0.
     :raises UsageError: if `make_node` raises a UsageError, if the node rejects a parameter that
         is set in the ROS arguments, or if the namespace is invalid.
-    :raises CommandError: if ROS cannot be initialised.
+    :raises CommandError: if ROS cannot be initialised, or if the node cannot be created.
     """
     with ros_context(ros_args, namespace), suppress(ExternalShutdownException):
-        _spin_until_signal(make_node())
+        _spin_until_signal(_create(make_node))
     return 0
 
 
@@ -90,12 +90,12 @@ def spinning_node(name: str, ros_args: Sequence[str], namespace: str = '') -> It
     :returns: a context manager; the target of `as` is the node.
     :raises UsageError: if the node rejects a parameter that is set in the ROS arguments, or if the
         namespace is invalid.
-    :raises CommandError: if ROS cannot be initialised, or if the executor raises an error. Such an
-        error first interrupts the block in the same way as Ctrl-C; then this function raises the
-        CommandError.
+    :raises CommandError: if ROS cannot be initialised, if the node cannot be created, or if the
+        executor raises an error. Such an error of the executor first interrupts the block in the
+        same way as Ctrl-C; then this function raises the CommandError.
     """
     with ros_context(ros_args, namespace):
-        node, stop_requested = rclpy.create_node(name), Event()
+        node, stop_requested = _create(lambda: rclpy.create_node(name)), Event()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         errors: list[BaseException] = []
@@ -128,6 +128,22 @@ def spinning_node(name: str, ros_args: Sequence[str], namespace: str = '') -> It
                                f'{type(errors[0]).__name__}: {errors[0]}') from errors[0]
 
 
+def _create(make_node: Callable[[], Node]) -> Node:
+    """
+    Create a node.
+
+    :raises CommandError: if rcl fails.
+    """
+    try:
+        return make_node()
+    except RuntimeError as error:  # rcl failed, for example because the middleware did
+        middleware = get_rmw_implementation_identifier()
+        limit = ('. With ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, it allows 32 processes'
+                 if middleware == 'rmw_cyclonedds_cpp' else '')
+        raise CommandError(f'cannot create the node: {rcl_error_text(error)}. Lines above may be '
+                           f'from {middleware}, and say why{limit}') from None
+
+
 def _namespace_args(namespace: str) -> list[str]:
     """
     Return ROS arguments that put all nodes, and the topics /tf and /tf_static, into a namespace.
@@ -155,6 +171,10 @@ def _spin_until_signal(node: Node) -> None:
         executor.add_node(node)
         while not signal_received():
             executor.spin_once(timeout_sec=_LONGEST_WAIT)
+    except RuntimeError:
+        if node.context.ok():
+            raise
+        # A callback or another thread has shut down the context, so rcl failed.
     finally:
         begin_cleanup()
         # If the context were shut down first, the garbage collection of the executor could fail.

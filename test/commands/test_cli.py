@@ -15,9 +15,11 @@ from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.utilities import ok
 
+from dummy_arm.cli import node
 from dummy_arm.cli.node import ros_context, run_node, spinning_node
 from dummy_arm.cli.parser import Parser, run
 from dummy_arm.cli.signals import sleep
+from dummy_arm.tf._ros.rclpy_private import RCLError
 
 
 def command_of(command):
@@ -115,6 +117,48 @@ def test_a_domain_that_cannot_be(domain_id):
     assert code == 1
     assert re.fullmatch(r'tool: .*ROS_DOMAIN_ID.*\n', error)
     assert call(command_of(command), domain=domain_id).code == 0
+
+
+@pytest.mark.parametrize('is_in_thread', [True, False])
+@pytest.mark.parametrize(('middleware', 'hint'), [
+    ('rmw_fastrtps_cpp', ''),
+    ('rmw_cyclonedds_cpp',
+     '. With ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, it allows 32 processes')])
+def test_a_node_that_cannot_be_created(domain_id, monkeypatch, is_in_thread, middleware, hint):
+    """One line points at those of the middleware, which rcl does not repeat."""
+    def create_node(name='tool'):
+        raise RCLError('error creating node, at ./src/rcl/node.c:263')
+
+    def command(ros_args):
+        if not is_in_thread:
+            return run_node(create_node, ros_args)
+        with spinning_node('tool', ros_args):
+            return 0
+
+    monkeypatch.setattr('rclpy.create_node', create_node)
+    monkeypatch.setattr(node, 'get_rmw_implementation_identifier', lambda: middleware)
+    assert call(command_of(command), domain=domain_id) == (
+        1, '', f'tool: cannot create the node: error creating node. Lines above may be from '
+               f'{middleware}, and say why{hint}\n')
+
+
+def test_a_shutdown_of_the_context_ends_a_node(start):
+    """It is a normal end, although the domain of the node is not known any more."""
+    process = start('-c', """if True:
+        import rclpy
+        from rclpy.node import Node
+        from dummy_arm.cli.node import run_node
+
+        class Ending(Node):
+            def __init__(self):
+                super().__init__('ending')
+                self.create_timer(0.01, rclpy.shutdown)
+
+        print('exit code', run_node(Ending, ['tool']))
+        """)
+    process.line_with('exit code')
+    assert process.exit_code() == 0
+    assert process.output == 'exit code 0\n'
 
 
 @pytest.mark.parametrize(('command', 'module', 'number', 'code'), [
