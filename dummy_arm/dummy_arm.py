@@ -226,3 +226,8 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     :returns: the exit code.
     """
     return run(make_parser(), partial(run_node, DummyArm), args)
+
+
+if __name__ == '__main__':  # python -m
+    from dummy_arm.cli import entry_points
+    raise SystemExit(entry_points.dummy_arm())

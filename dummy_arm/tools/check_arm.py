@@ -871,3 +871,8 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                              'cores)')
     add_bag_options(parser)
     return run(parser, command, args, interrupted=1)
+
+
+if __name__ == '__main__':  # python -m
+    from dummy_arm.cli import entry_points
+    raise SystemExit(entry_points.check_arm())

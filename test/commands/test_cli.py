@@ -9,6 +9,7 @@ import sys
 import time
 
 from cli_runner import call
+from environment import ROOT
 from processes import ARM, BEGUN, tool
 import pytest
 from rclpy.exceptions import InvalidHandle
@@ -170,6 +171,24 @@ def test_a_signal_while_a_command_is_imported(start, command, module, number, co
     process.line_with(f' {module}')
     process.end(number)
     assert process.exit_code() == code
+    assert 'Traceback' not in process.output
+
+
+@pytest.mark.parametrize('command', sorted(
+    path.stem for path in (ROOT / 'dummy_arm' / 'tools').glob('[a-z]*.py')))
+def test_python_m_runs_a_command(command):
+    """The module does what the command does."""
+    output = subprocess.check_output(
+        [sys.executable, '-m', f'dummy_arm.tools.{command}', '--help'], text=True)
+    assert output.startswith(f'usage: {command} ')
+
+
+def test_python_m_runs_the_arm(start):
+    """It publishes until Ctrl-C, which is a normal end."""
+    process = start('-m', 'dummy_arm.dummy_arm', '--ros-args', '-p', 'rate:=7')
+    process.line_with('publishing map -> base_link on /tf_static')
+    process.press_ctrl_c()
+    assert process.exit_code() == 0
     assert 'Traceback' not in process.output
 
 
