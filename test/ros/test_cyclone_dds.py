@@ -26,9 +26,16 @@ def library(monkeypatch):
     return library
 
 
+def translator():
+    """Return the function for the messages of the subscription."""
+    gid_of = gid_translator(DATA)
+    assert gid_of is not None
+    return gid_of
+
+
 def test_each_publisher_is_asked_for_once(library):
     """The gid is the beginning of the struct, which is then freed."""
-    gid_of = gid_translator(DATA)
+    gid_of = translator()
     assert [gid_of(ARRIVED[handle]) for handle in (FIRST, SECOND, FIRST, SECOND)] == [
         GIDS[FIRST], GIDS[SECOND]] * 2
     assert library.calls == [(1234, FIRST), (1234, SECOND)]
@@ -37,7 +44,7 @@ def test_each_publisher_is_asked_for_once(library):
 
 def test_a_publisher_that_has_ended_keeps_its_gid(library):
     """But if it had ended before it was asked for, what has arrived is returned."""
-    gid_of = gid_translator(DATA)
+    gid_of = translator()
     assert gid_of(ARRIVED[FIRST]) == GIDS[FIRST]
     library.gids.clear()
     assert gid_of(ARRIVED[FIRST]) == GIDS[FIRST]
@@ -47,7 +54,7 @@ def test_a_publisher_that_has_ended_keeps_its_gid(library):
 def test_the_number_of_gids_is_bounded(library, monkeypatch):
     """The oldest gid is forgotten; its publisher is asked for again."""
     monkeypatch.setattr(cyclone_dds, '_MOST', 1)
-    gid_of = gid_translator(DATA)
+    gid_of = translator()
     for handle in FIRST, SECOND, SECOND, FIRST:
         assert gid_of(ARRIVED[handle]) == GIDS[handle]
     assert [handle for _, handle in library.calls] == [FIRST, SECOND, FIRST]

@@ -5,7 +5,7 @@ from rclpy.node import Node
 from ros_node import stamped
 
 from dummy_arm.tf import TransformBroadcaster
-from dummy_arm.view.source import LiveSource
+from dummy_arm.view.source import LiveSource, Publication
 
 
 @pytest.fixture
@@ -28,7 +28,7 @@ def publication(ros):
             found.extend(map(source.publication, frames))
             return found and found[-1].rate is not None
 
-        found: list = []
+        found: list[Publication] = []
         ros.node.create_timer(0.02, send)
         ros.until(is_measured)
         return found[-1]
