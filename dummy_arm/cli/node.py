@@ -37,7 +37,7 @@ def run_node(make_node: Callable[[], Node], ros_args: Sequence[str], namespace: 
     :raises CommandError: if ROS cannot be initialised, or if the node cannot be created.
     """
     with ros_context(ros_args, namespace), suppress(ExternalShutdownException):
-        _spin_until_signal(_create(make_node))
+        _spin_until_signal(create(make_node))
     return 0
 
 
@@ -95,7 +95,7 @@ def spinning_node(name: str, ros_args: Sequence[str], namespace: str = '') -> It
         same way as Ctrl-C; then this function raises the CommandError.
     """
     with ros_context(ros_args, namespace):
-        node, stop_requested = _create(lambda: rclpy.create_node(name)), Event()
+        node, stop_requested = create(lambda: rclpy.create_node(name)), Event()
         executor = SingleThreadedExecutor()
         executor.add_node(node)
         errors: list[BaseException] = []
@@ -128,10 +128,12 @@ def spinning_node(name: str, ros_args: Sequence[str], namespace: str = '') -> It
                                f'{type(errors[0]).__name__}: {errors[0]}') from errors[0]
 
 
-def _create(make_node: Callable[[], Node]) -> Node:
+def create(make_node: Callable[[], Node]) -> Node:
     """
     Create a node.
 
+    :param make_node: the function that creates it.
+    :returns: the node.
     :raises CommandError: if rcl fails.
     """
     try:

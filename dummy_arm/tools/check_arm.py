@@ -448,6 +448,8 @@ def _observe(file: str, seconds: float, domain: int, directory: str, ros_args: S
             return Grade(file, report, _reason(report), line.verdict if line else OK)
     except ProgramError as error:
         return _grade(file, None, str(error))
+    except CommandError as error:
+        return Grade(file, None, str(error), NOT_JUDGED)
 
 
 def _reason(report: Report) -> str:
@@ -463,21 +465,29 @@ def _reason(report: Report) -> str:
 
 @contextmanager
 def _node_in(domain: int, ros_args: Sequence[str]) -> Iterator['Node']:
-    """Create a node in a domain, and destroy it at the end of the `with` block."""
+    """
+    Create a node in a domain, and destroy it at the end of the `with` block.
+
+    :raises CommandError: if rcl fails.
+    """
     from rclpy.context import Context
     from rclpy.logging import get_logging_severity_from_string, set_logger_level
     from rclpy.node import Node
 
     from dummy_arm.cli.fast_dds import destroy
-    from dummy_arm.cli.node import clear_shared_memory
+    from dummy_arm.cli.node import clear_shared_memory, create
     clear_shared_memory(ros_args)
     context = Context()
-    context.init(args=[*ros_args], domain_id=domain)
+
+    def make_node() -> 'Node':
+        context.init(args=[*ros_args], domain_id=domain)
+        return Node('check_arm', context=context, enable_rosout=False,
+                    start_parameter_services=False)
+
     # The lines of all programs would be mixed, and the report has what matters.
     set_logger_level('tf2_buffer', get_logging_severity_from_string('FATAL'))
     try:
-        node = Node('check_arm', context=context, enable_rosout=False,
-                    start_parameter_services=False)
+        node = create(make_node)
         try:
             yield node
         finally:
