@@ -24,8 +24,8 @@ class FrameChoice:
     """
     A dropdown of frames; until a viewer chooses a frame, the program proposes one.
 
-    The callback of the dropdown stores the choice at once, since `set_options` can overwrite the
-    value of the dropdown.
+    The callback of the dropdown stores the choice at once, since `set_options` and `propose` can
+    overwrite the value of the dropdown.
     """
 
     def __init__(self, gui: viser.GuiApi, label: str, hint: str) -> None:

@@ -613,7 +613,8 @@ def test_what_is_chosen_stays(page):
     shown.until(lambda: viewer.names().get('map') == [-1, 0, 0])
     buffer.clear()
     arm(buffer, T, 'map', 'other', 'more')
-    shown.until(lambda: 'the fixed frame base is not available' in viewer.text('overview'))
+    shown.until(lambda: 'the fixed frame base is not available; instead of it: map<' in
+                viewer.text('overview'))
     assert 'base' in viewer.gui[viewer.uuid('Fixed frame')]['options']
     arm(buffer, T, 'map', 'base')
     shown.until(lambda: viewer.names().get('map') == [-1, 0, 0])
@@ -714,12 +715,13 @@ def test_a_click_selects_a_frame(page):
 
 
 def test_a_bag_is_played(page, clock):
-    """A viewer sets the time; the names of many frames are hidden at first."""
+    """A viewer sets the time; many names are hidden at first; the dropdowns keep all names."""
     buffer = BufferCore(10**18)
     for second in range(11):
         buffer.insert(T + second * S, 'map', 'base', pose(second))
     for i in range(60):
         buffer.insert(T, 'map', f'post_{i}', pose(0.0, i), is_static=True)
+    buffer.insert(T + 9 * S, 'map', 'late', pose(0.0))
     shown = page(BagSource(buffer, 'bag'))
     viewer = shown.viewer
     shown.until(lambda: 'bag: 62 frames' in viewer.text('overview'))
@@ -736,6 +738,8 @@ def test_a_bag_is_played(page, clock):
     assert viewer.value('Time (s)') > 7
     clock[0] += 5.0
     shown.until(lambda: viewer.names()['base'][0] < 5)  # it starts again
+    shown.until(lambda: 'late' in viewer.gui[viewer.uuid('Frame')]['options'])
+    assert 'late' not in viewer.names()
 
 
 @pytest.mark.parametrize('changes', [
