@@ -192,16 +192,16 @@ class _HeaderSampler:
         from dummy_arm.inspection.frame_listener import TF_MESSAGE
         self._next_scan = time.monotonic() + _SCAN_INTERVAL
         for topic, types in self._node.get_topic_names_and_types():
-            if topic in self.frames or TF_MESSAGE in types:
+            if TF_MESSAGE in types or (topic in self.frames and len(types) == 1):
                 continue
             published = sorted({
                 info.topic_type for info in self._node.get_publishers_info_by_topic(topic)})
-            if published:
+            if published and topic not in self.frames:
                 self.frames[topic] = set()
-            if len(published) == 1:
                 self._examine(topic, published[0])
-            elif published:
-                self.not_read[topic] = f'its publishers have the types {", ".join(published)}'
+            if len(published) > 1:
+                self.not_read[topic] = (
+                    f'only one type is read; its publishers have the types {", ".join(published)}')
 
     def _examine(self, topic: str, type_name: str) -> None:
         """Subscribe to a topic if its messages begin with a header."""

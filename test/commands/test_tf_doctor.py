@@ -162,19 +162,20 @@ def test_a_type_that_cannot_be_imported(ros, monkeypatch, error, text):
 
 
 def test_a_topic_with_two_types(ros):
-    """Its headers are listed as not checked: a node cannot subscribe to both types."""
+    """It is listed that not all headers are checked: a node cannot subscribe to both types."""
     other = Ros(ros.context.get_domain_id())
     names = '/a', '/b'
     for node, kind in (ros.node, PointStamped), (other.node, JointState):
         for name in names:
             node.create_publisher(kind, name, 10)
-    points = [each.node.create_publisher(PointStamped, '/point', 10) for each in (ros, other)]
+    points = [node.create_publisher(PointStamped, name, 10)  # they are discovered later
+              for node, name in ((ros.node, '/y'), (other.node, '/z'))]
     _, output, error = run(ros, '--json', '--ignore', 'no_transforms', publishers=points)
     other.close()
     assert error == ''
     assert json.loads(output)['not_checked'] == [
-        f'headers on {name}: its publishers have the types geometry_msgs/msg/PointStamped, '
-        'sensor_msgs/msg/JointState' for name in names]
+        f'headers on {name}: only one type is read; its publishers have the types '
+        'geometry_msgs/msg/PointStamped, sensor_msgs/msg/JointState' for name in names]
 
 
 def test_a_middleware_that_does_not_report_gids(ros, handles):
