@@ -52,9 +52,9 @@ def test_ctrl_c_ends_the_recording(ros, domain_id, monkeypatch, tmp_path):
 
 
 def test_nothing_is_received(domain_id, monkeypatch, tmp_path):
-    """The error says what to check, if it has listened for a second."""
+    """The error says what to check, if it has listened for six seconds."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(frame_listener, 'monotonic', count().__next__)
+    monkeypatch.setattr(frame_listener, 'monotonic', count(0, 6).__next__)
     result = call(main, 'map', 'base', '--time', '1000', '-o', 'arm.csv', domain=domain_id,
                   columns=300, until=lambda text: 'waiting for transforms' in text)
     assert result.code == 1
