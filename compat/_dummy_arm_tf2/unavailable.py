@@ -1,6 +1,6 @@
 """Stand-ins for the classes of tf2 that need services, actions or messages of tf2_msgs."""
 
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 _REMEDY = ('needs services and actions of tf2_msgs, which only ROS has. To look up transforms, '
            'use a Buffer and a TransformListener, which takes much less CPU time here than in ROS')
@@ -37,3 +37,21 @@ class Unavailable(type):
         :raises NotImplementedError: always; the text says what to use instead.
         """
         raise NotImplementedError(f'this type of tf2_msgs {_REMEDY}')
+
+
+class BufferClient(metaclass=Unavailable):
+    """The client of a buffer in another process."""
+
+
+class FrameGraph(metaclass=Unavailable):
+    """The service that returns the frames of a buffer."""
+
+
+class LookupTransform(metaclass=Unavailable):
+    """The action with which a BufferClient looks up transforms."""
+
+
+FrameGraphSrvRequest = TypeVar('FrameGraphSrvRequest')
+FrameGraphSrvResponse = TypeVar('FrameGraphSrvResponse')
+LookupTransformGoal = TypeVar('LookupTransformGoal')
+LookupTransformResult = TypeVar('LookupTransformResult')

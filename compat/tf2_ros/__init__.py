@@ -1,6 +1,14 @@
 """The names of tf2_ros, from `dummy_arm.tf`."""
 
-import _dummy_arm_tf2.ros  # noqa: F401
+import _dummy_arm_tf2.ros
+import _dummy_arm_tf2.submodules
+from _dummy_arm_tf2.unavailable import BufferClient as BufferClient
+from _dummy_arm_tf2.unavailable import FrameGraph as FrameGraph
+from _dummy_arm_tf2.unavailable import FrameGraphSrvRequest as FrameGraphSrvRequest
+from _dummy_arm_tf2.unavailable import FrameGraphSrvResponse as FrameGraphSrvResponse
+from _dummy_arm_tf2.unavailable import LookupTransform as LookupTransform
+from _dummy_arm_tf2.unavailable import LookupTransformGoal as LookupTransformGoal
+from _dummy_arm_tf2.unavailable import LookupTransformResult as LookupTransformResult
 from geometry_msgs.msg import PointStamped as PointStamped
 from geometry_msgs.msg import PoseStamped as PoseStamped
 from geometry_msgs.msg import PoseWithCovarianceStamped as PoseWithCovarianceStamped
@@ -19,28 +27,23 @@ from tf2_py import LookupException as LookupException
 from tf2_py import TimeoutException as TimeoutException
 from tf2_py import TransformException as TransformException
 
-from tf2_ros.buffer import Buffer as Buffer
-from tf2_ros.buffer import FrameGraph as FrameGraph
-from tf2_ros.buffer import FrameGraphSrvRequest as FrameGraphSrvRequest
-from tf2_ros.buffer import FrameGraphSrvResponse as FrameGraphSrvResponse
-from tf2_ros.buffer_client import BufferClient as BufferClient
-from tf2_ros.buffer_client import LookupTransform as LookupTransform
-from tf2_ros.buffer_client import LookupTransformGoal as LookupTransformGoal
-from tf2_ros.buffer_client import LookupTransformResult as LookupTransformResult
-from tf2_ros.buffer_interface import BufferInterface as BufferInterface
-from tf2_ros.buffer_interface import convert as convert
-from tf2_ros.buffer_interface import ConvertRegistration as ConvertRegistration
-from tf2_ros.buffer_interface import MsgStamped as MsgStamped
-from tf2_ros.buffer_interface import NotImplementedException as NotImplementedException
-from tf2_ros.buffer_interface import PyKDLType as PyKDLType
-from tf2_ros.buffer_interface import Stamped as Stamped
-from tf2_ros.buffer_interface import TransformableObject as TransformableObject
-from tf2_ros.buffer_interface import TransformableObjectType as TransformableObjectType
-from tf2_ros.buffer_interface import TransformRegistration as TransformRegistration
-from tf2_ros.buffer_interface import TypeException as TypeException
-from tf2_ros.static_transform_broadcaster import (
-    StaticTransformBroadcaster as StaticTransformBroadcaster,
-)
-from tf2_ros.transform_broadcaster import TFMessage as TFMessage
-from tf2_ros.transform_broadcaster import TransformBroadcaster as TransformBroadcaster
-from tf2_ros.transform_listener import TransformListener as TransformListener
+from dummy_arm.tf import Buffer as Buffer
+from dummy_arm.tf import BufferInterface as BufferInterface
+from dummy_arm.tf import convert as convert
+from dummy_arm.tf import ConvertRegistration as ConvertRegistration
+from dummy_arm.tf import MsgStamped as MsgStamped
+from dummy_arm.tf import NotImplementedException as NotImplementedException
+from dummy_arm.tf import PyKDLType as PyKDLType
+from dummy_arm.tf import Stamped as Stamped
+from dummy_arm.tf import StaticTransformBroadcaster as StaticTransformBroadcaster
+from dummy_arm.tf import TFMessage as TFMessage
+from dummy_arm.tf import TransformableObject as TransformableObject
+from dummy_arm.tf import TransformableObjectType as TransformableObjectType
+from dummy_arm.tf import TransformBroadcaster as TransformBroadcaster
+from dummy_arm.tf import TransformListener as TransformListener
+from dummy_arm.tf import TransformRegistration as TransformRegistration
+from dummy_arm.tf import TypeException as TypeException
+
+_dummy_arm_tf2.submodules.import_on_use(
+    __name__, 'buffer', 'buffer_client', 'buffer_interface', 'static_transform_broadcaster',
+    'transform_broadcaster', 'transform_listener')

@@ -11,6 +11,8 @@ import inspect
 import json
 import operator
 import re
+import subprocess
+import sys
 from types import ModuleType
 from typing import Any
 
@@ -113,6 +115,45 @@ def test_they_are_re_exports():
     assert tf2_geometry_msgs.do_transform_pose is dummy_arm.tf.geometry.do_transform_pose
     with pytest.raises(AttributeError, match="no attribute 'Unknown'"):
         tf2_py.Unknown  # noqa: B018
+
+
+@pytest.mark.parametrize('package', ['tf2_geometry_msgs', 'tf2_ros', 'tf2_sensor_msgs'])
+def test_a_package_imports_its_modules_on_first_use(package):
+    """Otherwise threads that import it and its modules at the same time wait for each other."""
+    modules = [name.partition('.')[2] for name in API if name.startswith(f'{package}.')]
+    subprocess.run([sys.executable, '-c', f"""if True:
+        import sys, {package}
+        assert not [name for name in sys.modules if name.startswith('{package}.')]
+        for name in {modules}:
+            assert getattr({package}, name) is sys.modules['{package}.' + name]
+    """], check=True, timeout=60)
+    assert modules
+    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'unknown'"):
+        import_module(package).unknown  # noqa: B018
+
+
+def test_threads_may_import_all_modules_at_the_same_time():
+    """With this interval, without the rule above, every other process raised a _DeadlockError."""
+    code = f"""if True:
+        from importlib import import_module
+        import sys
+        from threading import Barrier, Thread
+        sys.setswitchinterval(1e-6)
+        names = {[*API]}
+        barrier = Barrier(2 * len(names))
+        imported = []
+        def run(name):
+            barrier.wait()
+            imported.append(import_module(name))
+        threads = [Thread(target=run, args=[name]) for name in 2 * names]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert len(imported) == len(threads)
+    """
+    processes = [subprocess.Popen([sys.executable, '-c', code]) for _ in range(6)]
+    assert [process.wait(60) for process in processes] == 6 * [0]
 
 
 @pytest.mark.parametrize('use', [
