@@ -141,19 +141,24 @@ def test_threads_may_import_all_modules_at_the_same_time():
         sys.setswitchinterval(1e-6)
         names = {[*API]}
         barrier = Barrier(2 * len(names))
-        imported = []
+        errors = []
         def run(name):
             barrier.wait()
-            imported.append(import_module(name))
+            try:
+                import_module(name)
+            except KeyError:  # Python removes a package from sys.modules for two instructions
+                import_module(name)
+            except Exception as error:
+                errors.append(error)
         threads = [Thread(target=run, args=[name]) for name in 2 * names]
         for thread in threads:
             thread.start()
         for thread in threads:
             thread.join()
-        assert len(imported) == len(threads)
+        assert not errors, errors
     """
-    processes = [subprocess.Popen([sys.executable, '-c', code]) for _ in range(6)]
-    assert [process.wait(60) for process in processes] == 6 * [0]
+    processes = [subprocess.Popen([sys.executable, '-c', code]) for _ in range(4)]
+    assert [process.wait(60) for process in processes] == 4 * [0]
 
 
 @pytest.mark.parametrize('use', [
