@@ -4,6 +4,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 import os
 from pathlib import Path
+from secrets import token_hex
+from stat import S_IMODE, S_ISDIR, S_ISREG
+from typing import Optional
 
 from dummy_arm.cli.parser import CommandError
 
@@ -13,11 +16,10 @@ def check_writable(path: Path) -> None:
     Check that a file can be written, so that an error is reported before the work begins.
 
     :param path: path of the file.
-    :raises CommandError: if the path is a directory, or if the directory of the file is not
-        writable.
+    :raises CommandError: if the path is a directory, a device, a pipe or a loop of links, or if
+        the directory of the file is not writable.
     """
-    if path.is_dir():
-        raise CommandError(f'cannot write {path}: it is a directory')
+    _mode(path)
     if not os.access(path.parent, os.W_OK):
         raise CommandError(f'cannot write {path}: {path.parent} is not a writable directory')
 
@@ -30,19 +32,35 @@ def whole_file(path: Path) -> Iterator[Path]:
     :param path: path of the file; a symbolic link stays, and the file that it names is written.
     :returns: a context manager; the target of `as` is the path of a temporary file in the same
         directory, which the block writes. At the end of the block, the temporary file replaces the
-        file; if the block raises an exception, it is deleted.
-    :raises CommandError: if the file cannot be written, if it is a device or a pipe, or if the
-        block raises an OSError.
+        file and gets its mode; if the block raises an exception, it is deleted.
+    :raises CommandError: as `check_writable`, or if the block raises an OSError.
     """
-    if path.exists() and not path.is_file():  # it must not be replaced
-        raise CommandError(f'cannot write {path}: it is not a regular file')
-    target = path.resolve()
-    part = target.with_name(f'.{target.name}.{os.getpid()}')
+    mode = _mode(path)
     try:
-        yield part
-        part.replace(target)
+        target = Path(os.path.realpath(path))
+        part = target.with_name(f'.{target.name}.{token_hex(8)}')
+        part.touch(0o666 if mode is None else 0o600, exist_ok=False)
+        try:
+            yield part
+            if mode is not None:
+                part.chmod(S_IMODE(mode))
+            part.replace(target)
+        finally:
+            with suppress(OSError):
+                part.unlink()
     except OSError as error:
         raise CommandError(f'cannot write {path}: {error.strerror or error}') from None
-    finally:
-        with suppress(OSError):
-            part.unlink()
+
+
+def _mode(path: Path) -> Optional[int]:
+    """Return the mode of a file that may be replaced; None if there is no file."""
+    try:
+        mode = path.stat().st_mode
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise CommandError(f'cannot write {path}: {error.strerror or error}') from None
+    if not S_ISREG(mode):
+        kind = 'a directory' if S_ISDIR(mode) else 'not a regular file'
+        raise CommandError(f'cannot write {path}: it is {kind}')
+    return mode

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 from environment import on_linux, on_unix
 import pytest
 
-from dummy_arm.cli import entry_points, progress, signals
+from dummy_arm.cli import entry_points, files, progress, signals
 from dummy_arm.cli.bag_options import add_bag_options, bag_progress, read_bag
 from dummy_arm.cli.files import check_writable, whole_file
 from dummy_arm.cli.parser import (
@@ -508,6 +508,66 @@ def test_a_link_stays_a_link(tmp_path):
             assert part.parent == target.parent
         assert link.is_symlink()
         assert target.read_text() == text
+
+
+@on_unix
+@pytest.mark.parametrize('mode', [0o600, 0o440, 0o751])
+def test_a_file_that_is_replaced_keeps_its_mode(tmp_path, mode):
+    """Until then, nobody else can read the new file, either; its user can write it."""
+    path = tmp_path / 'file'
+    path.touch()
+    path.chmod(mode)
+    with whole_file(path) as part:
+        part.write_text('new')
+        assert part.stat().st_mode & 0o777 == 0o600
+    assert path.read_text() == 'new'
+    assert path.stat().st_mode & 0o7777 == mode
+
+
+@on_unix
+def test_a_new_file_has_the_usual_mode(tmp_path):
+    """The umask determines it."""
+    before = os.umask(0o027)
+    try:
+        with whole_file(tmp_path / 'file') as part:
+            part.write_text('new')
+    finally:
+        os.umask(before)
+    assert (tmp_path / 'file').stat().st_mode & 0o777 == 0o640
+
+
+def test_the_temporary_file_has_a_name_that_nobody_can_know(tmp_path):
+    """Two files at the same time have two of them."""
+    with whole_file(tmp_path / 'file') as one, whole_file(tmp_path / 'file') as other:
+        assert one != other
+        assert one.exists()
+        assert other.exists()
+
+
+@on_unix
+def test_an_existing_file_is_not_taken_for_the_temporary_file(monkeypatch, tmp_path):
+    """Nor is a link, which would name the file of somebody else."""
+    monkeypatch.setattr(files, 'token_hex', lambda _: 'known')
+    victim, link = tmp_path / 'victim', tmp_path / '.file.known'
+    link.symlink_to(victim)
+    with pytest.raises(CommandError, match=r'^cannot write .*file: File exists$'
+                       ), whole_file(tmp_path / 'file'):
+        pass
+    assert link.is_symlink()
+    assert not victim.exists()
+
+
+@on_unix
+def test_a_loop_of_links_is_one_line(tmp_path):
+    """The check says so, too."""
+    path, other = tmp_path / 'path', tmp_path / 'other'
+    path.symlink_to(other)
+    other.symlink_to(path)
+    text = r'^cannot write .*path: Too many levels of symbolic links$'
+    with pytest.raises(CommandError, match=text):
+        check_writable(path)
+    with pytest.raises(CommandError, match=text), whole_file(path):
+        pass
 
 
 @on_unix
