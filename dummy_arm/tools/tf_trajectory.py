@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from io import BytesIO
 from math import pi, tau
+import os
 from pathlib import Path
 from shutil import copyfileobj
 import sys
@@ -42,6 +43,8 @@ TWIST_INTERVAL = SECOND // 10
 MAX_ROWS = 10_000_000
 #: The largest number of rows in a drawing. Of more rows, every second, third and so on is drawn.
 MAX_DRAWN = 20_000
+#: The largest number in a drawing; matplotlib fails or does not end near the limit of float64.
+LARGEST_DRAWN = 1e300
 #: The buffer keeps transforms for this time more than the command listens (s).
 _MARGIN = 5.0
 #: The number of rows that are looked up before they are written.
@@ -268,8 +271,11 @@ def _output_path(output: str, twist: bool) -> Path:
                          f'another format than {output!r}')
     check_writable(path)
     if ending in DRAWINGS:
+        os.environ['MPLBACKEND'] = 'agg'  # another one might be missing, and no window is opened
         try:
+            from matplotlib.backend_bases import get_registered_canvas_class
             import matplotlib.figure  # noqa: F401
+            get_registered_canvas_class(ending[1:])
         except ImportError as error:
             raise CommandError(f'drawing needs matplotlib, which cannot be imported ({error}): '
                                'pip install matplotlib; or with ROS on Ubuntu: apt install '
@@ -398,9 +404,19 @@ def _write_npz(path: Path, rows: Iterable[Rows], has_twist: bool) -> None:
 
 
 def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
-    """Draw positions, angles and velocities over time, and the path from above."""
+    """
+    Draw positions, angles and velocities over time, and the path from above.
+
+    :raises CommandError: if a number is larger than `LARGEST_DRAWN`.
+    """
     from matplotlib.figure import Figure
     stamps, values = (np.concatenate(each) for each in zip(*trajectory.parts()))
+    if (too_large := np.argwhere(abs(values) > LARGEST_DRAWN)).size:
+        row, column = too_large[0]
+        raise CommandError(
+            f'the pose of {trajectory.source!r} in {trajectory.target!r} is too large to draw: '
+            f'{(*POSE, *TWIST)[column]} is {values[row, column]:g} at {_seconds(stamps[row])} s, '
+            f'and the limit is {LARGEST_DRAWN:g}. Write a table ({", ".join(TABLES)})')
     times = (stamps - trajectory.begin) / SECOND
     x, y, _ = values[:, ARRAYS['positions']].T
     panels = [('position (m)', 'xyz', values[:, ARRAYS['positions']]),

@@ -3,6 +3,7 @@
 from contextlib import nullcontext
 import csv
 from math import pi
+import os
 import re
 import signal
 import subprocess
@@ -392,6 +393,59 @@ def test_the_line_of_an_angle_does_not_jump(run, drawn, tmp_path):
     angles = np.degrees([-2.0, -1.0, np.nan, 1.0, 2.0, 3.0, np.nan, *np.arange(4.0, 8.0) - 2 * pi])
     np.testing.assert_allclose(yaw.get_ydata(), angles)
     assert yaw.get_xdata()[[0, 1, 3, 7]].tolist() == [0.0, 1.0, 3.0, 6.0]
+
+
+@pytest.mark.parametrize('x', [1.01e300, -1.7e308])
+@pytest.mark.parametrize('ending', ['png', 'svg', 'pdf'])
+def test_a_pose_that_is_too_large_to_draw(failed, run, there, ending, x):
+    """The line names the frames, the number and the remedy; a table can be written."""
+    pytest.importorskip('matplotlib')
+    bags = pytest.importorskip('bags')
+    bag = bag_of(there.parent / 'bag', [('/tf', S, [
+        bags.row(i * S, 'map', 'base', (0.0, y, *STILL[2:])) for i, y in ((1, 1.0), (2, x))])])
+    assert failed(tf_trajectory.main, '--bag', bag, 'map', 'base', '-o', f'x.{ending}') == (
+        1, f"tf_trajectory: the pose of 'base' in 'map' is too large to draw: y_m is {x:g} at "
+        '2.000000000 s, and the limit is 1e+300. Write a table (.csv, .tum, .npz)\n')
+    assert not [*there.iterdir()]
+    assert run('--bag', bag, 'map', 'base')[0].count('\n') == 3
+
+
+@pytest.mark.filterwarnings('error')
+def test_the_largest_poses_that_are_drawn(run, there):
+    """There is neither an error nor a warning."""
+    pytest.importorskip('matplotlib')
+    bags = pytest.importorskip('bags')
+    bag = bag_of(there.parent / 'bag', [('/tf', S, [
+        bags.row(i * S, 'map', 'base', (x, -x, 0.0, *STILL[3:]))
+        for i, x in ((1, -1e300), (2, 1e300))])])
+    run('--bag', bag, 'map', 'base', '-o', 'x.png')
+    assert (there / 'x.png').read_bytes().startswith(b'\x89PNG')
+
+
+@pytest.mark.parametrize('backend', ['nonsense', 'module://nowhere', 'TkAgg'])
+def test_no_backend_of_matplotlib_is_needed(arm_bag, there, backend):
+    """No window is opened, so the variable that chooses one does not matter."""
+    pytest.importorskip('matplotlib')
+    done = subprocess.run(
+        [sys.executable, *tool_without_ros('tf_trajectory', '--bag', arm_bag, *FRAMES, '-o',
+                                           'arm.png')],
+        env={**os.environ, 'MPLBACKEND': backend}, text=True, capture_output=True, check=True)
+    assert done.stderr == ''
+    assert (there / 'arm.png').read_bytes().startswith(b'\x89PNG')
+
+
+def test_a_format_whose_backend_is_missing(failed, monkeypatch, there):
+    """The error has the remedy and comes before the bag is read."""
+    backend_bases = pytest.importorskip('matplotlib.backend_bases')
+
+    def fail(name):
+        raise ImportError(f'no backend_{name}')
+
+    monkeypatch.setattr(backend_bases, 'get_registered_canvas_class', fail)
+    code, line = failed(tf_trajectory.main, '--bag', 'nowhere', *FRAMES, '-o', 'arm.svg')
+    assert code == 1
+    assert re.fullmatch('tf_trajectory: drawing needs matplotlib, which cannot be imported .*'
+                        'no backend_svg.*: pip install matplotlib; .*\n', line)
 
 
 def test_without_matplotlib(failed, monkeypatch, run, arm_bag, tmp_path):
