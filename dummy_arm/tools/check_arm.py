@@ -365,8 +365,9 @@ def grade(file: str, seconds: float, ros_args: Sequence[str] = (), silence: floa
                 return Grade(file, None, f'The process that observes it ended {how}.', NOT_JUDGED)
             report, reason, verdict = json.loads(written)
             if report:
-                *lines, passed = report
-                report = Report(*([Line(*line) for line in each] for each in lines), passed)
+                lines, advice, passed = report
+                report = Report([Line(*line) for line in lines],
+                                [Line(*line) for line in advice], passed)
             return Grade(file, report, reason, verdict)
         finally:
             os.close(reading)
