@@ -49,8 +49,7 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
     :param ros_args: as for `run_node`.
     :param namespace: as for `run_node`.
     :returns: a context manager; the target of `as` is None.
-    :raises UsageError: if a node in the block rejects a parameter that is set in the ROS
-        arguments, or if the namespace is invalid.
+    :raises UsageError: if the namespace is invalid.
     :raises CommandError: if ROS cannot be initialised.
     """
     # The first rule that fits a name is used, so the user's own rules come first.
@@ -63,8 +62,6 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
         raise CommandError(rcl_error_text(error)) from None
     try:
         yield
-    except ParameterException as error:
-        raise UsageError(rcl_error_text(error)) from None
     finally:
         try_shutdown()
 
@@ -135,9 +132,12 @@ def create(make_node: Callable[[], Node]) -> Node:
     :param make_node: the function that creates it.
     :returns: the node.
     :raises CommandError: if rcl fails.
+    :raises UsageError: if the node rejects a parameter that is set in the ROS arguments.
     """
     try:
         return make_node()
+    except ParameterException as error:
+        raise UsageError(rcl_error_text(error)) from None
     except RuntimeError as error:  # rcl failed, for example because the middleware did
         middleware = get_rmw_implementation_identifier()
         limit = ('. With ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST, it allows 32 processes'

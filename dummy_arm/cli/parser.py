@@ -228,4 +228,4 @@ def rcl_error_text(error: Exception) -> str:
     :param error: the error.
     :returns: the line.
     """
-    return re.sub(r', at \S+:\d+.*', '', str(error).splitlines()[0])
+    return re.sub(r', at \S+:\d+.*', '', str(error).partition('\n')[0])

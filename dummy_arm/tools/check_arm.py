@@ -93,7 +93,7 @@ _LONGEST_GRAPH = 1_000_000  # characters
 _SHOWN = 6
 
 
-#: A program that starts Python with other arguments. If check_arm ends, even by SIGKILL, the
+#: A program that starts Python with other arguments. If its parent ends, even by SIGKILL, the
 #: kernel ends the started process, too.
 _LAUNCHER = """
 import os, sys
@@ -104,7 +104,9 @@ os.execv(sys.executable, [sys.executable, *sys.argv[1:]])
 """
 #: The program of the process that observes a program.
 _OBSERVER = """
-import json, sys
+import sys
+sys.path[:] = filter(None, sys.path)  # not the working directory, where the programs may lie
+import json
 arguments, sys.path[:] = json.loads(sys.argv[1])
 from dummy_arm.tools.check_arm import observe
 observe(*arguments)
@@ -329,8 +331,8 @@ def _grade(file: str, report: Optional[Report], reason: str) -> Grade:
     return Grade(file, report, reason, NOT_OK if reason else OK)
 
 
-def grade(file: str, seconds: float, ros_args: Sequence[str] = (), silence: float = _SILENCE
-          ) -> Grade:
+def grade(file: str, seconds: float, ros_args: Sequence[str] = ('check_arm',),
+          silence: float = _SILENCE) -> Grade:
     """
     Run a program in a ROS domain of its own, and judge the arm that it publishes.
 
@@ -338,12 +340,23 @@ def grade(file: str, seconds: float, ros_args: Sequence[str] = (), silence: floa
 
     :param file: the path of the program.
     :param seconds: how long to observe the arm (s).
-    :param ros_args: the ROS arguments of the node that listens.
+    :param ros_args: the command line, with the name of the command, for the node that listens.
     :param silence: how long to wait for a sign of life of the other process (s).
     :returns: the grade.
     :raises CommandError: if no ROS domain is free.
     :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received.
     """
+    try:
+        return _grade_by_observer(file, seconds, ros_args, silence)
+    except CommandError:
+        raise
+    except Exception as error:  # the other programs are judged all the same
+        return Grade(file, None, f'check_arm failed: {type(error).__name__}: {error}', NOT_JUDGED)
+
+
+def _grade_by_observer(file: str, seconds: float, ros_args: Sequence[str], silence: float
+                       ) -> Grade:
+    """Judge a program as `grade` does."""
     with _free_domain() as domain, TemporaryDirectory(ignore_cleanup_errors=True) as directory:
         reading, writing = os.pipe()
         arguments = [writing, file, seconds, domain, directory, [*ros_args]]
@@ -358,7 +371,7 @@ def grade(file: str, seconds: float, ros_args: Sequence[str] = (), silence: floa
             if written is None:
                 observer.kill()
                 return Grade(file, None, f'The process that observes it has said nothing for '
-                             f'{silence:g} s: the middleware hangs.', NOT_JUDGED)
+                             f'{silence:g} s: probably the middleware hangs.', NOT_JUDGED)
             if not written.strip():
                 code = observer.wait(_GRACE)
                 how = f'by signal {-code}' if code < 0 else f'with exit code {code}'
@@ -370,8 +383,8 @@ def grade(file: str, seconds: float, ros_args: Sequence[str] = (), silence: floa
                                 [Line(*line) for line in advice], passed)
             return Grade(file, report, reason, verdict)
         finally:
-            os.close(reading)
             _end(observer, directory)
+            os.close(reading)
 
 
 def _read(pipe: int, silence: float) -> Optional[bytes]:
@@ -417,7 +430,7 @@ def observe(pipe: int, file: str, seconds: float, domain: int, directory: str,
     """
     record_signals()
     warnings.simplefilter('ignore')  # what the compiler thinks of the program
-    with open(pipe, 'w') as output, suppress(KeyboardInterrupt, BrokenPipeError):
+    with suppress(KeyboardInterrupt, BrokenPipeError), open(pipe, 'w') as output:
         result = _observe(file, seconds, domain, directory, ros_args,
                           lambda: print(file=output, flush=True))
         json.dump(result[1:], output)
@@ -430,6 +443,7 @@ def _observe(file: str, seconds: float, domain: int, directory: str, ros_args: S
         with ExitStack() as stack:
             arguments = _arguments(Path(file))
             observer = Observer(stack.enter_context(_node_in(domain, ros_args)), on_poll)
+            check_signals()
             program = Program(Path(file), arguments, domain, directory)
             stack.callback(program.end)
             wait_until(_START, lambda: observer.poll() or program.fault())
@@ -449,7 +463,7 @@ def _observe(file: str, seconds: float, domain: int, directory: str, ros_args: S
             return Grade(file, report, _reason(report), line.verdict if line else OK)
     except ProgramError as error:
         return _grade(file, None, str(error))
-    except CommandError as error:
+    except (CommandError, UsageError) as error:
         return Grade(file, None, str(error), NOT_JUDGED)
 
 
@@ -470,6 +484,7 @@ def _node_in(domain: int, ros_args: Sequence[str]) -> Iterator['Node']:
     Create a node in a domain, and destroy it at the end of the `with` block.
 
     :raises CommandError: if rcl fails.
+    :raises UsageError: if the node rejects a parameter.
     """
     from rclpy.context import Context
     from rclpy.logging import get_logging_severity_from_string, set_logger_level
@@ -882,8 +897,3 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                              'cores)')
     add_bag_options(parser)
     return run(parser, command, args, interrupted=1)
-
-
-if __name__ == '__main__':  # python -m
-    from dummy_arm.cli import entry_points
-    raise SystemExit(entry_points.check_arm())

@@ -1,11 +1,14 @@
 """check_arm in rare cases: a static arm, busy domains, a reader that has ended."""
 
+import os
 from pathlib import Path
+import signal
 import socket
 import sys
 import time
 
 from processes import tool
+import pytest
 
 
 def test_an_arm_that_is_static(start):
@@ -45,17 +48,30 @@ def test_a_closed_output(start, tmp_path):
     assert 'Traceback' not in process.output
 
 
+@pytest.mark.parametrize('delay', [0.1 * i for i in range(3, 18)])
+def test_ctrl_c_at_any_time(start, tmp_path, delay):
+    """The process that observes the program ends with it, and nothing prints a traceback."""
+    (tmp_path / 'arm.py').write_text('import time\ntime.sleep(1000)\n')
+    process = start(*tool('check_arm', 'arm.py'), cwd=tmp_path)
+    time.sleep(delay)
+    process.end(signal.SIGINT)
+    assert process.exit_code() == 1
+    assert 'Traceback' not in process.output
+    assert not process.has_left_processes()
+
+
 def test_a_middleware_that_hangs(start, tmp_path):
-    """Fast DDS hangs at the empty file of a port that is too new to be removed: not judged."""
+    """Fast DDS hangs at the empty file of a port, which is too new to be removed: not judged."""
     (tmp_path / 'arm.py').write_text('')
     option, code, *arguments = tool('check_arm', 'arm.py')
     own_domain = 'import dummy_arm.tools.check_arm as c; c._DOMAINS = range(231, 232); '
     port = Path(f'/dev/shm/fastrtps_port{7400 + 250 * 231 + 11}')
     try:
         port.touch()
+        os.utime(port, 2 * (time.time() + 3600,))
         process = start(option, own_domain + code, *arguments, cwd=tmp_path)
         assert process.exit_code(120.0) == 1
         assert process.output == ('arm.py: not judged: The process that observes it has said '
-                                  'nothing for 60 s: the middleware hangs.\n')
+                                  'nothing for 60 s: probably the middleware hangs.\n')
     finally:
         port.unlink(missing_ok=True)

@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 from arms import Arm, BEGIN, RIGHT, S, WRONG
-from environment import on_unix
+from environment import on_linux, on_unix
 from processes import TIMEOUT, tool_without_ros
 import pytest
 
@@ -182,16 +182,24 @@ def test_without_pypdf(failed, monkeypatch):
         'check_arm: pypdf is needed to read a PDF: apt install python3-pypdf, or pip')
 
 
-@on_unix
+@on_linux
 @pytest.mark.parametrize(('middleware', 'silence', 'reason'), [
-    ('while True:\n    pass\n', 2.0, 'has said nothing for 2 s: the middleware hangs.'),
+    ('while True:\n    pass\n', 2.0, 'has said nothing for 2 s: probably the middleware hangs.'),
     ('import os\nos.kill(os.getpid(), 11)\n', TIMEOUT, 'ended by signal 11.')],
     ids=['hangs', 'crashes'])
 def test_an_observer_that_fails(tmp_path, monkeypatch, middleware, silence, reason):
-    """The program is not judged, since it is not to blame; the others are."""
+    """
+    The program is not judged, since it is not to blame; the others are.
+
+    The observer imports nothing from the folder of the programs, which is the current one.
+    """
     (tmp_path / 'rclpy').mkdir()
     (tmp_path / 'rclpy' / '__init__.py').write_text(middleware)
-    (tmp_path / 'arm.py').write_text('')
     monkeypatch.syspath_prepend(tmp_path)
-    assert grade(str(tmp_path / 'arm.py'), 1.0, silence=silence) == Grade(
-        str(tmp_path / 'arm.py'), None, f'The process that observes it {reason}', NOT_JUDGED)
+    handed_in = tmp_path / 'handed_in'
+    handed_in.mkdir()
+    for name in 'arm.py', 'json.py':
+        (handed_in / name).write_text('raise SystemExit')
+    monkeypatch.chdir(handed_in)
+    assert grade('arm.py', 1.0, silence=silence) == Grade(
+        'arm.py', None, f'The process that observes it {reason}', NOT_JUDGED)
