@@ -142,8 +142,9 @@ class FrameListener:
         """
         Return why there is no transform, and which frames exist.
 
-        The text of `topics_hint` is added. If it is empty, and no frame exists 6 s after the
-        start, the text of `why_no_frames` is added, but only once.
+        If frames exist, the text of `topics_hint` is added. If none exists, that of
+        `wrong_type_hint` is added, and 6 s after the start also that of `other_topics_hint`; if
+        both are empty, that of `why_no_frames`, but only once.
 
         :param target: the frame in which the transform is expressed.
         :param source: the frame whose pose is looked up.
@@ -156,9 +157,10 @@ class FrameListener:
             return ''
         known = self.buffer.frame_names()
         if not known:
-            if hint := self.topics_hint():
+            is_early = monotonic() < self._start + _DISCOVERY
+            if hint := self.wrong_type_hint() if is_early else self.topics_hint():
                 return f'{why} {hint}'
-            if self._has_explained or monotonic() < self._start + _DISCOVERY:
+            if is_early or self._has_explained:
                 return why
             self._has_explained = True
             return f'{why} {self.why_no_frames()}'

@@ -10,6 +10,7 @@ import pytest
 from ros_node import stamped
 
 from dummy_arm import dummy_arm
+from dummy_arm.cli import progress
 from dummy_arm.cli.node import run_node
 from dummy_arm.cli.parser import UsageError
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
@@ -18,6 +19,7 @@ from dummy_arm.tools import (
     static_transform_publisher,
     tf2_echo,
     tf2_monitor,
+    tf_trajectory,
     view_frames,
 )
 
@@ -89,6 +91,21 @@ def test_every_command_names_another_type(ros, main, arguments):
     assert call(main, *arguments, domain=ros.context.get_domain_id(), until=re.compile(
         '/test publishes geometry_msgs/msg/TransformStamped on /tf. The type must').search
         ).code == 0
+
+
+@pytest.mark.parametrize(('main', 'arguments'), [
+    (view_frames.main, ('-t',)), (tf_trajectory.main, ('map', 'robot', '--time'))])
+def test_a_command_that_fails_names_another_type(ros, monkeypatch, main, arguments):
+    """It ends with exit code 1 if it has received nothing."""
+    ros.node.create_publisher(TransformStamped, '/tf', 10)
+    for seconds in 0.5, 5.0, 50.0:  # for the discovery
+        for module in progress, view_frames:
+            monkeypatch.setattr(module, 'DISCOVERY', seconds)
+        code, _, error = call(main, *arguments, f'{seconds}', domain=ros.context.get_domain_id())
+        if '/test publishes geometry_msgs/msg/TransformStamped on /tf. The type must' in error:
+            assert code == 1
+            return
+    pytest.fail(error)
 
 
 def test_view_frames_names_other_topics_at_its_end(ros):
