@@ -1,11 +1,12 @@
-"""Signals to commands at many times; test/commands/test_cli.py takes samples."""
+"""Signals to commands at many times, of which test/commands/test_cli.py has samples; hangs."""
 
 import os
+from pathlib import Path
 import re
 import signal
 import time
 
-from processes import BEGUN, tool
+from processes import ARM, BEGUN, tool
 import pytest
 
 
@@ -39,3 +40,18 @@ def test_a_signal_at_any_time_is_no_traceback(start, tmp_path, command, delay):
         assert process.exit_code() in (0, 1)
         assert not re.search('Traceback|ignored', process.output)
         assert not [*tmp_path.iterdir()]
+
+
+def test_an_empty_port_of_fast_dds_does_not_stop_a_command(start, domain_id):
+    """
+    Plain rclpy hangs at such a file, and neither Ctrl-C nor SIGTERM ends it.
+
+    This is a long test, since any other command may remove the file, and say so in its output.
+    """
+    port = Path(f'/dev/shm/fastrtps_port{7400 + 250 * domain_id + 11}')
+    port.touch()
+    os.utime(port, (0, 0))
+    try:
+        start(*ARM).line_with('publishing map -> base_link')
+    finally:
+        port.unlink(missing_ok=True)
