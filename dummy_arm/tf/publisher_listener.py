@@ -143,6 +143,8 @@ class _NodeNames:
     def _name_of(self, gid: str) -> str:
         if found := self._nodes.get(gid):
             return found[0]
+        if self.present - self._nodes.keys():  # the node of a publisher is not discovered yet
+            return UNKNOWN
         topic = self._topics.get(gid)
         # Also publishers that are gone: one of them may have sent the message.
         names = sorted({name for name, each in tuple(self._nodes.values()) if each == topic})

@@ -152,8 +152,3 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'example: dynamic_tf_publisher --ros-args -p rotation:=euler -p roll:=0.5')
     add_namespace_option(parser, 'publish on', 'tf')
     return run(parser, command, args)
-
-
-if __name__ == '__main__':  # python -m
-    from dummy_arm.cli import entry_points
-    raise SystemExit(entry_points.dynamic_tf_publisher())

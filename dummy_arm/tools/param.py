@@ -218,8 +218,3 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('name', nargs='?', help='name of the parameter (default: all)')
     parser.add_argument('value', nargs='?', help='the new value, as YAML')
     return run(parser, command, args)
-
-
-if __name__ == '__main__':  # python -m
-    from dummy_arm.cli import entry_points
-    raise SystemExit(entry_points.param())

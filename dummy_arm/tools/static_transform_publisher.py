@@ -195,8 +195,3 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     :returns: the exit code.
     """
     return run(make_parser(), run_with_options, args)
-
-
-if __name__ == '__main__':  # python -m
-    from dummy_arm.cli import entry_points
-    raise SystemExit(entry_points.static_transform_publisher())

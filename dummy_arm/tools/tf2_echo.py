@@ -174,8 +174,3 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('--once', action='store_true', help='print the transform once, then exit')
     add_bag_options(parser)
     return run(parser, command, args)
-
-
-if __name__ == '__main__':  # python -m
-    from dummy_arm.cli import entry_points
-    raise SystemExit(entry_points.tf2_echo())

@@ -216,8 +216,3 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('target_frame', nargs='?')
     add_namespace_option(parser, 'listen to')
     return run(parser, command, args)
-
-
-if __name__ == '__main__':  # python -m
-    from dummy_arm.cli import entry_points
-    raise SystemExit(entry_points.tf2_monitor())

@@ -641,8 +641,3 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         help='print the codes of all findings with their meanings, then exit')
     add_bag_options(parser)
     return run(parser, command, args)
-
-
-if __name__ == '__main__':  # python -m
-    from dummy_arm.cli import entry_points
-    raise SystemExit(entry_points.tf_doctor())

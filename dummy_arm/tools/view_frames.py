@@ -282,8 +282,3 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         help='draw or print only this frame and its descendants')
     add_bag_options(parser)
     return run(parser, command, args)
-
-
-if __name__ == '__main__':  # python -m
-    from dummy_arm.cli import entry_points
-    raise SystemExit(entry_points.view_frames())

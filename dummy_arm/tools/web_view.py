@@ -97,8 +97,3 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                              'next free one)')
     add_bag_options(parser)
     return run(parser, command, args)
-
-
-if __name__ == '__main__':  # python -m
-    from dummy_arm.cli import entry_points
-    raise SystemExit(entry_points.web_view())

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
+from itertools import takewhile
 from math import isfinite
 from time import monotonic
 from typing import NamedTuple, TypeVar
@@ -197,15 +198,14 @@ def _first(frames: dict[str, Frame], root_of: dict[str, str], fixed: str) -> dic
     """
     Return `MAX_FRAMES` names: the frames that came first, each with its ancestors.
 
-    The frames in the tree of the fixed frame are preferred. A frame that is shown is not left out
-    when others appear, since the buffer lists new frames last.
+    The frames in the tree of the fixed frame are preferred.
     """
     shown: dict[str, None] = {}
     preferred = sorted((name for name in frames if name in root_of),
                        key=lambda name: root_of[name] != root_of[fixed])
     for name in [fixed, *preferred]:
-        new = [each for each in _self_and_ancestors(name, frames) if each not in shown]
-        shown |= dict.fromkeys(new[::-1][:MAX_FRAMES - len(shown)])
+        new = [*takewhile(lambda each: each not in shown, _self_and_ancestors(name, frames))]
+        shown.update(dict.fromkeys(new[::-1][:MAX_FRAMES - len(shown)]))
         if len(shown) == MAX_FRAMES:
             break
     return shown
