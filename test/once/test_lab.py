@@ -163,8 +163,10 @@ def test_a_model_answer_in_a_package(start, tmp_path, ros, answer):
             half = 0.0 if answer == ANSWERS[0] else np.arctan2(y, x) / 2
             assert abs(rotation @ [0.0, 0.0, sin(half), cos(half)]) == pytest.approx(1.0)
     process.press_ctrl_c()
-    assert process.exit_code() == 0
-    assert 'Traceback' not in process.output
+    if process.exit_code():  # Ctrl-C came while the timer's callback was publishing
+        assert "RCLError: Failed to publish: publisher's context is invalid" in process.output
+    else:
+        assert 'Traceback' not in process.output
 
 
 def package_files(name):
