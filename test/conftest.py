@@ -10,6 +10,7 @@ os.environ['FASTRTPS_DEFAULT_PROFILES_FILE'] = str(
 from collections.abc import Callable, Iterator
 import faulthandler
 import logging
+import signal
 
 from hypothesis import HealthCheck, settings
 import pytest
@@ -26,9 +27,11 @@ settings.load_profile('short')
 
 
 def pytest_configure() -> None:
-    """Keep stderr, before pytest captures it."""
+    """Keep stderr, before pytest captures it; heed Ctrl-C, which tests send to their processes."""
     global _stderr
     _stderr = os.dup(2)
+    # In the background of a shell, SIGINT is ignored, also by all processes that are started.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_runtest_logstart(nodeid: str) -> None:
