@@ -28,6 +28,7 @@ from dummy_arm.tf.formatting import (
     SECOND,
     shortened,
     suggest_names,
+    TF_MESSAGE,
 )
 
 #: The severities.
@@ -350,7 +351,7 @@ def _no_transforms(snapshot: Snapshot) -> Iterator[_Fault]:
 
 
 @_check('wrong_type', ERROR,
-        'Messages on /tf or /tf_static have another type than tf2_msgs/msg/TFMessage; no listener '
+        f'Messages on /tf or /tf_static have another type than {TF_MESSAGE}; no listener '
         'receives them.',
         'Send transforms with a TransformBroadcaster or a StaticTransformBroadcaster '
         '(sendTransform), and other messages on another topic.')
@@ -358,7 +359,7 @@ def _wrong_type(snapshot: Snapshot) -> Iterator[_Fault]:
     for endpoint in snapshot.endpoints:
         if endpoint.wrong_type:
             yield _Fault((), f'{endpoint.node or "a node"} publishes {endpoint.wrong_type} on '
-                         f'{endpoint.topic}, not tf2_msgs/msg/TFMessage', topics=[endpoint.topic],
+                         f'{endpoint.topic}, not {TF_MESSAGE}', topics=[endpoint.topic],
                          nodes=[*filter(None, [endpoint.node])])
 
 

@@ -15,6 +15,7 @@ from dummy_arm.tf.formatting import (
     match_candidates,
     quoted,
     suggest_names,
+    TF_MESSAGE,
 )
 from dummy_arm.tf.publisher_listener import PublisherListener
 
@@ -23,8 +24,6 @@ _SHOWN = 20
 #: For this time (s) after the start, `why_no_transform` does not add the text of `why_no_frames`,
 #: since the publishers may not have been discovered yet: on a busy computer, this takes up to 5 s.
 _DISCOVERY = 6.0
-#: The name of the type of TFMessage in the ROS graph.
-TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
 
 
 class FrameListener:

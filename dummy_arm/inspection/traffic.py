@@ -248,6 +248,6 @@ class Traffic:
         last = max(each.last for each in delays)
         found = {is_present(gid) for gid in gids}
         return Stream(frame, node, not any(arrivals.is_dynamic for arrivals in all_arrivals),
-                      next((each for each in (True, None) if each in found), False),
+                      True if True in found else None if None in found else False,
                       summarize(delays, now),
                       in_seconds(max(0, now - last)) if last else None)

@@ -18,6 +18,7 @@ from dummy_arm.tf._core.texts import (
     quoted,
     shortened,
     suggest_names,
+    TF_MESSAGE,
     visible,
     visible_lines,
 )
@@ -26,6 +27,7 @@ from dummy_arm.tf._core.times import display_time, in_seconds, SECOND
 __all__ = [
     'LONGEST',
     'SECOND',
+    'TF_MESSAGE',
     'abbreviated',
     'comma_list',
     'display_time',

@@ -17,7 +17,7 @@ from rclpy.node import Node
 
 from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf._core.pose import BatchOrRows, Row
-from dummy_arm.tf._core.texts import comma_list, full_name
+from dummy_arm.tf._core.texts import comma_list, full_name, TF_MESSAGE
 from dummy_arm.tf._ros.rclpy_private import GID_SIZE, rcl_take, RCLError, Taker
 from dummy_arm.tf._ros.subscription import SubscriptionSource
 from dummy_arm.tf._wire import cdr
@@ -33,8 +33,6 @@ _QUERY_INTERVAL = 0.5
 _MOST_NAMES = 10_000
 #: The largest number of nodes that are named in place of one node.
 _SHOWN = 5
-#: The type of the messages, in the ROS graph.
-_TYPE = 'tf2_msgs/msg/TFMessage'
 #: The node name that rmw reports for a publisher whose node is not discovered yet.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 #: The largest number of messages that are kept for `received`, and the largest sum of their sizes
@@ -182,7 +180,7 @@ class _NodeNames:
         present = set()
         for topic in self.topics:
             for info in self._node.get_publishers_info_by_topic(topic):
-                if info.topic_type != _TYPE:  # this listener receives nothing from it
+                if info.topic_type != TF_MESSAGE:  # this listener receives nothing from it
                     continue
                 gid = bytes(info.endpoint_gid[:GID_SIZE]).hex()
                 present.add(gid)

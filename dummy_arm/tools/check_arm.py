@@ -235,9 +235,9 @@ class Program:
             return f'It fails: {error}'
         if code is None:
             return ''
-        how = f'by signal {-code}' if code < 0 else f'with exit code {code}'
         last = text.strip().splitlines()[-1:]
-        return (f'It ended by itself after {time.monotonic() - self._start:.1f} s, {how}' + (
+        seconds = time.monotonic() - self._start
+        return (f'It ended by itself after {seconds:.1f} s, {_how(code)}' + (
             f'; its last line: {abbreviated(visible(last[0]))}' if last else '.'))
 
     def end(self) -> None:
@@ -252,6 +252,11 @@ class Program:
         self._reader.join(_GRACE)
         if not self._reader.is_alive() and self._process.stdout:
             self._process.stdout.close()
+
+
+def _how(code: int) -> str:
+    """Return how a process has ended."""
+    return f'by signal {-code}' if code < 0 else f'with exit code {code}'
 
 
 def _arguments(path: Path) -> list[str]:
@@ -373,8 +378,7 @@ def _grade_by_observer(file: str, seconds: float, ros_args: Sequence[str], silen
                 return Grade(file, None, f'The process that observes it has said nothing for '
                              f'{silence:g} s: probably the middleware hangs.', NOT_JUDGED)
             if not written.strip():
-                code = observer.wait(_GRACE)
-                how = f'by signal {-code}' if code < 0 else f'with exit code {code}'
+                how = _how(observer.wait(_GRACE))
                 return Grade(file, None, f'The process that observes it ended {how}.', NOT_JUDGED)
             report, reason, verdict = json.loads(written)
             if report:

@@ -46,6 +46,7 @@ from dummy_arm.tf.formatting import (
     SECOND,
     shortened,
     suggest_names,
+    TF_MESSAGE,
     visible,
 )
 from dummy_arm.tf.transform_table import header_frame, transform_tables
@@ -189,7 +190,6 @@ class _HeaderSampler:
         """
         if time.monotonic() < self._next_scan:
             return
-        from dummy_arm.inspection.frame_listener import TF_MESSAGE
         self._next_scan = time.monotonic() + _SCAN_INTERVAL
         for topic, types in self._node.get_topic_names_and_types():
             if TF_MESSAGE in types or (topic in self.frames and len(types) == 1):
@@ -260,7 +260,7 @@ class _HeaderSampler:
 def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
     """Listen to transforms, and to the headers on other topics."""
     from dummy_arm.cli.node import spinning_node
-    from dummy_arm.inspection.frame_listener import FrameListener, TF_MESSAGE
+    from dummy_arm.inspection.frame_listener import FrameListener
     statistics, malformed, dropped, end = Statistics(_SETTLING), Counter[str](), 0, 0
     with spinning_node('tf_doctor', ros_args, namespace) as node:
         frame_listener = FrameListener(node)
@@ -334,8 +334,6 @@ def _not_counted(statistics: Statistics, malformed: Counter[str]) -> Iterator[st
 def _endpoints(node: 'Node', topics: Sequence[str]) -> Iterator[Endpoint]:
     """Yield the publishers on the topics, with the first listener that each does not match."""
     from rclpy.qos import DurabilityPolicy, qos_check_compatible, QoSCompatibility
-
-    from dummy_arm.inspection.frame_listener import TF_MESSAGE
     own_name = node.get_fully_qualified_name()
     for topic in topics:
         # The subscription of this node has the QoS of tf2's TransformListener; it comes first.

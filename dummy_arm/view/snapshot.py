@@ -152,7 +152,7 @@ class FrameWatcher:
             max(depths.keys() & placed.keys(), key=lambda name: (depths[name], -index[name]),
                 default=''), forest.loops,
             [name for name, is_far in zip(placed, (points != places).any(axis=1)) if is_far],
-            not_finite, len(_names(known)) - len(_names(kept)), left_out)
+            not_finite, 0 if kept is known else len(_names(known)) - len(_names(kept)), left_out)
 
     def _silences(self, frames: dict[str, Frame], until: int) -> dict[str, float]:
         """Return the time since the last new stamp of each frame (s); 0 if it is static."""

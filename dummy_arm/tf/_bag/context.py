@@ -12,13 +12,20 @@ import struct
 from typing import NamedTuple, Optional, Union
 
 from dummy_arm.tf._bag.decompression import ZSTD
-from dummy_arm.tf._core.texts import abbreviated, comma_list, logged, namespace_path, visible
+from dummy_arm.tf._core.texts import (
+    abbreviated,
+    comma_list,
+    logged,
+    namespace_path,
+    TF_MESSAGE,
+    visible,
+)
 from dummy_arm.tf._wire.streams import Encoding
 
 #: The publisher of a stream if the bag does not record the publisher. Bags of rosbag2 never record
 #: publishers.
 NOT_RECORDED = 'not recorded'
-_TYPES = 'tf2_msgs/msg/TFMessage', 'tf/msg/tfMessage'
+_TYPES = TF_MESSAGE, 'tf/msg/tfMessage'
 #: The largest number of topics, of namespaces or of faults that a text lists.
 _SHOWN = 10
 #: The largest number of topics that are remembered for the text of an error.
@@ -292,14 +299,14 @@ class BagContext:
             return self.wrong_types_text()
         topics = sorted(f'{logged(topic)} ({logged(msgtype)})'
                         for topic, msgtype in self._types.items())
-        return (f'no tf2_msgs/msg/TFMessage on {expected}; its topics: '
+        return (f'no {TF_MESSAGE} on {expected}; its topics: '
                 f'{comma_list(topics, _SHOWN) or "none"}')
 
     def wrong_types_text(self) -> str:
         """Return what is wrong with `wrong_types`, and the remedy."""
         types = ' and '.join(f'{logged(topic)} has the type {logged(msgtype)}'
                              for topic, msgtype in sorted(self.wrong_types.items()))
-        return (f'{types}, not {_TYPES[0]}: send transforms with a TransformBroadcaster or a '
+        return (f'{types}, not {TF_MESSAGE}: send transforms with a TransformBroadcaster or a '
                 'StaticTransformBroadcaster')
 
 

@@ -15,6 +15,8 @@ from time import monotonic
 
 from dummy_arm.tf._core.times import display_time, SECOND
 
+#: The name of the type TFMessage, in the ROS graph and in bags of rosbag2.
+TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
 #: The longest name (characters) that a log line shows in full.
 LONGEST = 100
 #: The largest number of names that an error lists.
