@@ -37,7 +37,7 @@ from dummy_arm.cli.signals import (
     sleep,
     wait_until,
 )
-from dummy_arm.inspection.arm_check import (
+from dummy_arm.grading.arm_check import (
     ADVICE,
     check,
     FRAMES,

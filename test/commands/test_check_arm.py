@@ -8,7 +8,7 @@ from processes import tool
 import pytest
 from ros_node import eventually, stamped
 
-from dummy_arm.inspection.arm_check import OK
+from dummy_arm.grading.arm_check import OK
 from dummy_arm.tf import StaticTransformBroadcaster
 from dummy_arm.tools import check_arm
 from dummy_arm.tools.check_arm import main, Observer

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dummy_arm import arm as own_arm
-from dummy_arm.inspection.arm_check import (
+from dummy_arm.grading.arm_check import (
     ADVICE,
     check,
     EDGES,

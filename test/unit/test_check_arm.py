@@ -12,7 +12,7 @@ from environment import on_linux, on_unix
 from processes import TIMEOUT, tool_without_ros
 import pytest
 
-from dummy_arm.inspection.arm_check import FRAMES, NOT_JUDGED
+from dummy_arm.grading.arm_check import FRAMES, NOT_JUDGED
 from dummy_arm.tools.check_arm import Grade, grade, main
 
 

@@ -111,6 +111,15 @@ class Message(NamedTuple):
     rows: Sequence[Any]
 
 
+class Publisher(NamedTuple):
+    """A publisher on /tf or /tf_static that has been in the ROS graph during the observation."""
+
+    gid: str  #: as `Message.publisher`
+    node: str  #: the full name of its node
+    is_static: bool  #: True if it is on /tf_static
+    pid: int  #: the process id; 0: not known
+
+
 class Line(NamedTuple):
     """A line of the table: a requirement, and what was measured."""
 
@@ -276,14 +285,9 @@ class _Check:
     """The check of one arm."""
 
     def __init__(self, messages: Iterable[Message], reaches_late_joiners: Optional[bool],
-                 end: Optional[int]) -> None:
-        """
-        Sort the transforms by frames.
-
-        :param messages: as for `check`.
-        :param reaches_late_joiners: as for `check`.
-        :param end: as for `check`.
-        """
+                 end: Optional[int], publishers: Sequence[Publisher]) -> None:
+        """Sort the transforms by frames; the arguments are those of `check`."""
+        self._publishers = publishers
         self._reaches_late_joiners = reaches_late_joiners
         rows: defaultdict[str, list[tuple[Message, Any]]] = defaultdict(list)
         #: A frame that is in one message more than once; '': none.
@@ -852,7 +856,7 @@ def _cause_of_wave(joint: Edge, times: _Floats, angles: _Floats, sine: Sine) -> 
 
 
 def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = None,
-          end: Optional[int] = None) -> Report:
+          end: Optional[int] = None, publishers: Sequence[Publisher] = ()) -> Report:
     """
     Check whether the transforms of an arm meet the requirements.
 
@@ -860,6 +864,7 @@ def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = No
     :param reaches_late_joiners: whether a listener that started later than the arm has received
         base_link; None: not known, which does not count as a failure.
     :param end: the end of the observation (ns); None: the time of the last message.
+    :param publishers: the publishers on /tf and /tf_static; empty: not known.
     :returns: the report.
     """
-    return _Check(messages, reaches_late_joiners, end).report()
+    return _Check(messages, reaches_late_joiners, end, publishers).report()
