@@ -76,6 +76,14 @@ clean:
 # With paths, and not with an import hook, so that editors and mypy find the packages.
 AS_PATHS := --config-settings editable_mode=compat
 EXTRAS := ros,view
+# Of what pip prints, a line for each package and for each large download.
+PROGRESS := while read -r what name rest; do case "$$what $$name $$rest" in \
+    Obtaining\ file*) echo "preparing $${name\#file://}" ;; \
+    Collecting*) n=$$((n + 1)); echo "package $$n of about 100: $${name%%[<>=~!;[]*}" ;; \
+    Downloading*MB\)) echo "    downloading $${name%%-*} $$rest" ;; \
+    Installing\ collected*) echo "unpacking $$n packages" ;; esac; done
+$(INSTALLED): SHELL := bash
+$(INSTALLED): .SHELLFLAGS := -o pipefail -c
 # The demo is to take little of the disk. So there is no bytecode: Python compiles what is used, once.
 # The libraries in the wheel of pygraphviz are 13 MB of code and 95 MB of zeros, which take no space as
 # holes in the files; where the file system has no such holes, they stay.
@@ -86,16 +94,19 @@ $(INSTALLED): setup.py compat/pyproject.toml
 	    { echo 'Python 3.10 or later is needed; name one: make PYTHON=python3.12'; exit 1; }
 	@$(PYTHON) -c 'import ensurepip' 2> /dev/null || { $(PYTHON) -c 'import sys; print( \
 	    "the venv module is missing: apt install python3.%d-venv" % sys.version_info[1])'; exit 1; }
-	$(PYTHON) -m venv $(@D)
+	@echo 'installing about 100 packages (340 MB) into $(abspath $(@D))'
+	@$(PYTHON) -m venv $(@D)
 	@touch $(@D)/COLCON_IGNORE
-	$(@D)/bin/python -m pip install --quiet --no-compile $(AS_PATHS) \
-	    --editable '.[$(EXTRAS)]' --editable compat
+	@$(@D)/bin/python -m pip install --no-compile $(AS_PATHS) --editable '.[$(EXTRAS)]' --editable compat \
+	    | $(PROGRESS)
 	@find $(@D) -name __pycache__ -prune -exec rm -r {} +
 	@find $(@D) -path '*.libs/*' -type f -exec fallocate --dig-holes {} \; 2> /dev/null || true
 	@touch $@
+	@echo 'installed; to use it in a shell: . $(abspath $(@D))/bin/activate'
 
 # The test tools start Python thousands of times.
 $(INSTALLED)-%: $(INSTALLED)
-	$(VENV)/bin/python -m pip install --quiet $(AS_PATHS) --editable '.[$*]'
+	@echo 'installing the extra packages for $*, a minute or more'
+	@$(VENV)/bin/python -m pip install --quiet $(AS_PATHS) --editable '.[$*]'
 	@$(VENV)/bin/python -m compileall -q -j 2 $(VENV)/lib > /dev/null || true
 	@touch $@
