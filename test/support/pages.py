@@ -3,7 +3,8 @@ The blocks of code in README.md, CONTRIBUTING.md and docs/*.md, and how they are
 
 The commands of a section run one after the other, as in several shells: a command that runs until
 Ctrl-C is ended at the end of the section. Blocks that need Docker or a ROS desktop are marked
-behind the name of their language. Blocks of `text` are output.
+behind the name of their language. Blocks of `text` are output. The blocks of lab.md run in the
+directory of a student, which has copies of the model answers as the student's own programs.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,7 +24,8 @@ PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').g
 #: The commands that run until Ctrl-C, and a text that each prints when it works.
 ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in {
     'dummy_arm': 't = 0', 'dynamic_tf_publisher': 'publishing map -> moving_frame',
-    'python docs/examples/record.py': 'recording', 'python lab/': 'publishing',
+    'python docs/examples/record.py': 'recording',
+    r'python (dynamic_tf_publisher|dummy_arm)\.py': 'publishing',
     'static_transform_publisher': 'translation: ',
     'tf2_echo (?!.*--(once|bag))': 'At time', 'tf2_monitor': 'RESULTS',
     'view_frames .*--watch': ' Hz ', 'web_view': 'look at http://'}.items()}
@@ -40,6 +42,11 @@ LONG = {('README.md', 'A first program'), ('bags.md', 'Install'), *(
     ('lab.md', name) for name in (
         'Step 2: a dynamic transform', 'Step 3: a quaternion', 'Gimbal lock',
         'Step 5: the tree of frames', 'Step 6: the arm', 'For teachers'))}
+#: The model answers.
+LAB = ROOT / 'lab'
+#: The answer that is the student's dynamic_tf_publisher.py, in the sections that change it.
+ANSWERS = {'Step 3: a quaternion': 'dynamic_tf_publisher_quaternion.py',
+           'Step 4: Euler angles': 'dynamic_tf_publisher_euler.py'}
 
 
 class Block(NamedTuple):
@@ -88,19 +95,39 @@ SECTIONS = list(dict.fromkeys(
 
 @pytest.fixture
 def bag_of_a_walk(tmp_path: Path) -> Path:
-    """Return a directory with the files of the project, robot_bag and robot.mcap."""
+    """Return a directory dummy_arm with the files of the project, robot_bag and robot.mcap."""
     bags = pytest.importorskip('bags')
+    directory = tmp_path / 'dummy_arm'
+    directory.mkdir()
     for path in ROOT.iterdir():
         if path.name[0] != '.' and path.name not in ('build', 'install', 'log'):
-            (tmp_path / path.name).symlink_to(path)
-    (tmp_path / '.venv').symlink_to(sys.prefix)
-    (file,) = bags.make(tmp_path / 'robot_bag', 'mcap', bags.walk()).glob('*.mcap')
-    shutil.copyfile(file, tmp_path / 'robot.mcap')
-    return tmp_path
+            (directory / path.name).symlink_to(path)
+    (directory / '.venv').symlink_to(sys.prefix)
+    (file,) = bags.make(directory / 'robot_bag', 'mcap', bags.walk()).glob('*.mcap')
+    shutil.copyfile(file, directory / 'robot.mcap')
+    return directory
+
+
+def _student_directory(home: Path, section: str) -> Path:
+    """Return a new directory with the programs that a student has written in a section."""
+    directory = home / 'tf_lab'
+    directory.mkdir()
+    shutil.copyfile(LAB / ANSWERS.get(section, 'dynamic_tf_publisher.py'),
+                    directory / 'dynamic_tf_publisher.py')
+    shutil.copyfile(LAB / 'dummy_arm.py', directory / 'dummy_arm.py')
+    return directory
 
 
 def run_section(start: Callable[..., Process], directory: Path, page: str, section: str) -> None:
-    """Run the commands of a section; each ends with exit code 0, by itself or after Ctrl-C."""
+    """
+    Run the commands of a section; each ends with exit code 0, by itself or after Ctrl-C.
+
+    :param directory: the directory of the project, `bag_of_a_walk`.
+    """
+    environment = {'PATH': f'{sys.prefix}/bin{os.pathsep}{os.environ["PATH"]}'}
+    if page == 'lab.md':
+        environment['HOME'] = str(directory.parent)
+        directory = _student_directory(directory.parent, section)
     if (page, section) in WITH_ARM:
         start(*ARM).line_with('t = 0')
     endless = []
@@ -109,8 +136,7 @@ def run_section(start: Callable[..., Process], directory: Path, page: str, secti
         texts = [text for pattern, text in ENDLESS.items() if pattern.match(command)]
         process = start('-c', 'import os, sys; os.execvp("bash", ["bash", "-c", sys.argv[1]])',
                         f'exec {command}' if texts else command,
-                        cwd=directory, environment={
-                            'PATH': f'{sys.prefix}/bin{os.pathsep}{os.environ["PATH"]}'})
+                        cwd=directory, environment=environment)
         if texts:
             process.line_with(*texts)
             endless.append((command, process))

@@ -5,7 +5,7 @@ import json
 import re
 
 from environment import ROOT
-from pages import BLOCKS, PAGES
+from pages import ANSWERS, BLOCKS, PAGES, SECTIONS
 import pytest
 
 from dummy_arm import tf
@@ -20,6 +20,11 @@ def test_every_block_says_what_it_is():
     assert {block.language for block in BLOCKS} == {'python', 'sh', 'text'}
     assert Counter((block.page, block.needs) for block in BLOCKS if block.needs) == NOT_RUN
     assert all(block.language == 'sh' for block in BLOCKS if block.needs)
+
+
+def test_the_sections_that_have_an_answer_exist():
+    """A section of the lab that is renamed must be renamed in `ANSWERS`, too."""
+    assert {*SECTIONS} >= {('lab.md', section) for section in ANSWERS}
 
 
 @pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
