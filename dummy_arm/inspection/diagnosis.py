@@ -5,7 +5,7 @@ Each check is a function that looks for one kind of fault in a `Snapshot`. The c
 """
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import chain, combinations, pairwise
 from operator import attrgetter, itemgetter
@@ -42,6 +42,9 @@ _GAP, _SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
 _FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
 #: Transforms are late or from the future if at least this part of them is.
 _SHARE = 0.05
+#: A program has fewer broadcasters than this without a frame of their own, unless it creates them
+#: again and again.
+_MANY = 6
 #: The frames of REP 105, from the root to the robot.
 _REP_105 = 'earth', 'map', 'odom', 'base_link'
 #: Names that are shorter than this are not compared letter by letter.
@@ -60,6 +63,20 @@ class Endpoint(NamedTuple):
     is_unlatched: bool  #: True if the topic is /tf_static and later listeners receive nothing
     mismatch: str  #: the listener whose QoS it does not match, and why; '': it matches all
     wrong_type: str = ''  #: its type, if it is not TFMessage
+    publisher: str = ''  #: as `Track.publisher`; '': not known
+
+
+def recreated(publishers: Mapping[str, Collection[str]]) -> list[str]:
+    """
+    Return the publishers that a node creates one after another, as in the callback of a timer.
+
+    :param publishers: by publisher of one node on one topic: the frames that it has sent.
+    :returns: the publishers that have no frame of their own, if there are at least 6.
+    """
+    counts = Counter(chain.from_iterable(publishers.values()))
+    found = [publisher for publisher, frames in publishers.items()
+             if all(counts[frame] > 1 for frame in frames)]
+    return found if len(found) >= _MANY else []
 
 
 class Headers(NamedTuple):
@@ -196,6 +213,23 @@ class Snapshot:
             for frame in headers.frames:
                 topics.setdefault(frame, []).append(headers.topic)
         return dict(sorted(topics.items()))
+
+    @cached_property
+    def recreated(self) -> dict[tuple[str, str], list[str]]:
+        """
+        By node and topic: the publishers that the node creates one after another.
+
+        A publisher that is destroyed at once has no known node: it is not found in the ROS graph.
+        """
+        groups: dict[tuple[str, str], dict[str, set[str]]] = {}
+        for endpoint in self.endpoints:
+            if endpoint.publisher:
+                group = groups.setdefault((endpoint.node, endpoint.topic), {})
+                group[endpoint.publisher] = set()
+        for track in self.tracks:
+            key = self.node_of(track), self.topics[track.is_static]
+            groups.setdefault(key, {}).setdefault(track.publisher, set()).add(track.child)
+        return {key: found for key, group in groups.items() if (found := recreated(group))}
 
     def roots(self, tree: list[str]) -> list[str]:
         """
@@ -341,7 +375,7 @@ def _seconds(nanoseconds: float) -> str:
         'Nothing was received on /tf and /tf_static.',
         'Start the nodes that publish transforms, in the same ROS domain.')
 def _no_transforms(snapshot: Snapshot) -> Iterator[_Fault]:
-    is_explained = snapshot.other_namespaces or any(
+    is_explained = snapshot.other_namespaces or snapshot.recreated or any(
         endpoint.wrong_type for endpoint in snapshot.endpoints)
     if not snapshot.tracks and not is_explained:
         refused = [each for each in snapshot.endpoints if each.mismatch or each.is_unlatched]
@@ -369,9 +403,11 @@ def _wrong_type(snapshot: Snapshot) -> Iterator[_Fault]:
         'Stop one of the publishers, or give its frame another name.', 'nodes')
 def _two_publishers(snapshot: Snapshot) -> Iterator[_Fault]:
     pairs: dict[tuple[str, str, bool], list[tuple[Track, Track]]] = {}
+    again = {*chain.from_iterable(snapshot.recreated.values())}
     for tracks in snapshot.by_child.values():
         for a, b in combinations(tracks, 2):
-            if a.is_static == b.is_static and _exist_together(snapshot, a, b):
+            if (a.is_static == b.is_static and not {a.publisher, b.publisher} <= again
+                    and _exist_together(snapshot, a, b)):
                 pairs.setdefault((a.publisher, b.publisher, a.is_static), []).append((a, b))
     for group in pairs.values():
         a, b = group[0]
@@ -397,6 +433,19 @@ def _exist_together(snapshot: Snapshot, a: Track, b: Track) -> bool:
         return {a.publisher, b.publisher} <= {*snapshot.present} and not (
             is_same and snapshot.node_of(a) == snapshot.node_of(b))
     return bool(max(a['first_time'], b['first_time']) <= min(a['last_time'], b['last_time']))
+
+
+@_check('many_publishers', ERROR,
+        'A node creates publishers on /tf or /tf_static again and again: what a new publisher '
+        'sends can be lost, and each of them costs all listeners memory and time.',
+        'Create the broadcaster once, with the node, and not in the callback of a timer.', 'nodes')
+def _many_publishers(snapshot: Snapshot) -> Iterator[_Fault]:
+    for (node, topic), publishers in snapshot.recreated.items():
+        found = {*publishers}
+        frames = [track.child for track in snapshot.tracks if track.publisher in found]
+        where = ', from one node' if node.startswith('/') else ''
+        yield _Fault(frames, f'{len(found)} publishers, one after another{where}',
+                     topics=[topic], nodes=[node])
 
 
 @_check('changing_parent', ERROR,

@@ -355,7 +355,8 @@ def _endpoints(node: 'Node', topics: Sequence[str]) -> Iterator[Endpoint]:
                     break
             yield Endpoint(
                 topic, _full_name(publisher), topic == topics[1]
-                and publisher.qos_profile.durability == DurabilityPolicy.VOLATILE, mismatch)
+                and publisher.qos_profile.durability == DurabilityPolicy.VOLATILE, mismatch,
+                publisher=bytes(publisher.endpoint_gid[:16]).hex())
 
 
 def _full_name(info: Any) -> str:

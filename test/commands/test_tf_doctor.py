@@ -178,6 +178,31 @@ def test_a_topic_with_two_types(ros):
         'geometry_msgs/msg/PointStamped, sensor_msgs/msg/JointState' for name in names]
 
 
+@pytest.mark.parametrize('create', [TransformBroadcaster, StaticTransformBroadcaster])
+def test_broadcasters_that_are_created_in_a_callback(ros, create):
+    """They are the one finding: neither are frames said to have two publishers."""
+    static = StaticTransformBroadcaster(ros.node)
+    static.sendTransform(stamped('map', 'odom'))
+    _, data = examine(ros, publishers=[static.pub_tf], send=lambda now: create(
+        ros.node).sendTransform(stamped('odom', 'base_link', now, now % S / S)))
+    (finding,) = (each for each in data['findings'] if each['code'] not in ('gap', 'late'))
+    assert (finding['code'], finding['nodes']) == ('many_publishers', ['/test'])
+    assert finding['topics'] == ['/tf' if create is TransformBroadcaster else '/tf_static']
+    assert re.fullmatch(r'\d\d+ publishers, one after another, from one node',
+                        finding['evidence'])
+
+
+def test_many_publishers_of_which_nothing_arrives(ros):
+    """They are the cause that is named."""
+    for _ in range(30):
+        ros.node.create_publisher(TFMessage, '/tf', 10)
+    point = ros.node.create_publisher(PointStamped, '/point', 10)  # it is discovered later
+    status, data = examine(ros, publishers=[point])
+    (finding,) = data['findings']
+    assert (status, finding['code'], finding['topics']) == (1, 'many_publishers', ['/tf'])
+    assert finding['evidence'].startswith('30 publishers')
+
+
 def test_a_middleware_that_does_not_report_gids(ros, handles):
     """Whether a frame has two publishers is not checked; they are named as far as possible."""
     other = Node('other', context=ros.context)
@@ -188,7 +213,8 @@ def test_a_middleware_that_does_not_report_gids(ros, handles):
     other.destroy_node()
     assert (status, codes(data)) == (0, {'leading_slash'})
     assert data['not_checked'] == [
-        'two_publishers: the ROS graph does not know the publishers of the transforms']
+        'two_publishers, many_publishers: the ROS graph does not know the publishers of the '
+        'transforms']
     assert {*data['findings'][0]['nodes']} == {'one of /other, /test'}
 
 
