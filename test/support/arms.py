@@ -1,6 +1,7 @@
 """Arms for tests: what a right program sends, where its hand is, and small mistakes."""
 
 from math import asin, cos, pi, radians, sin
+from random import Random
 
 import numpy as np
 
@@ -35,6 +36,7 @@ class Arm:
     positions = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.3), (0.4, 0.0, 0.0), (0.3, 0.0, 0.0),
                  (0.2, 0.0, 0.0))
     topics = ('/tf_static', '/tf', '/tf', '/tf', '/tf')
+    tick = 0
 
     def angle(self, joint, t):
         """Return the angle of joint 1, 2 or 3 (rad) at the time t (s)."""
@@ -56,9 +58,17 @@ class Arm:
         """Return the stamp (ns) of an edge that is sent at the time now (ns)."""
         return now
 
+    def time(self, tick):
+        """Return the time (ns) of a tick of the timer."""
+        return BEGIN + int(tick * S / self.hertz)
+
+    def t(self, now):
+        """Return the time (s) from which the program computes the angles."""
+        return (now - BEGIN) / S
+
     def row(self, edge, now):
         """Return the transform of an edge at the time now (ns)."""
-        t = (now - BEGIN) / S
+        t = self.t(now)
         angle = self.angle(edge, t) if 1 <= edge <= 3 else 0.0
         return Row(self.stamp(edge, now), self.parent(edge), self.names[edge + 1],
                    (*self.position(edge, t), *self.rotation(edge, angle)))
@@ -70,7 +80,7 @@ class Arm:
         if static:
             yield '/tf_static', BEGIN, [self.row(edge, BEGIN) for edge in static]
         for tick in range(int(seconds * self.hertz) + 1 if moving else 0):
-            now = BEGIN + tick * S // self.hertz
+            self.tick, now = tick, self.time(tick)
             yield '/tf', now + S // 1000, [self.row(edge, now) for edge in moving]
 
 
@@ -146,6 +156,15 @@ class EachInItsMessage(Arm):
                 yield topic, time + i * 1000, [row._replace(stamp_ns=row.stamp_ns + i * 1000)]
 
 
+class BusyListener(Arm):
+    """The listener stops for four seconds, and then receives what has arrived at once."""
+
+    def messages(self, seconds=25.0):
+        """Yield the messages; some of them arrive late."""
+        for topic, time, rows in super().messages(seconds):
+            yield topic, BEGIN + 12 * S if 8 * S < time - BEGIN < 12 * S else time, rows
+
+
 class OnBothTopics(Arm):
     """All joints are also sent as static transforms."""
 
@@ -154,6 +173,16 @@ class OnBothTopics(Arm):
         messages = [*super().messages(seconds)]
         _, time, rows = messages[1]
         yield from [messages[0], ('/tf_static', time, rows), *messages[1:]]
+
+
+def _busy(self, tick):
+    """Return the time of a tick on a busy machine (ns): up to 40 ms late, after pauses by 4 s."""
+    pauses = 1.7 * (tick >= 4.5 * self.hertz) + 2.3 * (tick >= 15.5 * self.hertz)
+    return Arm.time(self, tick) + Random(tick).randrange(S // 25) + int(pauses * S)
+
+
+#: The attributes of a program that adds a fixed step in each tick, on a busy machine.
+FIXED_STEP = {'time': _busy, 't': lambda self, now: self.tick / self.hertz}
 
 
 def _triangle(self, joint, t):
@@ -265,10 +294,21 @@ WRONG = {
     'limits exchanged': (changed(limits=(30.0, 45.0, 60.0)), 'joint_2 stays', 'limit of joint_1'),
     'no sine': (changed(angle=lambda self, joint, t: self.speeds[joint - 1] * t), 'joint_1 stays',
                 'all the way round'),
+    'triangle of joint_1': (changed(angle=_joint(1, _triangle)), 'joint_1 moves as a sine',
+                            'triangle'),
     'triangle': (changed(angle=_joint(2, _triangle)), 'joint_2 moves as a sine', 'triangle'),
+    'triangle with a fixed step': (changed(**FIXED_STEP, angle=_joint(2, _triangle)),
+                                   'joint_2 moves as a sine', 'triangle'),
+    'clipped with a fixed step': (changed(**FIXED_STEP, angle=_joint(3, _clipped)),
+                                  'joint_3 moves as a sine', 'clipped'),
+    'triangle on a busy machine': (changed(time=_busy, angle=_joint(2, _triangle)),
+                                   'joint_2 moves as a sine', 'triangle'),
     'clipped': (changed(angle=_joint(3, _clipped)), 'joint_3 moves as a sine', 'clipped'),
     'sawtooth': (changed(angle=_joint(1, _bounded)), 'joint_1 moves as a sine', 'jumps'),
     'two sines': (changed(angle=_joint(
+        1, lambda self, joint, t: 0.5 * sin(0.3 * t) + 0.2 * sin(t))), 'joint_1 moves as a sine',
+        'not a sine'),
+    'two sines with a fixed step': (changed(**FIXED_STEP, angle=_joint(
         1, lambda self, joint, t: 0.5 * sin(0.3 * t) + 0.2 * sin(t))), 'joint_1 moves as a sine',
         'not a sine'),
     'equal speeds': (changed(speeds=(0.5, 0.5, 0.5)), 'the joints have', 'the same speed'),
@@ -311,4 +351,7 @@ RIGHT = {
     'another node': TwoPublishers(),
     'a broken camera': BrokenCamera(),
     'a message for each frame': EachInItsMessage(),
+    'fixed step': changed(**FIXED_STEP),
+    'busy machine': changed(time=_busy),
+    'busy listener': BusyListener(),
 }
