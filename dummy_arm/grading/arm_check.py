@@ -16,6 +16,8 @@ from typing import Any, NamedTuple, Optional
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dummy_arm.inspection.diagnosis import recreated
+from dummy_arm.tf.bag import NOT_RECORDED
 from dummy_arm.tf.formatting import (
     comma_list,
     match_candidates,
@@ -46,6 +48,8 @@ _FEWEST = 20
 #: If nothing was received for this time (s) at the end of an observation, a frame is not sent any
 #: more. A busy machine stops for less.
 _SILENCE = 6.0
+#: The period of a timer (s) that is probably meant to be in milliseconds.
+_LONG_PERIOD = 5.0
 #: The largest angular frequency that is looked for (rad/s); the time at the beginning of an
 #: observation in which it is looked for (s), and the largest number of samples that are used.
 _FASTEST, _FIRST_WINDOW, _MOST_SAMPLES = 20.0, 60.0, 1000
@@ -68,8 +72,19 @@ _SHOWN = 5
 _TRANSFORMS, _STAMPS, _AXIS, _MOTION, _TURNS = 'transforms', 'stamps', 'axis', 'motion', 'turns'
 _LATE_LISTENER = 'base_link reaches a late listener'
 
+#: A joint that is this many times faster than on the sheet probably has another unit of time. So
+#: has one whose usual change between two messages is this part of its range, and no sine.
+_OTHER_UNIT, _LARGE_STEP = 10.0, 0.1
+#: A frame whose quaternions have an x of this mean size has w in its place.
+_W_FIRST = 0.8
+
 #: A cause of an angle that is twice as large as it should be.
 _HALF_ANGLE = ('In the quaternion, use the half angle: z = sin(angle / 2), w = cos(angle / 2).')
+#: A cause of a quaternion that has w in the place of x.
+_WRONG_ORDER = ('w is in the place of x: in (x, y, z, w), w is the last number; transforms3d has '
+                'it first.')
+#: A cause of a wrong speed.
+_UNIT_OF_TIME = 'is t in seconds? Use .nanoseconds * 1e-9.'
 
 _Vector = tuple[float, float, float]
 _Floats = NDArray[np.float64]
@@ -248,6 +263,11 @@ class _Samples:
         return np.asarray(self.times - self.stamps / SECOND)
 
     @property
+    def interval(self) -> float:
+        """The median time from one transform on /tf to the next one (s)."""
+        return float(np.median(np.diff(self.times))) if len(self.times) > 1 else 0.0
+
+    @property
     def ticks(self) -> _Floats:
         """The numbers of the stamps on /tf, times the median interval of the stamps (s)."""
         steps = np.diff(self.stamps)
@@ -271,6 +291,10 @@ class _Samples:
         """(n,): the angles about z (rad), from -pi to pi."""
         angles = 2 * np.arctan2(self.rotations[:, 2], self.rotations[:, 3])
         return np.asarray((angles + pi) % (2 * pi) - pi)
+
+    def has_w_first(self) -> bool:
+        """Return whether the quaternions are probably in the order w, x, y, z."""
+        return float(abs(self.rotations[:, 0]).mean()) > _W_FIRST
 
     def is_published_twice(self) -> bool:
         """
@@ -325,6 +349,30 @@ class _Check:
         #: The speeds of the joints (rad/s), if they are as required.
         self._speeds_found: list[float] = []
 
+    @cached_property
+    def _frames_of(self) -> dict[tuple[bool, str], set[str]]:
+        """By topic (True: /tf_static) and publisher: the frames that it has sent."""
+        frames: dict[tuple[bool, str], set[str]] = {
+            (each.is_static, each.gid): set() for each in self._publishers}
+        for name, samples in self._samples.items():
+            for key in {*zip(samples.is_static.tolist(), samples.publishers)}:
+                frames.setdefault(key, set()).add(name)
+        return frames
+
+    @cached_property
+    def _recreated(self) -> str:
+        """Return that a program creates a broadcaster again and again; '' if none does."""
+        nodes = {each.gid: (each.node, each.pid) for each in self._publishers}
+        groups: defaultdict[Any, dict[str, set[str]]] = defaultdict(dict)
+        for (is_static, gid), frames in self._frames_of.items():
+            groups[is_static, nodes.get(gid)][gid] = frames
+        for (_, node), publishers in groups.items():
+            if found := recreated(publishers):
+                where = ', from one node' if node else ''
+                return (f'{len(found)} publishers, one after another{where}: create the '
+                        'broadcaster once, not in the callback of the timer.')
+        return ''
+
     def report(self) -> Report:
         """Judge all requirements."""
         lines = [*self._lines()]
@@ -364,8 +412,8 @@ class _Check:
         """Judge the numbers: tf2 ignores transforms with NaN, and with a quaternion of norm 0."""
         requirement = 'all transforms are valid'
         if not self._samples:
-            return Line(requirement, 'no transform', NOT_OK, 'Nothing was received on /tf and '
-                        '/tf_static.')
+            return Line(requirement, 'no transform', NOT_OK, self._recreated or
+                        'Nothing was received on /tf and /tf_static.')
         first: Optional[Line] = None
         for name in (edge.name for edge in EDGES if edge.name in self._samples):
             poses = self._samples[name].poses
@@ -426,11 +474,15 @@ class _Check:
             if near := _nearest(name, [other for other in self._samples if other not in FRAMES]):
                 return (f'{shortened(near)!r}', missing,
                         f'{shortened(near)!r} is misspelt: the name is {name}.')
-            if all(samples.is_static.all() for samples in self._samples.values()):
-                return (f'no {name}', missing, f'No transform of {name} was received: nothing '
-                        'arrives on /tf.')
             others = [shortened(other) for other in self._samples if other not in FRAMES]
-            if self._repeated:
+            if self._recreated:
+                cause = self._recreated
+            elif edge is not BASE and self._static_joints:
+                cause = self._static_joints
+            elif all(samples.is_static.all() for samples in self._samples.values()):
+                cause = (f'No transform of {name} was received: nothing arrives on /tf. Is the '
+                         'timer created, with its period in seconds, and does rclpy.spin run?')
+            elif self._repeated:
                 cause = (f'{shortened(self._repeated)} is in one message more than once: create a '
                          'new TransformStamped for each frame.')
             elif others:
@@ -447,6 +499,7 @@ class _Check:
         if samples.is_published_twice():
             return (f'{name} from {len(set(samples.publishers))} publishers',
                     f'{name} has several publishers.',
+                    self._recreated or self._two_programs(name) or
                     f'Two publishers send {name} at the same time: two programs, nodes or '
                     'broadcasters. Only one may send it.')
         if edge is not BASE and samples.is_static.any() and not samples.is_static.all():
@@ -462,6 +515,26 @@ class _Check:
         if parents not in FRAMES and _nearest(edge.parent, [*samples.parents]):
             return measured, reason, f'{parents!r} is misspelt: the name is {edge.parent}.'
         return measured, reason, f'The parent of {name} must be {edge.parent}, not {parents}.'
+
+    @cached_property
+    def _static_joints(self) -> str:
+        """Return which joints are sent as static transforms; '' if none is."""
+        names = [joint.name for joint in JOINTS if (samples := self._samples.get(joint.name))
+                 and samples.is_static.all()]
+        return '' if not names else (
+            f'{", ".join(names)} {"are" if len(names) > 1 else "is"} sent with '
+            'StaticTransformBroadcaster: send the joints with TransformBroadcaster in a timer.')
+
+    def _two_programs(self, name: str) -> str:
+        """Return which copies of a program send a frame; '' if it is not known."""
+        gids = {*self._samples[name].publishers}
+        nodes = {each.pid: each.node for each in self._publishers if each.pid and each.gid in gids}
+        if len(nodes) < 2 or len({*nodes.values()}) > 1:
+            return ''
+        *old, newest = nodes
+        pids = ', '.join(f'PID {pid}' for pid in old)
+        return (f'Copies of one program send {name} at the same time: {pids} and PID {newest}. An '
+                f'old one still runs: end it (kill {" ".join(map(str, old))}).')
 
     def _stamps(self) -> Line:
         """Judge the stamps of all transforms on /tf."""
@@ -520,6 +593,7 @@ class _Check:
         measured = _metres(position)
         if angle > _ROTATION_TOLERANCE:
             return Line(requirement, f'{measured}, rotated by {_degrees(angle)}', NOT_OK,
+                        _WRONG_ORDER if samples.has_w_first() else
                         'base_link must not be rotated in map: the quaternion is (0, 0, 0, 1).')
         if not _is_near(position, BASE.position):
             return Line(requirement, measured, NOT_OK, 'The translation of base_link in map must '
@@ -561,7 +635,8 @@ class _Check:
         requirement = f'{joint.name} turns about z only'
         if why := self._why_not(joint.name, _TRANSFORMS):
             return Line(requirement, '', NOT_JUDGED, why)
-        rotations = self._samples[joint.name].rotations
+        samples = self._samples[joint.name]
+        rotations = samples.rotations
         x, y, z = abs(rotations[:, :3]).max(axis=0)
         if _largest_angle(rotations[:, :2]) <= _ROTATION_TOLERANCE:
             return Line(requirement, 'about z' if z > 1e-6 else 'no rotation', OK)
@@ -569,9 +644,8 @@ class _Check:
         # The vector part of the quaternion is sin(angle / 2) times the axis.
         axes = ' and '.join(axis for axis, part in zip('xyz', (x, y, z))
                             if part > _ROTATION_TOLERANCE / 4)
-        if abs(rotations[:, 0]).mean() > 0.8:
-            cause = ('w is in the place of x: the functions of transforms3d return w, x, y, z, '
-                     'those of tf_transformations x, y, z, w.')
+        if samples.has_w_first():
+            cause = _WRONG_ORDER
         elif axes in ('x', 'y'):
             cause = (f'{joint.name} turns about {axes}: in (x, y, z, w), z is sin(angle / 2), and '
                      'in quaternion_from_euler(roll, pitch, yaw), yaw is the angle about z.')
@@ -588,33 +662,38 @@ class _Check:
         samples = self._samples[joint.name]
         if samples.is_static.all():
             self._faults[joint.name, _MOTION] = f'{joint.name} does not move.'
-            return Line(requirement, 'on /tf_static', NOT_OK,
-                        f'{joint.name} is sent as a static transform, which does not move: send '
-                        'it with TransformBroadcaster in a timer.')
+            return Line(requirement, 'on /tf_static', NOT_OK, self._static_joints)
         if silence := self._silence(joint.name):
-            self._faults[joint.name, _MOTION] = f'{joint.name} is not sent any more.'
+            self._faults[joint.name, _MOTION] = f'{joint.name} is not sent all the time.'
             return Line(requirement, '', NOT_OK, silence)
         span = float(np.ptp(samples.angles))
         measured = f'by {_degrees(span)}'
         if span >= _SMALLEST_MOTION:
             return Line(requirement, measured, OK)
         self._faults[joint.name, _MOTION] = f'{joint.name} does not move.'
-        if len(samples.times) == 1:
-            cause = f'{joint.name} was sent only once: send it in a timer.'
-        elif span > 0.0:
-            cause = (f'{joint.name} hardly moves. Is a limit or a speed converted from degrees to '
-                     'radians twice?')
+        if span > 0.0:
+            cause = (f'{joint.name} hardly moves: {_UNIT_OF_TIME} Or is a limit or a speed '
+                     'converted from degrees to radians twice?')
         else:
             cause = (f'The angle of {joint.name} does not change: compute it in the callback of '
                      'the timer, from the current time.')
         return Line(requirement, measured, NOT_OK, cause)
 
     def _silence(self, name: str) -> str:
-        """Return that a frame on /tf is not sent any more; '' if it is."""
-        silence = self._end - self._samples[name].times[-1]
-        return '' if silence < _SILENCE else (
-            f'{name} has not been sent for the last {silence:.1f} s: send it as long as the '
-            'program runs.')
+        """Return that a frame on /tf is sent too rarely, or not any more; '' if it is not."""
+        samples = self._samples[name]
+        silence = self._end - samples.times[-1]
+        if len(samples.times) == 1:
+            cause = (f'{name} was sent only once: send it in a timer; the period is in seconds, '
+                     'such as 0.02.')
+        elif samples.interval >= _LONG_PERIOD:
+            cause = _cause_of_interval(name, samples.interval)
+        elif silence >= _SILENCE:
+            cause = (f'{name} has not been sent for the last {silence:.1f} s: send it as long as '
+                     'the program runs.')
+        else:
+            return ''
+        return self._recreated or cause
 
     def _limit(self, joint: Edge) -> Line:
         requirement = f'{joint.name} stays within ±{degrees(joint.limit):.0f}°'
@@ -653,8 +732,9 @@ class _Check:
         usable = (samples.times == 0) | (abs(samples.delays) < _LARGEST_DELAY)
         stamps = samples.stamps[usable]
         if len(stamps) < _FEWEST or np.ptp(stamps) < SECOND:
-            return Line(requirement, '', NOT_JUDGED,
-                        f'{len(stamps)} transforms are too few to see a wave.')
+            return Line(requirement, '', NOT_JUDGED, self._recreated or (
+                f'{len(stamps)} transforms are too few to see a wave.' if samples.interval < 1.0
+                else _cause_of_interval(joint.name, samples.interval)))
         order = np.argsort(stamps, kind='stable')
         times = (stamps[order] - stamps.min()) / SECOND
         angles = np.unwrap(samples.angles[usable][order])
@@ -682,8 +762,9 @@ class _Check:
             sine = self._sines.get(joint.name)
             if sine and sine.periods < _SLOW and sine.span >= _LONG_ENOUGH:
                 return Line(requirement, f'{joint.name}: less than {sine.speed:.2g} rad/s', NOT_OK,
-                            f'{joint.name} is much too slow. The speed of about {joint.speed} '
-                            'rad/s is in radians already: do not convert it.')
+                            f'{joint.name} is much too slow: {_UNIT_OF_TIME} Or is the speed '
+                            f'converted? About {joint.speed} rad/s is in radians already: do not '
+                            'convert it.')
             if not sine or sine.periods < _SHORTEST_WAVE:
                 return Line(requirement, '', NOT_JUDGED,
                             f'The speed of {joint.name} cannot be measured.')
@@ -696,8 +777,12 @@ class _Check:
             if max(speed, other) < _DIFFERENT * min(speed, other):
                 return Line(requirement, measured, NOT_OK,
                             f'{first.name} and {second.name} have the same speed.')
-        return Line(requirement, measured, NOT_OK, 'The order of the speeds is wrong: joint_1 '
-                    'is the slowest, joint_3 is the fastest.')
+        cause = ('The order of the speeds is wrong: joint_1 is the slowest, joint_3 is the '
+                 'fastest.')
+        for speed, joint in zip(speeds, JOINTS):
+            if speed > _OTHER_UNIT * joint.speed:
+                cause = f'{joint.name} is much too fast: {_UNIT_OF_TIME}'
+        return Line(requirement, measured, NOT_OK, cause)
 
     def _speeds_and_reading(self) -> tuple[list[float], str]:
         """
@@ -725,6 +810,8 @@ class _Check:
         # -q are the same rotation.
         cosine = float(abs(rotations @ rotations[0]).min())
         angle = 2 * float(np.arccos(min(1.0, cosine)))
+        if _largest_angle(rotations[:, 1:]) < _ROTATION_TOLERANCE:  # y, z and w are 0
+            return Line(requirement, 'rotated by 180.0°', NOT_OK, _WRONG_ORDER)
         if angle < _ROTATION_TOLERANCE:
             return Line(requirement, 'fixed', OK)
         return Line(requirement, f'turns by {_degrees(angle)}', NOT_OK,
@@ -756,6 +843,10 @@ class _Check:
         yield _advised('the joints use at least half of their limits',
                        ', '.join(f'{100 * each:.0f} %' for each in used.values()),
                        part >= _USED, f'{name} uses only {100 * part:.0f} % of its limit.')
+        is_known = {gid for _, gid in self._frames_of} - {NOT_RECORDED, ''}
+        yield _advised('each broadcaster is created once',
+                       f'{len(self._frames_of)} publishers' if is_known else '',
+                       not self._recreated, self._recreated)
         others = [shortened(name) for name in self._samples if name not in FRAMES]
         yield _advised('no other frames on /tf and /tf_static',
                        f'{len(others)} other frames' if self._samples else '', not others,
@@ -857,10 +948,16 @@ def _is_near(position: _Vector, expected: ArrayLike) -> bool:
     return bool(np.linalg.norm(np.subtract(position, expected)) <= _POSITION_TOLERANCE)
 
 
+def _cause_of_interval(name: str, interval: float) -> str:
+    return (f'{name} is sent every {interval:.3g} s: is the period of the timer in seconds, such '
+            'as 0.02?')
+
+
 def _cause_of_wave(joint: Edge, times: _Floats, angles: _Floats, sine: Sine) -> str:
     """Return the likely cause if the motion of a joint is not a sine."""
+    too_fast = f'{joint.name} moves too fast to see a wave: {_UNIT_OF_TIME}'
     if sine.speed > 0.9 * _FASTEST:
-        return f'{joint.name} moves too fast to see a wave.'
+        return too_fast
     low, high = float(angles.min()), float(angles.max())
     at_ends = np.mean((angles > high - 0.01 * (high - low)) | (angles < low + 0.01 * (high - low)))
     if at_ends > 0.2:  # for a sine, it is 0.13
@@ -871,7 +968,11 @@ def _cause_of_wave(joint: Edge, times: _Floats, angles: _Floats, sine: Sine) -> 
     if _fit(triangle, angles)[1] / sine.amplitude < sine.residual / 2:
         return (f'{joint.name} moves at a constant speed to and fro, which is a triangle wave: '
                 'the angle is limit * sin(speed * t).')
-    if abs(np.diff(angles)).max() > 0.3 * (high - low):
+    steps = abs(np.diff(angles)) / (high - low)
+    if sine.speed > _OTHER_UNIT * joint.speed or (
+            sine.residual > 1.0 and np.median(steps) > _LARGE_STEP):
+        return too_fast
+    if steps.max() > 0.3:
         return f'The angle of {joint.name} jumps: it must change smoothly.'
     return f'The angle of {joint.name} is not a sine of the time: it is limit * sin(speed * t).'
 
@@ -885,7 +986,8 @@ def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = No
     :param reaches_late_joiners: whether a listener that started later than the arm has received
         base_link; None: not known, which does not count as a failure.
     :param end: the end of the observation (ns); None: the time of the last message.
-    :param publishers: the publishers on /tf and /tf_static; empty: not known.
+    :param publishers: the publishers on /tf and /tf_static, also those that are gone; those of
+        the oldest process first; empty: not known.
     :returns: the report.
     """
     return _Check(messages, reaches_late_joiners, end, publishers).report()

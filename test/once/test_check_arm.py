@@ -103,7 +103,7 @@ def test_programs(start, tmp_path):
     assert [row['file'] for row in rows] == [*PROGRAMS]
     assert [row['verdict'] == 'ok' for row in rows] == [
         expected.startswith('ok') for _, expected in PROGRAMS.values()]
-    assert [*rows[0].values()] == ['model.py', 'ok', '', *['ok'] * 29]
+    assert [*rows[0].values()] == ['model.py', 'ok', '', *['ok'] * 31]
     (full_angle,) = (row for row in rows if row['file'] == 'full_angle.py')
     assert full_angle['at least 10 messages per second'] == 'ok'
     assert full_angle['joint_1 stays within ±45°'] == 'not ok'

@@ -165,6 +165,15 @@ class BusyListener(Arm):
             yield topic, BEGIN + 12 * S if 8 * S < time - BEGIN < 12 * S else time, rows
 
 
+class StaticInATimer(Arm):
+    """All frames are sent with StaticTransformBroadcaster in the callback of a timer."""
+
+    def messages(self, seconds=25.0):
+        """Yield the messages, all of them with base_link and on /tf_static."""
+        for _, time, rows in super().messages(seconds):
+            yield '/tf_static', time, [*rows, self.row(0, time)][-5:]
+
+
 class OnBothTopics(Arm):
     """All joints are also sent as static transforms."""
 
@@ -175,6 +184,11 @@ class OnBothTopics(Arm):
         yield from [messages[0], ('/tf_static', time, rows), *messages[1:]]
 
 
+def _jitter(self, tick):
+    """Return the time of a tick that is late by up to 0.1 ms (ns)."""
+    return Arm.time(self, tick) + Random(tick).randrange(S // 10_000)
+
+
 def _busy(self, tick):
     """Return the time of a tick on a busy machine (ns): up to 40 ms late, after pauses by 4 s."""
     pauses = 1.7 * (tick >= 4.5 * self.hertz) + 2.3 * (tick >= 15.5 * self.hertz)
@@ -183,6 +197,17 @@ def _busy(self, tick):
 
 #: The attributes of a program that adds a fixed step in each tick, on a busy machine.
 FIXED_STEP = {'time': _busy, 't': lambda self, now: self.tick / self.hertz}
+
+
+def _with_period(seconds):
+    """Return an arm whose timer has a long period; its hand is static."""
+    return changed(hertz=1 / seconds, time=_jitter, topics=(
+        *Arm.topics[:4], '/tf_static'))
+
+
+def _in_unit(unit):
+    """Return an arm whose time is in another unit (s), and whose timer is a little late."""
+    return changed(hertz=50, time=_jitter, t=lambda self, now: (now - BEGIN) / S / unit)
 
 
 def _triangle(self, joint, t):
@@ -277,9 +302,24 @@ WRONG = {
         0.00095, 0.0, sin(a / 2), (1 - 0.00095 ** 2 - sin(a / 2) ** 2) ** 0.5))),
         'joint_3 turns about z', 'x and y of its quaternion are 0'),
     'w first': (changed(rotation=_edge(2, lambda a: (cos(a / 2), 0.0, 0.0, sin(a / 2)))),
-                'joint_2 turns about z', 'w is in the place of x'),
+                'joint_2 turns about z', 'w is the last number; transforms3d has it first'),
+    'base with w first': (changed(rotation=_edge(0, lambda _: (1.0, 0.0, 0.0, 0.0))),
+                          'base_link is fixed', 'w is the last number; transforms3d has it first'),
+    'hand with w first': (changed(rotation=_edge(4, lambda _: (1.0, 0.0, 0.0, 0.0))),
+                          'end_effector does not', 'w is the last number; transforms3d has it'),
     'static joint': (changed(topics=('/tf_static', '/tf', '/tf_static', '/tf', '/tf')),
-                     'joint_2 moves', 'static transform'),
+                     'joint_2 moves', 'joint_2 is sent with StaticTransformBroadcaster: send the '
+                     'joints with TransformBroadcaster in a timer'),
+    'static joints': (changed(topics=('/tf_static',) * 5), 'joint_1 moves',
+                      'joint_1, joint_2, joint_3 are sent with StaticTransformBroadcaster'),
+    'static joints in a timer': (StaticInATimer(), 'joint_1 moves',
+                                 'joint_1, joint_2, joint_3 are sent with StaticTransform'),
+    'no timer': (changed(topics=('/tf_static', *[''] * 4)), 'the tree', 'Is the timer created'),
+    'timer of 20 s': (_with_period(20), 'joint_1 moves',
+                      'joint_1 is sent every 20 s: is the period of the timer in seconds'),
+    'timer of 7 s': (_with_period(7), 'joint_1 moves', 'joint_1 is sent every 7 s'),
+    'timer of 30 s': (_with_period(30), 'joint_1 moves',
+                      'joint_1 was sent only once: send it in a timer; the period is in seconds'),
     'no motion': (changed(angle=_joint(3, lambda self, joint, t: 0.5)), 'joint_3 moves',
                   'does not change'),
     'radians twice': (changed(limits=(45.0, radians(30.0), 60.0)), 'joint_2 moves', 'twice'),
@@ -311,6 +351,14 @@ WRONG = {
     'two sines with a fixed step': (changed(**FIXED_STEP, angle=_joint(
         1, lambda self, joint, t: 0.5 * sin(0.3 * t) + 0.2 * sin(t))), 'joint_1 moves as a sine',
         'not a sine'),
+    'time in ns': (_in_unit(1e-9), 'joint_1 moves as a sine', 'is t in seconds?'),
+    'time in µs': (_in_unit(1e-6), 'joint_1 moves as a sine', 'is t in seconds?'),
+    'time in ms': (_in_unit(1e-3), 'joint_2 moves as a sine', 'is t in seconds?'),
+    # At 10 Hz, steps of 30, 50 and 70 rad look like steps of -1.42, -0.27 and 0.88 rad.
+    'time in ms, rarely': (changed(hertz=10, t=lambda self, now: (now - BEGIN) * 1e-6),
+                           'the joints have', 'is t in seconds?'),
+    'time in minutes': (_in_unit(60.0), 'the joints have', 'is t in seconds?'),
+    'time in thousands of seconds': (_in_unit(1e3), 'joint_1 moves', 'is t in seconds?'),
     'equal speeds': (changed(speeds=(0.5, 0.5, 0.5)), 'the joints have', 'the same speed'),
     'no speeds': (changed(speeds=(1.0, 1.0, 1.0)), 'the joints have', 'the same speed'),
     'two equal speeds': (changed(speeds=(0.3, 0.7, 0.7)), 'the joints have',
@@ -318,13 +366,13 @@ WRONG = {
     'order of speeds': (changed(speeds=(0.7, 0.5, 0.3)), 'the joints have', 'The order'),
     'speeds in degrees': (changed(speeds=(radians(0.3), radians(0.5), radians(0.7))),
                           'the joints have', 'do not convert'),
-    'hand is sent once': (SentOnce(), 'end_effector does not', 'has not been sent'),
+    'hand is sent once': (SentOnce(), 'end_effector does not', 'was sent only once'),
     'map has a parent': (MapHasAParent(), 'the tree', 'map is the root'),
     'star of two and a misspelt joint': (
         changed(names=_named(2, 'joint1'), parent=lambda self, edge: self.names[1 if edge in (
             2, 3) else edge]), 'the tree', "'joint1' is misspelt"),
     'too fast': (changed(speeds=(25.0, 30.0, 35.0), hertz=50), 'joint_1 moves as a sine',
-                 'too fast to see a wave'),
+                 'too fast to see a wave: is t in seconds?'),
     'on both topics': (OnBothTopics(), 'the tree', 'on /tf and on /tf_static'),
     'hand turns': (changed(row=lambda self, edge, now: Arm.row(self, edge, now)
         if edge < 4 else Arm.row(self, edge, now)._replace(pose=(

@@ -22,6 +22,7 @@ from dummy_arm.grading.arm_check import (
     NOT_JUDGED,
     NOT_OK,
     OK,
+    Publisher,
 )
 
 
@@ -34,6 +35,12 @@ def received(arm, seconds=25.0):
 def failures(report):
     """Return the lines that are not ok."""
     return [line for line in report.lines if line.verdict == NOT_OK]
+
+
+def first_failure(report):
+    """Return the first failure of an arm that does not pass."""
+    assert report.first_failure is not None
+    return report.first_failure
 
 
 def line_of(report, beginning):
@@ -205,6 +212,75 @@ def test_two_publishers_of_one_frame():
     half = len(messages) // 2
     assert check([*messages[:half], *(
         message._replace(publisher='two') for message in [messages[0], *messages[half:]])]).passed
+
+
+def test_two_copies_of_one_program():
+    """Both processes are named, and which of them is to be ended: the oldest is the first."""
+    messages = [message._replace(publisher=publisher) for message in received(Arm())
+                for publisher in ('one', 'two')]
+
+    def cause(*senders):
+        publishers = [Publisher(gid, node, False, pid) for gid, node, pid in senders]
+        return first_failure(check(messages, publishers=publishers)).text
+
+    assert cause(('two', '/dummy_arm', 1300), ('one', '/dummy_arm', 1234)) == (
+        'Copies of one program send joint_1 at the same time: PID 1300 and PID 1234. An old '
+        'one still runs: end it (kill 1300).')
+    for unknown in ('two', '/other', 1300), ('two', '/dummy_arm', 0), ('x', '/dummy_arm', 1300):
+        assert 'Two publishers send joint_1' in cause(unknown, ('one', '/dummy_arm', 1234))
+
+
+def in_callback(arm, number=lambda tick: tick):
+    """Return the messages of a program that creates a broadcaster in each tick of its timer."""
+    return [message if message.is_static else message._replace(publisher=f'gid {number(tick)}')
+            for tick, message in enumerate(received(arm))]
+
+
+@pytest.mark.parametrize(('messages', 'requirement'), [
+    ([], 'all transforms'),
+    (in_callback(changed(topics=('/tf_static', *[''] * 4))), 'the tree'),
+    (in_callback(Arm())[:2], 'joint_1 moves'),
+    (in_callback(Arm())[:200:100], 'joint_1 moves'),
+    (in_callback(Arm())[:500:50], 'joint_1 moves as a sine'),
+    (in_callback(Arm(), lambda tick: tick // 4 * 2 + tick % 2), 'the tree')])
+def test_broadcasters_that_are_created_in_a_callback(messages, requirement):
+    """They are the cause of what is not received, and of what two of them send."""
+    publishers = [Publisher('one', '/dummy_arm', True, 0), *(
+        Publisher(f'gid {i}', '/dummy_arm', False, 0) for i in range(1000))]
+    failure = first_failure(check(messages, True, publishers=publishers))
+    assert failure.requirement.startswith(requirement)
+    assert re.match('(999|1000) publishers, one after another, from one node: create the '
+                    'broadcaster once', failure.text)
+
+
+def test_broadcasters_that_are_created_in_a_callback_may_work():
+    """If all arrives, it is only advised against, also if nothing is known but the messages."""
+    report = check(in_callback(Arm()))
+    assert report.passed
+    advice = line_of(report, 'each broadcaster')
+    assert (advice.verdict, advice.measured) == (ADVICE, '502 publishers')
+    assert advice.text.startswith('501 publishers, one after another: create the broadcaster once')
+
+
+def test_a_broadcaster_for_each_frame():
+    """It is not advised against, and no cause of anything, since each frame has only one."""
+    arm = RIGHT['a message for each frame']
+    messages = [message._replace(publisher=message.rows[0].child_frame_id)
+                for message in received(arm)]
+    publishers = [Publisher(frame, '/dummy_arm', frame == 'base_link', 7) for frame in FRAMES[1:]]
+    assert line_of(check(messages, publishers=publishers), 'each broadcaster').verdict == OK
+    messages = [message for message in messages if message.publisher != 'joint_2']
+    assert first_failure(check(messages, publishers=publishers)).text == (
+        'No transform of joint_2 was received.')
+
+
+def test_nothing_on_tf_but_static_joints():
+    """The static joints are the cause, also if the tree is not complete."""
+    failure = first_failure(check(received(changed(topics=(*('/tf_static',) * 4, '')))))
+    assert (failure.requirement, failure.text) == (
+        'the tree',
+        'joint_1, joint_2, joint_3 are sent with StaticTransformBroadcaster: send the joints with '
+        'TransformBroadcaster in a timer.')
 
 
 @pytest.mark.parametrize(('arm', 'practice', 'text'), [
