@@ -5,17 +5,25 @@ Importing this module is fast. Each entry point first sets the handlers of Ctrl-
 then imports the module of its command. This import can be slow.
 """
 
+from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 import sys
 
-from dummy_arm.cli.signals import ignore_signals, record_signals, signal_received
+from dummy_arm.cli.signals import (
+    ignore_signals,
+    record_signals,
+    signal_received,
+    signals_blocked,
+)
 
 _ROS = 'rclpy', 'builtin_interfaces', 'geometry_msgs', 'rcl_interfaces', 'std_msgs'
 
 
 def check_arm() -> int:
     """Run `dummy_arm.tools.check_arm` and return its exit code."""
-    return _run('dummy_arm.tools.check_arm', interrupted=1)
+    # Threads that libraries start keep signals blocked, so that only the main thread takes them:
+    # it needs to know who has sent them.
+    return _run('dummy_arm.tools.check_arm', interrupted=1, context=signals_blocked())
 
 
 def dummy_arm() -> int:
@@ -68,17 +76,20 @@ def web_view() -> int:
     return _run('dummy_arm.tools.web_view')
 
 
-def _run(module: str, interrupted: int = 0) -> int:
+def _run(module: str, interrupted: int = 0,
+         context: AbstractContextManager[None] = nullcontext()) -> int:  # noqa: B008
     """
     Import a module, run its `main`, and return the exit code.
 
     :param interrupted: the exit code if a signal ends the import.
+    :param context: the context of the import.
     """
     # Without this call, Ctrl-C would raise KeyboardInterrupt in the middle of an import, and the
     # import might turn it into another exception.
     record_signals()
     try:
-        main = import_module(module).main
+        with context:
+            main = import_module(module).main
         return interrupted if signal_received() else int(main())
     except KeyboardInterrupt:
         return interrupted

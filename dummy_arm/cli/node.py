@@ -49,7 +49,7 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
     :param ros_args: as for `run_node`.
     :param namespace: as for `run_node`.
     :returns: a context manager; the target of `as` is None.
-    :raises UsageError: if the namespace is invalid.
+    :raises UsageError: if the namespace is invalid, or an argument is not valid Unicode.
     :raises CommandError: if ROS cannot be initialised.
     """
     # The first rule that fits a name is used, so the user's own rules come first.
@@ -58,6 +58,8 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
     try:
         # The signal handlers of rclpy would shut down the context while a node is using it.
         rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
+    except UnicodeEncodeError as error:
+        raise UsageError(f'the argument {error.object!r} must be valid Unicode') from None
     except RuntimeError as error:  # rcl failed, for example because ROS_DOMAIN_ID is invalid
         raise CommandError(rcl_error_text(error)) from None
     try:

@@ -200,8 +200,8 @@ def _without_ros_args(arguments: list[str]) -> list[str]:
         return _without_ros_args_by_hand(arguments)
     try:
         return list(remove_ros_args(arguments))
-    except UnicodeEncodeError as error:
-        raise UsageError(f'the argument {error.object!r} must be valid Unicode') from None
+    except UnicodeEncodeError:  # for example, the path of a file; see also ros_context
+        return _without_ros_args_by_hand(arguments)
     except RuntimeError as error:  # its text is a list of unknown arguments, or an error of rcl
         text = rcl_error_text(error)
         raise UsageError(f'unknown ROS arguments: {text}' if text.startswith('[') else text

@@ -7,8 +7,10 @@ done. The second signal raises KeyboardInterrupt at once, except during the clea
 command.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 import signal
+import sys
 import time
 from typing import Any
 
@@ -35,6 +37,24 @@ def record_signals() -> dict[int, Any]:
     _received.clear()
     _recorded = 1
     return {number: signal.signal(number, _record) for number in _SIGNALS}
+
+
+@contextmanager
+def signals_blocked() -> Iterator[None]:
+    """
+    Block all signals; threads and processes that the `with` block starts keep them blocked.
+
+    A signal of the kernel for a fault, such as SIGSEGV, has its effect all the same. On Windows,
+    this does nothing.
+    """
+    if sys.platform == 'win32':
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def begin_cleanup() -> None:

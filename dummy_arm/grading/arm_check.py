@@ -75,13 +75,14 @@ _LATE_LISTENER = 'base_link reaches a late listener'
 #: A joint that is this many times faster than on the sheet probably has another unit of time. So
 #: has one whose usual change between two messages is this part of its range, and no sine.
 _OTHER_UNIT, _LARGE_STEP = 10.0, 0.1
-#: A frame whose quaternions have an x of this mean size has w in its place.
-_W_FIRST = 0.8
+#: The mean size of w is larger, unless another number is in its place: a joint turns by ±60° at
+#: most, so that w is at least 0.87.
+_SMALL_W = 0.4
 
 #: A cause of an angle that is twice as large as it should be.
 _HALF_ANGLE = ('In the quaternion, use the half angle: z = sin(angle / 2), w = cos(angle / 2).')
-#: A cause of a quaternion that has w in the place of x.
-_WRONG_ORDER = ('w is in the place of x: in (x, y, z, w), w is the last number; transforms3d has '
+#: A cause of a quaternion that has another number in the place of w.
+_WRONG_ORDER = ('Is the order x, y, z, w? In a message, w is the last number; transforms3d has '
                 'it first.')
 #: A cause of a wrong speed.
 _UNIT_OF_TIME = 'is t in seconds? Use .nanoseconds * 1e-9.'
@@ -292,9 +293,9 @@ class _Samples:
         angles = 2 * np.arctan2(self.rotations[:, 2], self.rotations[:, 3])
         return np.asarray((angles + pi) % (2 * pi) - pi)
 
-    def has_w_first(self) -> bool:
-        """Return whether the quaternions are probably in the order w, x, y, z."""
-        return float(abs(self.rotations[:, 0]).mean()) > _W_FIRST
+    def has_wrong_order(self) -> bool:
+        """Return whether another number is probably in the place of w."""
+        return float(abs(self.rotations[:, 3]).mean()) < _SMALL_W
 
     def is_published_twice(self) -> bool:
         """
@@ -593,7 +594,7 @@ class _Check:
         measured = _metres(position)
         if angle > _ROTATION_TOLERANCE:
             return Line(requirement, f'{measured}, rotated by {_degrees(angle)}', NOT_OK,
-                        _WRONG_ORDER if samples.has_w_first() else
+                        _WRONG_ORDER if samples.has_wrong_order() else
                         'base_link must not be rotated in map: the quaternion is (0, 0, 0, 1).')
         if not _is_near(position, BASE.position):
             return Line(requirement, measured, NOT_OK, 'The translation of base_link in map must '
@@ -644,7 +645,7 @@ class _Check:
         # The vector part of the quaternion is sin(angle / 2) times the axis.
         axes = ' and '.join(axis for axis, part in zip('xyz', (x, y, z))
                             if part > _ROTATION_TOLERANCE / 4)
-        if samples.has_w_first():
+        if samples.has_wrong_order():
             cause = _WRONG_ORDER
         elif axes in ('x', 'y'):
             cause = (f'{joint.name} turns about {axes}: in (x, y, z, w), z is sin(angle / 2), and '
@@ -810,7 +811,7 @@ class _Check:
         # -q are the same rotation.
         cosine = float(abs(rotations @ rotations[0]).min())
         angle = 2 * float(np.arccos(min(1.0, cosine)))
-        if _largest_angle(rotations[:, 1:]) < _ROTATION_TOLERANCE:  # y, z and w are 0
+        if abs(rotations[:, 3]).max() < _ROTATION_TOLERANCE:
             return Line(requirement, 'rotated by 180.0°', NOT_OK, _WRONG_ORDER)
         if angle < _ROTATION_TOLERANCE:
             return Line(requirement, 'fixed', OK)
@@ -845,8 +846,8 @@ class _Check:
                        part >= _USED, f'{name} uses only {100 * part:.0f} % of its limit.')
         is_known = {gid for _, gid in self._frames_of} - {NOT_RECORDED, ''}
         yield _advised('each broadcaster is created once',
-                       f'{len(self._frames_of)} publishers' if is_known else '',
-                       not self._recreated, self._recreated)
+                       (self._recreated.partition(':')[0] or f'{len(self._frames_of)} publishers')
+                       if is_known else '', not self._recreated, self._recreated)
         others = [shortened(name) for name in self._samples if name not in FRAMES]
         yield _advised('no other frames on /tf and /tf_static',
                        f'{len(others)} other frames' if self._samples else '', not others,

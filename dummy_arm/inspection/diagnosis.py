@@ -44,7 +44,7 @@ _FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
 _SHARE = 0.05
 #: A program has fewer broadcasters than this without a frame of their own, unless it creates them
 #: again and again.
-_MANY = 6
+_MANY, _MANY_SILENT = 6, 20
 #: The frames of REP 105, from the root to the robot.
 _REP_105 = 'earth', 'map', 'odom', 'base_link'
 #: Names that are shorter than this are not compared letter by letter.
@@ -71,12 +71,13 @@ def recreated(publishers: Mapping[str, Collection[str]]) -> list[str]:
     Return the publishers that a node creates one after another, as in the callback of a timer.
 
     :param publishers: by publisher of one node on one topic: the frames that it has sent.
-    :returns: the publishers that have no frame of their own, if there are at least 6.
+    :returns: the publishers that have no frame of their own, if there are at least 6; if none of
+        them has sent anything, at least 20.
     """
     counts = Counter(chain.from_iterable(publishers.values()))
     found = [publisher for publisher, frames in publishers.items()
              if all(counts[frame] > 1 for frame in frames)]
-    return found if len(found) >= _MANY else []
+    return found if len(found) >= (_MANY if counts else _MANY_SILENT) else []
 
 
 class Headers(NamedTuple):

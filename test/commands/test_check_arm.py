@@ -5,13 +5,14 @@ import re
 from cli_runner import call
 from geometry_msgs.msg import TransformStamped
 from processes import tool
-import pytest
 from ros_node import eventually, stamped
 
 from dummy_arm.grading.arm_check import OK
+from dummy_arm.grading.observer import Observer
+from dummy_arm.grading.processes import processes, ros_domains
 from dummy_arm.tf import StaticTransformBroadcaster
 from dummy_arm.tools import check_arm
-from dummy_arm.tools.check_arm import main, Observer
+from dummy_arm.tools.check_arm import main
 
 #: Our arm, ten times as fast, so that a few seconds show its periods.
 FAST = [argument for number, speed in enumerate((3.0, 5.0, 7.0), 1)
@@ -29,13 +30,18 @@ def test_the_arm_that_is_running(start, domain_id):
     assert result.code == (0 if result.stdout.endswith('passed: 24 ok\n') else 1)
 
 
-def test_no_arm(domain_id, monkeypatch):
-    """What to check is named."""
-    monkeypatch.setattr(check_arm, '_START', 0.5)
+def test_no_arm(domain_id, arm_domain, monkeypatch):
+    """What to check is named, also an arm in another domain."""
+    monkeypatch.setattr(check_arm, 'START', 0.5)
+    monkeypatch.setattr(check_arm, '_SHOWN', 1000)
+    eventually(lambda: arm_domain in ros_domains(processes().keys()))
     result = call(main, domain=domain_id)
     assert (result.code, result.stdout) == (1, '')
     assert 'check_arm: no transform was received within 0.5 s. ' in result.stderr
     assert f'ROS_DOMAIN_ID (here: {domain_id})' in result.stderr
+    others = result.stderr.partition('programs run in other ROS domains: ')[2]
+    assert re.search(rf'\b{arm_domain} \(PID \d+: .*dummy_arm', others)
+    assert not re.search(rf'\b{domain_id} \(PID', others)
 
 
 def test_another_type(ros, monkeypatch):
@@ -80,15 +86,3 @@ def test_a_table_that_cannot_be_written(failed, tmp_path):
     code, error = failed(main, 'a.py', '--csv', str(table))
     assert code == 1
     assert error == f'check_arm: cannot write {table}: No such file or directory\n'
-
-
-@pytest.mark.parametrize('names', [['missing.py'], ['missing.py', 'other.py']])
-def test_a_table(tmp_path, monkeypatch, capsys, names):
-    """It has a row for each program; without a report, the requirements are empty."""
-    monkeypatch.chdir(tmp_path)
-    assert main([*names, '--csv', 'grades.csv']) == 1
-    reason = 'It cannot be read: No such file or directory.'
-    assert capsys.readouterr().out.splitlines() == [f'{name}: not ok: {reason}' for name in names]
-    head, *rows = (tmp_path / 'grades.csv').read_text().splitlines()
-    assert head.startswith('file,verdict,reason,all transforms are valid,the tree,')
-    assert rows == [f'{name},not ok,{reason}' for name in names]

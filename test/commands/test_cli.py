@@ -96,7 +96,8 @@ def test_a_node_that_fails_is_destroyed(domain_id):
     (('--ros-args', '-p', 'use_sim_time:=7'), '.*use_sim_time.*'),
     (('--ros-args', '-p', 'rate'), ".*'-p rate'.*"),
     (('--ros-args', '--nonsense'), r"unknown ROS arguments: \['--nonsense'\]"),
-    (('\udcff',), r"the argument '\\udcff' must be valid Unicode")])
+    (('--ros-args', '-r', '__node:=\udcff'),
+     r"the argument '__node:=\\udcff' must be valid Unicode")])
 def test_bad_ros_arguments(domain_id, arguments, text):
     """The error is one line, without locations in the source code of rcl."""
     result = call(command_of(lambda ros_args: run_node(lambda: Node('tool'), ros_args)),

@@ -1,14 +1,19 @@
 """check_arm in rare cases: a static arm, busy domains, a reader that has ended."""
 
+from contextlib import ExitStack
 import os
 from pathlib import Path
+import re
 import signal
 import socket
 import sys
 import time
 
+from hand_ins import MODEL_ANSWER
 from processes import tool
 import pytest
+
+from dummy_arm.grading.supervisor import DOMAINS
 
 
 def test_an_arm_that_is_static(start):
@@ -24,12 +29,11 @@ def test_an_arm_that_is_static(start):
 def test_busy_domains_are_waited_for(start, tmp_path):
     """If all domains are in use, no program fails for it."""
     (tmp_path / 'fast.py').write_text('')
-    # A domain of its own, since other tests use those of the command, and free them at any time.
-    option, code, *arguments = tool('check_arm', 'fast.py')
-    own_domain = 'import dummy_arm.tools.check_arm as c; c._DOMAINS = range(232, 233); '
-    with socket.socket(socket.AF_UNIX) as reservation:
-        reservation.bind('\0dummy_arm.check_arm.232')
-        process = start(option, own_domain + code, *arguments, cwd=tmp_path)
+    with ExitStack() as stack:
+        for domain in DOMAINS:
+            reservation = stack.enter_context(socket.socket(socket.AF_UNIX))
+            reservation.bind(f'\0dummy_arm.check_arm.{domain}')
+        process = start(*tool('check_arm', 'fast.py'), cwd=tmp_path)
         time.sleep(3.0)
         assert not process.has_ended()
     assert process.line_with('fast.py: not ok: It ended by itself')
@@ -63,15 +67,55 @@ def test_ctrl_c_at_any_time(start, tmp_path, delay):
 def test_a_middleware_that_hangs(start, tmp_path):
     """Fast DDS hangs at the empty file of a port, which is too new to be removed: not judged."""
     (tmp_path / 'arm.py').write_text('')
-    option, code, *arguments = tool('check_arm', 'arm.py')
-    own_domain = 'import dummy_arm.tools.check_arm as c; c._DOMAINS = range(231, 232); '
-    port = Path(f'/dev/shm/fastrtps_port{7400 + 250 * 231 + 11}')
+    ports = [Path(f'/dev/shm/fastrtps_port{7400 + 250 * domain + 11}') for domain in DOMAINS]
     try:
-        port.touch()
-        os.utime(port, 2 * (time.time() + 3600,))
-        process = start(option, own_domain + code, *arguments, cwd=tmp_path)
+        for port in ports:
+            port.touch()
+            os.utime(port, 2 * (time.time() + 3600,))
+        process = start(*tool('check_arm', 'arm.py'), cwd=tmp_path)
         assert process.exit_code(120.0) == 1
         assert process.output == ('arm.py: not judged: The process that observes it has said '
                                   'nothing for 60 s: probably the middleware hangs.\n')
     finally:
-        port.unlink(missing_ok=True)
+        for port in ports:
+            port.unlink(missing_ok=True)
+
+
+def test_a_stranger_in_the_domain(start, tmp_path):
+    """
+    The program runs again in another domain; if there is a stranger again, it is not judged.
+
+    Here, a program finds the domain by its reservation, and publishes in it.
+    """
+    (tmp_path / 'model.py').write_text(MODEL_ANSWER.source)
+    stranger = start('-c', STRANGER)
+    process = start(*tool('check_arm', '--time', '3', 'model.py'), cwd=tmp_path)
+    assert process.exit_code() == 1
+    (pid,) = re.findall(r'^model.py: not judged: Another program also publishes transforms in its '
+                        r'ROS domain: process (\d+) \(', process.output)
+    assert int(pid) == stranger.pid
+    domains = re.findall(r'domain (\d+)', stranger.output)
+    assert len(domains) == len({*domains}) == 2
+
+
+STRANGER = """import re, time
+from rclpy.context import Context
+from rclpy.node import Node
+from tf2_ros import TransformBroadcaster
+
+def reserved():
+    with open('/proc/net/unix') as file:
+        return {*re.findall(r'@dummy_arm.check_arm.(\\d+)', file.read())}
+
+before, kept, end = reserved(), [], time.monotonic() + 60
+while time.monotonic() < end:
+    for domain in reserved() - before:
+        before.add(domain)
+        time.sleep(1)  # until check_arm has found that no port is in use
+        context = Context()
+        context.init(domain_id=int(domain))
+        node = Node('stranger', context=context)
+        kept.append((node, TransformBroadcaster(node)))
+        print('domain', domain, flush=True)
+    time.sleep(0.05)
+"""

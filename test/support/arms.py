@@ -303,6 +303,8 @@ WRONG = {
         'joint_3 turns about z', 'x and y of its quaternion are 0'),
     'w first': (changed(rotation=_edge(2, lambda a: (cos(a / 2), 0.0, 0.0, sin(a / 2)))),
                 'joint_2 turns about z', 'w is the last number; transforms3d has it first'),
+    'w, x, y, z = (x, y, z, w)': (changed(rotation=_edge(3, lambda a: (
+        0.0, sin(a / 2), cos(a / 2), 0.0))), 'joint_3 turns about z', 'w is the last number'),
     'base with w first': (changed(rotation=_edge(0, lambda _: (1.0, 0.0, 0.0, 0.0))),
                           'base_link is fixed', 'w is the last number; transforms3d has it first'),
     'hand with w first': (changed(rotation=_edge(4, lambda _: (1.0, 0.0, 0.0, 0.0))),

@@ -141,11 +141,7 @@ class Process:
 
     def descendants(self) -> list[int]:
         """Return the ids of the processes that it has started, directly or indirectly."""
-        children: dict[int, list[int]] = {}
-        for path in Path('/proc').glob('[0-9]*/stat'):
-            with contextlib.suppress(OSError):  # the process has ended meanwhile
-                parent = path.read_text().rpartition(')')[2].split()[1]
-                children.setdefault(int(parent), []).append(int(path.parent.name))
+        children = children_of_all()
         found = [self._popen.pid]
         for pid in found:
             found += children.get(pid, [])
@@ -189,6 +185,16 @@ class Process:
                 os.killpg(self._popen.pid, number)
             while self.has_left_processes() and time.monotonic() < deadline:
                 time.sleep(0.01)
+
+
+def children_of_all() -> dict[int, list[int]]:
+    """Return the ids of the children of each process that has some."""
+    children: dict[int, list[int]] = {}
+    for path in Path('/proc').glob('[0-9]*/stat'):
+        with contextlib.suppress(OSError):  # the process has ended meanwhile
+            parent = path.read_text().rpartition(')')[2].split()[1]
+            children.setdefault(int(parent), []).append(int(path.parent.name))
+    return children
 
 
 def is_running(pid: int) -> bool:

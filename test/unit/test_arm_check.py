@@ -258,7 +258,7 @@ def test_broadcasters_that_are_created_in_a_callback_may_work():
     report = check(in_callback(Arm()))
     assert report.passed
     advice = line_of(report, 'each broadcaster')
-    assert (advice.verdict, advice.measured) == (ADVICE, '502 publishers')
+    assert (advice.verdict, advice.measured) == (ADVICE, '501 publishers, one after another')
     assert advice.text.startswith('501 publishers, one after another: create the broadcaster once')
 
 

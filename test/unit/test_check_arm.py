@@ -1,19 +1,27 @@
 """The command check_arm where there is no ROS: bags, drawings, wrong use."""
 
+import csv
 from itertools import pairwise
 import os
 from pathlib import Path
 import re
+import signal
 import subprocess
 import sys
+from typing import Any
 
 from arms import Arm, BEGIN, RIGHT, S, WRONG
 from environment import on_linux, on_unix
 from processes import TIMEOUT, tool_without_ros
 import pytest
 
-from dummy_arm.grading.arm_check import FRAMES, NOT_JUDGED
-from dummy_arm.tools.check_arm import Grade, grade, main
+from dummy_arm.cli.signals import record_signals
+from dummy_arm.grading.arm_check import FRAMES, NOT_JUDGED, NOT_OK
+from dummy_arm.grading.drawing import fault_of_drawing
+from dummy_arm.grading.grade import grade
+from dummy_arm.grading.supervisor import Grade
+from dummy_arm.tf.formatting import visible
+from dummy_arm.tools.check_arm import main
 
 
 def test_a_bag(tmp_path, capsys):
@@ -82,8 +90,11 @@ def test_a_bag_without_times_or_with_damage(tmp_path, capsys):
     (['--time', '0.5'], '--time must be at least 1 s, and at most 3600 s, got 0.5'),
     (['--time', 'nan'], "'nan' is not finite"),
     (['a.py', '--jobs', '0'], '--jobs must be at least 1, and at most 17, got 0'),
-    (['--jobs', '2'], '--csv and --jobs need the files'),
-    (['--csv', 'out.csv'], '--csv and --jobs need the files'),
+    (['--jobs', '2'], '--csv, --feedback and --jobs need the files'),
+    (['--csv', 'out.csv'], '--csv, --feedback and --jobs need the files'),
+    (['a.py', '--resume'], '--resume needs --csv'),
+    (['a.py', 'a.py'], 'a.py is given twice'),
+    (['a\x1b', r'a\x1b'], r'a\x1b is given twice'),
     (['a.py', '--namespace', 'robot'], '--namespace is for --bag'),
     (['a.py', '--csv', 'b.py'], "--csv needs the name of a file that ends in .csv, got 'b.py'"),
     (['a.csv', '--csv', 'a.csv'], '--csv needs the name of a file that ends in .csv'),
@@ -182,10 +193,128 @@ def test_without_pypdf(failed, monkeypatch):
         'check_arm: pypdf is needed to read a PDF: apt install python3-pypdf, or pip')
 
 
+def read_table(path='grades.csv'):
+    """Return the rows of a table."""
+    with Path(path).open(newline='', encoding='utf-8-sig') as file:
+        return [*csv.DictReader(file)]
+
+
+#: By name: the bytes of a hand-in, and the reason why it is not run.
+REFUSED: dict[str, tuple[Any, str]] = {
+    'umlaut.py': ('# größer\n'.encode('latin-1'), 'It is not encoded as UTF-8: save it as UTF-8.'),
+    'utf_16.py': ('import os\n'.encode('utf-16'), 'It is not encoded as UTF-8: save it as UTF-8.'),
+    'zip.py': (b'PK\x03\x04', 'It is a zip archive: unpack it.'),
+    'long.py': (b'#' * 1_000_001, 'It has more than 1 MB.'),
+    'path.py': (b'path = "C:\\Users"\n', 'It does not compile: line 1: (unicode error)'),
+    'the_arm.py': (b'\nfrom dummy_arm.dummy_arm import main\n',
+                   'It uses dummy_arm.dummy_arm.main of this package (line 2): the arm must'),
+    'by_name.py': (b'import importlib\nimportlib.import_module("dummy_arm.arm")\n',
+                   'It uses dummy_arm.arm of this package (line 2): the arm must be its own.'),
+    '=1+2': (b'print(\n', "It does not compile: line 1: '(' was never closed."),
+    os.fsdecode(b'not_utf_8_\xff.py'): (b'', 'Its path is not UTF-8, so rclpy fails'),
+    'empty': ('folder', 'no dummy_arm.py in empty'),
+    'folder': ('folder', 'It is a zip archive: unpack it.')}
+
+
+def verdict_of(name):
+    """Return the verdict of a hand-in that is not run."""
+    return NOT_JUDGED if name.startswith('not_utf_8') else NOT_OK
+
+
+@on_linux
+def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
+    """Each has a line, a row and its feedback, in the order of the arguments; a folder, too."""
+    monkeypatch.chdir(tmp_path)
+    for name, (content, _) in REFUSED.items():
+        if content == 'folder':
+            Path(name).mkdir()
+        elif content is not None:
+            Path(name).write_bytes(content)
+    package = Path('folder', 'src', 'dummy_arm', 'dummy_arm')
+    package.mkdir(parents=True)
+    (package / 'dummy_arm.py').write_bytes(b'PK\x03\x04')
+    assert main([*REFUSED, '--csv', 'grades.csv', '--feedback', 'feedback', '--jobs', '2']) == 1
+    lines = capsys.readouterr().out.splitlines()
+    for (name, (_, reason)), line in zip(REFUSED.items(), lines, strict=True):
+        assert line.startswith(f'{visible(name)}: {verdict_of(name)}: {reason}')
+        feedback = (tmp_path / 'feedback' / f'{name}.txt').read_text()
+        assert feedback.splitlines()[0] == line
+    assert Path('grades.csv').read_bytes().startswith(b'\xef\xbb\xbf"file","verdict","reason",')
+    assert [(row['file'], row['verdict']) for row in read_table()] == [
+        ("'=1+2" if name == '=1+2' else visible(name), verdict_of(name)) for name in REFUSED]
+
+
+@on_linux
+def test_feedback_on_a_drawing(tmp_path, monkeypatch):
+    """The frames.pdf beside a program is judged, too."""
+    pytest.importorskip('pypdf')
+    monkeypatch.chdir(tmp_path)
+    Path('arm.py').write_bytes(b'PK\x03\x04')
+    Path('frames.pdf').write_text('no PDF')
+    assert main(['arm.py', '--feedback', 'feedback']) == 1
+    assert (tmp_path / 'feedback' / 'arm.py.txt').read_text() == (
+        'arm.py: not ok: It is a zip archive: unpack it.\n\n'
+        'frames.pdf: not ok: It is not a PDF with text that can be read.\n')
+
+
+@on_linux
+def test_resume(tmp_path, monkeypatch, capsys, failed):
+    """Only what was not run is run; the other rows stay as they are, also those of formulas."""
+    monkeypatch.chdir(tmp_path)
+    files = ['=a.py', 'b.py', 'c.py']
+    assert failed(main, *files, '--csv', 'grades.csv', '--resume') == (
+        1, 'check_arm: cannot read grades.csv: No such file or directory\n')
+    assert main([*files, '--csv', 'grades.csv']) == 1
+    table = Path('grades.csv').read_text('utf-8-sig').splitlines()
+    assert [line.split(',')[0] for line in table] == [
+        '"file"', '"\'=a.py"', '"b.py"', '"c.py"']
+    table[1], table[2] = table[1].replace('"not ok","', '"ok","kept: '), 'b.py,not run,'
+    Path('grades.csv').write_text('\n'.join(table))
+    capsys.readouterr()
+    assert main([*files, '--csv', 'grades.csv', '--resume']) == 1
+    missing = 'not ok: It cannot be read: No such file or directory.'
+    assert capsys.readouterr().out.splitlines() == [
+        f'=a.py: ok: kept: {missing[8:]}', f'b.py: {missing}', f'c.py: {missing}']
+    assert [row['verdict'] for row in read_table()] == ['ok', 'not ok', 'not ok']
+    Path('grades.csv').write_text('a,b\n')
+    assert failed(main, *files, '--csv', 'grades.csv', '--resume') == (
+        1, 'check_arm: grades.csv is not a table of this version of check_arm: leave out '
+        '--resume\n')
+
+
+def test_a_drawing_of_many_pages(tmp_path, capsys):
+    """It is refused."""
+    pypdf = pytest.importorskip('pypdf')
+    writer = pypdf.PdfWriter()
+    for _ in range(21):
+        writer.add_blank_page(100, 100)
+    writer.write(tmp_path / 'frames.pdf')
+    assert main(['--frames', str(tmp_path / 'frames.pdf')]) == 1
+    assert capsys.readouterr().out.endswith(
+        'not ok: It has 21 pages: the drawing of an arm has one.\n')
+
+
+@on_unix
+def test_ctrl_c_while_a_drawing_is_read(tmp_path):
+    """It is heeded before the next page."""
+    pypdf = pytest.importorskip('pypdf')
+    writer = pypdf.PdfWriter()
+    writer.add_blank_page(100, 100)
+    writer.write(tmp_path / 'frames.pdf')
+    handlers = record_signals()
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            fault_of_drawing(tmp_path / 'frames.pdf')
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
 @on_linux
 @pytest.mark.parametrize(('middleware', 'silence', 'reason'), [
     ('while True:\n    pass\n', 2.0, 'has said nothing for 2 s: probably the middleware hangs.'),
-    ('import os\nos.kill(os.getpid(), 11)\n', TIMEOUT, 'ended by signal 11.')],
+    ('import os\nos.abort()\n', TIMEOUT, 'ended by signal 6.')],
     ids=['hangs', 'crashes'])
 def test_an_observer_that_fails(tmp_path, monkeypatch, middleware, silence, reason):
     """
@@ -201,5 +330,5 @@ def test_an_observer_that_fails(tmp_path, monkeypatch, middleware, silence, reas
     for name in 'arm.py', 'json.py':
         (handed_in / name).write_text('raise SystemExit')
     monkeypatch.chdir(handed_in)
-    assert grade('arm.py', 1.0, silence=silence) == Grade(
-        'arm.py', None, f'The process that observes it {reason}', NOT_JUDGED)
+    assert [*grade(['arm.py'], 1.0, silence=silence)] == [Grade(
+        'arm.py', None, f'The process that observes it {reason}', NOT_JUDGED)]

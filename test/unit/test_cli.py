@@ -213,13 +213,13 @@ def test_a_line_is_written_at_once_and_a_second_signal_ends_a_command():
 @pytest.mark.parametrize(('command', 'code'), [('check_arm', 1), ('tf_trajectory', 0)])
 @pytest.mark.parametrize('count', [0, 1, 2])
 def test_signals_while_a_command_is_imported(monkeypatch, command, code, count):
-    """They are recorded, and it does not begin; the second ends the import."""
+    """They are recorded, and it does not begin. The second ends the import, but for check_arm."""
     class Module:
         @property
         def main(self) -> Callable[[], int]:
             for _ in range(count):
                 signal.raise_signal(signal.SIGTERM)
-            assert count < 2
+            assert count < 2 or command == 'check_arm'
             return lambda: 7
 
     monkeypatch.setitem(sys.modules, f'dummy_arm.tools.{command}', Module())

@@ -1,0 +1,147 @@
+"""Check whether a drawing of view_frames shows the tree of the lab's arm."""
+
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from itertools import pairwise
+import logging
+from pathlib import Path
+import re
+from unicodedata import normalize
+
+from dummy_arm.cli.parser import CommandError
+from dummy_arm.cli.signals import check_signals
+from dummy_arm.grading.arm_check import FRAMES, NOT_JUDGED, NOT_OK, OK
+from dummy_arm.tf.formatting import comma_list, quoted, shortened
+
+#: The lines of frames.pdf that are not the name of a frame, as this package and tf2 write them.
+_LABEL = re.compile(r'Broadcaster: |Average rate: |Buffer length: |Most recent transform: |'
+                    r'Oldest transform: |Recorded at time: |view_frames Result$|static$')
+#: A token of the DOT language: a string, a comment, a name, an arrow, or another character.
+_TOKEN = re.compile(r"""
+    "(?: [^"\\] | \\.? )* (?: " | \Z)
+    | //.* | \#.* | /\* [\s\S]*? (?: \*/ | \Z)
+    | [\w.]+ | -> | \S
+""", re.VERBOSE)
+_LONGEST_GRAPH = 1_000_000  # characters
+_MOST_PAGES, _MOST_MEMORY = 20, 2**30
+#: The largest number of names that a text lists.
+_SHOWN = 6
+
+
+def fault_of_drawing(path: Path) -> str:
+    """
+    Compare a drawing of view_frames with the tree of the arm.
+
+    :param path: the path of a `.pdf` or `.gv` file.
+    :returns: what is wrong; '' if the drawing shows the tree of the arm.
+    :raises CommandError: if the library pypdf is missing.
+    :raises KeyboardInterrupt: if a signal has been recorded.
+    """
+    if path.exists() and not path.is_file():  # reading a pipe might never end
+        return 'It is not a regular file.'
+    try:
+        if path.suffix.lower() == '.pdf':
+            return _fault_of_pdf(path)
+        return _fault_of_edges(_edges_in_dot(path))
+    except OSError as error:
+        return f'It cannot be read: {error.strerror}.'
+
+
+def main(write: Callable[[str], object], path: str) -> None:
+    """Write the result for a drawing; see `dummy_arm.grading.supervisor`."""
+    import resource
+    resource.setrlimit(resource.RLIMIT_AS, 2 * (_MOST_MEMORY,))
+    try:
+        fault = fault_of_drawing(Path(path))
+        write(f'{NOT_OK}: {fault}' if fault else OK)
+    except CommandError as error:
+        write(f'{NOT_JUDGED}: {error}')
+
+
+def _fault_of_pdf(path: Path) -> str:
+    """Compare the texts of a drawing that are names of frames, and their places on the paper."""
+    try:
+        from pypdf import PdfReader
+    except ImportError:
+        raise CommandError('pypdf is needed to read a PDF: apt install python3-pypdf, or pip '
+                           'install pypdf; or check the .gv file') from None
+    top = 0.0
+    #: By the place on the paper. A text is in several parts if it has a ligature, such as "ff".
+    texts: defaultdict[tuple[float, float], str] = defaultdict(str)
+
+    def add(text: str, outer: list[float], inner: list[float], *_: object) -> None:
+        """
+        Append a part of a text.
+
+        :param text: the part.
+        :param outer: the matrix a, b, c, d, e, f, which maps (x, y) to (a x + c y + e,
+            b x + d y + f).
+        :param inner: the matrix that is applied before `outer`.
+        """
+        a, b, c, d, e, f = outer
+        x, y = inner[4:]
+        texts[top - (b * x + d * y + f), a * x + c * y + e] += normalize('NFKC', text)
+
+    logging.getLogger('pypdf').setLevel(logging.CRITICAL)  # its warnings about damaged files
+    try:
+        pages = PdfReader(path).pages
+        if len(pages) > _MOST_PAGES:
+            return f'It has {len(pages)} pages: the drawing of an arm has one.'
+        for page in pages:
+            check_signals()
+            top += float(page.mediabox.top)
+            page.extract_text(visitor_text=add)
+    except OSError:
+        raise
+    except Exception:  # a damaged file causes errors of many types
+        texts.clear()
+    return _fault_of_names({text.strip(): depth for (depth, _), text in sorted(texts.items())
+                            if text.strip() and not _LABEL.match(text.strip())})
+
+
+def _fault_of_names(names: dict[str, float]) -> str:
+    if not names:
+        return 'It is not a PDF with text that can be read.'
+    missing = [name for name in FRAMES if name not in names]
+    others = [name for name in names if name not in FRAMES]
+    if missing or others:
+        return _differences(missing, 'frames', others, quoted)
+    for upper, lower in pairwise(FRAMES):
+        if names[lower] < names[upper] + 1.0:
+            return f'{lower} is not below {upper}: the tree is not a chain in the right order.'
+    return ''
+
+
+def _edges_in_dot(path: Path) -> set[tuple[str, str]]:
+    """
+    Return the edges of a graph that view_frames has written, as parent and child.
+
+    :raises OSError: if the file cannot be read.
+    """
+    with path.open(encoding='utf-8', errors='replace') as file:
+        tokens = [token for token in _TOKEN.findall(file.read(_LONGEST_GRAPH))
+                  if not token.startswith(('//', '/*', '#'))]
+    return {(_frame(parent), _frame(child))
+            for parent, arrow, child in zip(tokens, tokens[1:], tokens[2:])
+            if arrow == '->' and _frame(parent) and _frame(child)}
+
+
+def _frame(token: str) -> str:
+    """Return the name that a token stands for; '' if it is not a name."""
+    name = token[1:-1].replace(r'\"', '"') if token[0] == '"' else token
+    return name.removeprefix('/') if token[0] == '"' or name[0].isalnum() or name[0] == '_' else ''
+
+
+def _fault_of_edges(edges: set[tuple[str, str]]) -> str:
+    if not edges:
+        return 'It has no edges of a tree.'
+    expected = {*pairwise(FRAMES)}
+    missing, others = (sorted(f'{parent} -> {child}' for parent, child in found)
+                       for found in (expected - edges, edges - expected))
+    return _differences(missing, 'edges', others, shortened)
+
+
+def _differences(missing: Sequence[str], what: str, others: Sequence[str],
+                 write: Callable[[str], str]) -> str:
+    return ' '.join(f'{label}: {comma_list(found, _SHOWN, write)}.' for label, found in (
+        ('Missing', missing), (f'Other {what}', others)) if found)

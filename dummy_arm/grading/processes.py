@@ -1,0 +1,318 @@
+"""Processes on Linux: what a process has started, what it uses, and its signals."""
+
+from collections import defaultdict
+from collections.abc import Collection
+from contextlib import suppress
+import ctypes
+import json
+import os
+from pathlib import Path
+import signal
+import subprocess
+import sys
+import time
+from typing import Any, NamedTuple, Optional
+
+#: prctl(2)
+_PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
+#: sigaction(2)
+_SI_USER, _SI_TKILL, _SI_KERNEL = 0, -6, 128
+#: How long to kill processes, until those that are left are given up (s).
+_LONGEST_END = 20.0
+#: The ports of a ROS domain begin at `FIRST_PORT + PORTS * domain` (RTPS specification, 9.6.2).
+FIRST_PORT, PORTS = 7400, 250
+#: The program of a Worker.
+_MAIN = """
+import json, os, sys
+sys.path[:], module, pipe, arguments = json.loads(sys.stdin.buffer.raw.readline())
+from importlib import import_module
+import_module(module).main(lambda line: os.write(pipe, line.encode() + b'\\n'), *arguments)
+"""
+
+
+class Process(NamedTuple):
+    """What /proc shows of a process."""
+
+    parent: int  #: the process id
+    start: int  #: the time of its start (ticks of the clock since boot)
+    resident: int  #: memory (bytes)
+    has_ended: bool  #: True if its main thread has ended
+    threads: int  #: the number of threads that have not ended
+
+
+def _process(pid: int) -> Optional[Process]:
+    """Return a process; None if it does not exist."""
+    try:
+        with open(f'/proc/{pid}/stat', 'rb') as file:
+            # The name of the program is in parentheses, and may contain any character.
+            fields = file.read().rpartition(b')')[2].split()
+    except OSError:
+        return None
+    return Process(int(fields[1]), int(fields[19]),
+                   int(fields[21]) * os.sysconf('SC_PAGE_SIZE'), fields[0] in b'ZX',
+                   int(fields[17]))
+
+
+def processes() -> dict[int, Process]:
+    """Return all processes, by process id; none if this is not Linux."""
+    pids = [int(path.name) for path in Path('/proc').glob('[0-9]*')]
+    return {pid: process for pid in pids if (process := _process(pid))}
+
+
+def descendants(pid: int, leave_out: Collection[int] = ()) -> dict[int, Process]:
+    """
+    Return the processes that a process has started, directly or not.
+
+    :param leave_out: processes that are left out, with their descendants.
+    """
+    found = processes()
+    children = defaultdict(list)
+    for child, process in found.items():
+        children[process.parent].append(child)
+    result: dict[int, Process] = {}
+    parents = [pid]
+    while parents:
+        for child in children[parents.pop()]:
+            if child not in leave_out and child not in result:
+                result[child] = found[child]
+                parents.append(child)
+    return result
+
+
+def ancestors(pid: int) -> list[int]:
+    """
+    Return the ids of a process, its parent, and so on; empty if the process does not exist.
+
+    A process that has sent a signal may end at once; so each is read when it is needed.
+    """
+    result = []
+    while process := _process(pid):
+        result.append(pid)
+        pid = process.parent
+    return result
+
+
+def end_descendants(leave_out: Collection[int] = ()) -> set[int]:
+    """
+    Kill and reap what this process has started, until nothing is left.
+
+    When a process ends, the processes that it has started become children of this one, if this is
+    a subreaper. A chain of processes, each of which starts another one and ends, is outrun, since
+    only the children of this process are read, and killed at once.
+
+    :param leave_out: the ids of children that stay, with their descendants.
+    :returns: the ids of the children that could not be ended, for example since another user owns
+        them.
+    """
+    left = {*leave_out}
+    deadline = time.monotonic() + _LONGEST_END
+    while (found := _children() - left) and time.monotonic() < deadline:
+        for pid in found:
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+            except PermissionError:
+                left.add(pid)
+        for pid in found - left:
+            with suppress(ChildProcessError):
+                os.waitpid(pid, os.WNOHANG)
+    return (left | found) - {*leave_out}
+
+
+def _children() -> set[int]:
+    """Return the ids of the children of this process."""
+    found = set()
+    try:
+        for path in Path('/proc/self/task').glob('*/children'):
+            found |= {*map(int, path.read_text().split())}
+        if Path('/proc/self/task', str(os.getpid()), 'children').exists():
+            return found
+    except OSError:
+        pass
+    return {pid for pid, process in processes().items() if process.parent == os.getpid()}
+
+
+def become_subreaper(is_subreaper: bool = True) -> None:
+    """Become the parent of all descendants that lose theirs."""
+    ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, is_subreaper, 0, 0, 0)
+
+
+def end_with_parent() -> None:
+    """Let the kernel end this process by SIGKILL when its parent has ended."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(signal.SIGKILL))
+
+
+class Signal(NamedTuple):
+    """A signal that was sent to this process."""
+
+    number: int
+    is_of_kernel: bool  #: True if a terminal has sent it, or a process outside of the container
+    pid: int  #: the id of the process that has sent it
+    #: The process that has sent it, its parent, and so on; empty if it has ended, or hides.
+    origin: list[int]
+
+    @property
+    def name(self) -> str:
+        """The name; signals for real time have none."""
+        try:
+            return signal.Signals(self.number).name
+        except ValueError:
+            return f'signal {self.number}'
+
+
+def next_signal(seconds: float) -> Optional[Signal]:
+    """Wait for a blocked signal that is not ignored for some time."""
+    found = signal.sigtimedwait({
+        number for number in signal.valid_signals() - {
+            signal.SIGKILL, signal.SIGSTOP, signal.SIGCHLD, signal.SIGCONT, signal.SIGURG,
+            signal.SIGWINCH} if signal.getsignal(number) is not signal.SIG_IGN}, seconds)
+    if found is None:
+        return None
+    # With other codes, the sender chooses what seems to be its process id (rt_sigqueueinfo(2)).
+    is_pid = found.si_code in (_SI_USER, _SI_TKILL) and found.si_pid > 0
+    is_of_kernel = found.si_code in (_SI_USER, _SI_KERNEL) and found.si_pid == 0
+    return Signal(found.si_signo, is_of_kernel, found.si_pid,
+                  ancestors(found.si_pid) if is_pid else [])
+
+
+class Worker:
+    """
+    A process in a session of its own that runs the function main() of a module of this package.
+
+    The first argument of main() is a function that writes a line, which this process can read. The
+    standard input of the worker ends when this process does.
+    """
+
+    def __init__(self, module: str, *arguments: Any) -> None:
+        """
+        Start the process.
+
+        :param module: the name of the module.
+        :param arguments: the further arguments of main(), for JSON.
+        """
+        self._output, output = os.pipe()
+        os.set_blocking(self._output, False)
+        reading, self._input = os.pipe()
+        # `-I` and this `sys.path` keep it from importing files of the working directory, where
+        # hand-ins may lie. Its command line names no hand-in: `pkill -f` of one does not match it.
+        self._process = subprocess.Popen(
+            [sys.executable, '-I', '-S', '-c', _MAIN], stdin=reading, stdout=subprocess.DEVNULL,
+            pass_fds=[output], start_new_session=True)
+        os.close(reading)
+        os.close(output)
+        self.pid = self._process.pid
+        self._last = time.monotonic()
+        #: What the worker has written.
+        self.written = b''
+        self.send(json.dumps([[*filter(None, sys.path)], f'dummy_arm.grading.{module}', output,
+                              arguments]))
+
+    def send(self, line: str = '') -> None:
+        """Write a line to the standard input of the worker."""
+        with suppress(BrokenPipeError):
+            os.write(self._input, f'{line}\n'.encode())
+
+    def finish(self) -> None:
+        """End the standard input of the worker."""
+        if self._input >= 0:
+            os.close(self._input)
+            self._input = -1
+
+    def read(self) -> bool:
+        """Read what the worker has written, into `written`; return whether this is all."""
+        with suppress(BlockingIOError):
+            while data := os.read(self._output, 2**16):
+                self.written += data
+                self._last = time.monotonic()
+            return True
+        return False
+
+    @property
+    def silence(self) -> float:
+        """The time (s) since the worker has written something."""
+        return time.monotonic() - self._last
+
+    @property
+    def last_line(self) -> bytes:
+        """The last line that is not empty."""
+        return self.written.strip().rpartition(b'\n')[2]
+
+    def end(self, seconds: float = 0.0) -> int:
+        """Wait some time for the end of the process, then kill it; return its exit code."""
+        self.finish()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(max(0.0, seconds))
+        self._process.kill()
+        self.read()
+        os.close(self._output)
+        return self._process.wait()
+
+
+def how_it_ended(code: int) -> str:
+    """Return how a process has ended: by a signal (negative), or with an exit code."""
+    return f'by signal {-code}' if code < 0 else f'with exit code {code}'
+
+
+def command_of(pid: int) -> list[str]:
+    """Return the command line of a process; empty if it has ended."""
+    try:
+        line = Path(f'/proc/{pid}/cmdline').read_bytes()
+    except OSError:
+        return []
+    return [os.fsdecode(argument) for argument in line.split(b'\0')[:-1]]
+
+
+# ROS
+
+
+def udp_ports() -> dict[int, str]:
+    """Return the UDP ports that are in use, each with the number of its socket."""
+    found = {}
+    for path in '/proc/net/udp', '/proc/net/udp6':
+        with suppress(OSError):
+            for line in Path(path).read_text().splitlines()[1:]:
+                fields = line.split()
+                found[int(fields[1].rpartition(':')[2], 16)] = fields[9]
+    return found
+
+
+def ros_domains(pids: Collection[int]) -> dict[int, int]:
+    """
+    Return the ROS domains in which processes take part.
+
+    :param pids: the process ids.
+    :returns: a dict from each domain to a process id.
+    """
+    # A participant binds the ports 10 + 2 i and 11 + 2 i of its domain for data that is sent to it
+    # alone. Other sockets may have single ports of this range.
+    sockets = {f'socket:[{inode}]': port for port, inode in udp_ports().items()}
+    found = {}
+    for pid in pids:
+        ports = set()
+        with suppress(OSError):
+            for path in Path(f'/proc/{pid}/fd').iterdir():
+                with suppress(OSError):
+                    ports.add(sockets.get(os.readlink(path), 0))
+        for port in ports:
+            domain, offset = divmod(port - FIRST_PORT, PORTS)
+            if domain >= 0 and offset >= 10 and offset % 2 == 0 and port + 1 in ports:
+                found[domain] = pid
+    return found
+
+
+def pid_of_publisher(gid: str) -> int:
+    """
+    Return the process id of a publisher, from its gid in hex; 0 if it is not known.
+
+    Fast DDS writes the lower 16 bits of the process id into the gid. Several processes may have
+    them; one that takes part in a ROS domain is probably the right one.
+    """
+    found = [pid for pid in processes() if pid & 0xffff == low_pid(gid)]
+    return min(found, key=lambda pid: not ros_domains([pid]), default=0)
+
+
+def low_pid(gid: str) -> int:
+    """Return the lower 16 bits of the process id of a publisher; -1 if they are not known."""
+    prefix = bytes.fromhex(gid[:16])
+    return int.from_bytes(prefix[4:6], 'little') if prefix[:2] == b'\x01\x0f' else -1

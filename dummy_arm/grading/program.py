@@ -1,0 +1,256 @@
+"""The program that a student has handed in: find it, refuse it or run it."""
+
+import ast
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from io import BytesIO
+import os
+from pathlib import Path
+import re
+import signal
+import subprocess
+import sys
+from threading import Thread
+import time
+from tokenize import detect_encoding
+
+from dummy_arm.cli.parser import CommandError
+from dummy_arm.grading.processes import command_of, how_it_ended
+from dummy_arm.tf.formatting import abbreviated, visible
+
+#: How long to wait until a program has ended after SIGINT (s).
+_GRACE = 3.0
+#: The largest source, the largest output, and the largest file that a program writes (bytes).
+_LONGEST_SOURCE, _LONGEST_OUTPUT, _LONGEST_FILE = 1_000_000, 1_000_000, 200_000_000
+_TRACEBACK = 'Traceback (most recent call last):'
+#: Where dummy_arm.py lies in a folder: as such, or in a package, or in a workspace.
+_PLACES = ('', 'dummy_arm', 'dummy_arm/dummy_arm', 'src/dummy_arm/dummy_arm')
+#: The modules of this package that publish, or compute, the arm.
+_ARM = 'dummy_arm.dummy_arm', 'dummy_arm.arm'
+#: What Tk, Qt, GTK, matplotlib, SDL and pynput print where there is no display.
+_NO_DISPLAY = re.compile("no \\$DISPLAY|connect to display|open display|'headless' is currently|"
+                         'No available video device|X connection|Gtk couldn')
+#: How many lines Qt prints at most when it ends.
+_LAST_LINES = 10
+#: What rclpy and Python raise if a signal ends them.
+_KILLED = re.compile('KeyboardInterrupt|ExternalShutdownException|context is (invalid|not valid)')
+
+#: A program that starts Python with other arguments. If its parent ends, even by SIGKILL, the
+#: kernel ends the started process, too.
+_LAUNCHER = """
+import ctypes, os, resource, signal, sys
+ctypes.CDLL(None).prctl(1, 9)  # PR_SET_PDEATHSIG: SIGKILL, when the parent has ended
+limits = [each for each in resource.getrlimit(resource.RLIMIT_FSIZE) if each >= 0]
+resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (min([int(sys.argv[1]), *limits]),))
+signal.pthread_sigmask(signal.SIG_SETMASK, [])
+os.execv(sys.executable, [sys.executable, *sys.argv[2:]])
+"""
+
+
+class ProgramError(CommandError):
+    """A program or its arm is not ok; the text says why."""
+
+
+def program_in(path: Path) -> Path:
+    """
+    Return the program of a hand-in.
+
+    :param path: the path of the program, or of a folder in which it lies.
+    :raises ProgramError: if the folder has no dummy_arm.py.
+    """
+    if not path.is_dir():
+        return path
+    for place in _PLACES:
+        if (program := path / place / 'dummy_arm.py').is_file():
+            return program
+    raise ProgramError(f'no dummy_arm.py in {path}')
+
+
+def arguments_of(path: Path) -> list[str]:
+    """
+    Return the arguments with which Python runs a program.
+
+    A program that defines main(), but does not call it, is meant for `ros2 run`, which calls it.
+
+    :raises ProgramError: if the file is refused, cannot be read or does not compile.
+    :raises CommandError: if rclpy would refuse the path.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError:
+        raise CommandError('Its path is not UTF-8, so rclpy fails: rename it.') from None
+    if path.exists() and not path.is_file():  # reading a pipe might never end
+        raise ProgramError('It is not a regular file.')
+    try:
+        with path.open('rb') as file:
+            source = file.read(_LONGEST_SOURCE + 1)
+    except OSError as error:
+        raise ProgramError(f'It cannot be read: {error.strerror}.') from None
+    if source.startswith(b'PK\x03\x04'):
+        raise ProgramError('It is a zip archive: unpack it.')
+    if len(source) > _LONGEST_SOURCE:
+        raise ProgramError(f'It has more than {_LONGEST_SOURCE // 10**6} MB.')
+    try:
+        source.decode(detect_encoding(BytesIO(source).readline)[0])
+    except (SyntaxError, UnicodeDecodeError):
+        raise ProgramError('It is not encoded as UTF-8: save it as UTF-8.') from None
+    try:
+        tree = ast.parse(source, str(path))
+        compile(tree, str(path), 'exec')
+    except SyntaxError as error:
+        where = f'line {error.lineno}: ' if error.lineno else ''
+        raise ProgramError(f'It does not compile: {where}{error.msg}.') from None
+    except (ValueError, RecursionError, MemoryError) as error:
+        raise ProgramError(f'It does not compile: {str(error) or type(error).__name__}.') from None
+    for line, name in _names_of_modules(tree):
+        if f'{name}.'.startswith(tuple(f'{module}.' for module in _ARM)):
+            raise ProgramError(f'It uses {name} of this package (line {line}): the arm must be '
+                               'its own.')
+    functions = ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef
+    has_main = any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree.body)
+    statements = [node for node in tree.body if not isinstance(node, functions)]
+    calls_main = any('main' in _names(node) for node in statements)
+    is_script = any('__name__' in _names(node.test) for node in statements
+                    if isinstance(node, ast.If))
+    path = path.absolute()
+    if calls_main or is_script or not has_main:
+        return [str(path)]
+    return ['-c', f'import runpy, sys; sys.argv = [{str(path)!r}]; sys.path[0] = '
+                  f'{str(path.parent)!r}; runpy.run_path(sys.argv[0])["main"]()']
+
+
+def _names(node: ast.AST) -> set[str]:
+    return {each.id for each in ast.walk(node) if isinstance(each, ast.Name)}
+
+
+def _names_of_modules(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Yield the lines and names of imports, and of texts, which may name modules, too."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield node.lineno, alias.name
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            for alias in node.names:
+                yield node.lineno, f'{node.module}.{alias.name}'
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+            yield node.lineno, node.value
+
+
+def other_arm(pid: int, path: Path) -> str:
+    """
+    Return the name of the arm that a process runs; '' if it is none, or the program itself.
+
+    :param pid: the id of the process; its command line is looked at.
+    :param path: the path of the program.
+    """
+    for argument in command_of(pid):
+        if (module := argument.removeprefix('-m')) in _ARM:
+            return module
+        name = os.path.basename(argument)
+        if name not in ('dummy_arm', 'dummy_arm.py'):
+            continue
+        with suppress(OSError, ValueError):  # the process has ended, or no file has this name
+            file = os.path.join(os.readlink(f'/proc/{pid}/cwd'), argument)
+            if os.path.isfile(file) and not os.path.samefile(file, path):
+                return 'the command dummy_arm' if name == 'dummy_arm' else argument
+    return ''
+
+
+class Program:
+    """A student's program in a process group of its own; its output is limited."""
+
+    def __init__(self, path: Path, arguments: Sequence[str], domain: int, directory: str) -> None:
+        """
+        Start the program.
+
+        :param path: the file of the program.
+        :param arguments: the arguments of Python; see `arguments_of`.
+        :param domain: the ROS domain of the program.
+        :param directory: the working directory of the program, which no other process uses.
+        """
+        environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': directory,
+                       'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'PYTHONUNBUFFERED': '1',
+                       'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONIOENCODING': 'utf-8'}
+        self._process = subprocess.Popen(
+            [sys.executable, '-I', '-S', '-c', _LAUNCHER, str(_LONGEST_FILE), *arguments],
+            cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT, start_new_session=True)
+        self._path, self._start, self.pid = path, time.monotonic(), self._process.pid
+        self._output = bytearray()
+        #: True if `fault` has found that a signal may have ended the program.
+        self.may_be_killed = False
+        self._reader = Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self) -> None:
+        assert self._process.stdout is not None
+        descriptor = self._process.stdout.fileno()
+        with suppress(OSError):
+            while len(self._output) <= _LONGEST_OUTPUT and (data := os.read(descriptor, 2**16)):
+                self._output += data
+
+    def _exit_code(self) -> 'int | None':
+        """Return how the program has ended, but leave it to `end_descendants` to reap it."""
+        ended = os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG)
+        if ended is None:
+            return None
+        return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
+
+    def fault(self) -> str:
+        """
+        Return why the program has failed.
+
+        :returns: a sentence; '' if the program is running and has printed no traceback.
+        :raises CommandError: if the program needs a display, and there is none.
+        """
+        code = self._exit_code()
+        if code is not None:
+            self._reader.join(_GRACE)
+        if len(self._output) > _LONGEST_OUTPUT:
+            return f'It prints more than {_LONGEST_OUTPUT // 10**6} MB.'
+        if code is None and _TRACEBACK.encode() not in self._output:
+            return ''
+        text = self._output.decode(errors='replace')
+        error = _error_of(text, self._path.name)
+        self.may_be_killed = bool(_KILLED.search(error)) if error else code is not None
+        last = text.strip().splitlines()[-_LAST_LINES:]
+        has_display = os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY')
+        if (error or code) and not has_display and (
+                match := _NO_DISPLAY.search(error or '\n'.join(last))):
+            raise CommandError('It needs a display, and there is none: it prints '
+                               f'"{visible(match[0])}".')
+        if error:
+            return f'It fails: {error}'
+        if code is None:
+            return ''
+        seconds = time.monotonic() - self._start
+        cause = ': does it call rclpy.spin?' if code == 0 else ''
+        more = f'; its last line: {abbreviated(visible(last[-1]))}' if last else ''
+        return (f'It ended by itself after {seconds:.1f} s, {how_it_ended(code)}{cause}{more}'
+                f'{"" if cause or more else "."}')
+
+    def end(self) -> None:
+        """End the program by SIGINT, with which it can leave the ROS graph, and wait a moment."""
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(self.pid, signal.SIGINT)
+        deadline = time.monotonic() + _GRACE
+        while self._exit_code() is None and time.monotonic() < deadline:
+            time.sleep(0.02)
+
+
+def _error_of(output: str, name: str) -> str:
+    """
+    Return the error of the first traceback in an output, and the line where it was raised.
+
+    :param name: the name of the program's file, in which the line is looked for.
+    :returns: the text; '' if there is no traceback, or if its last line has not been printed yet.
+    """
+    # The lines of a group of exceptions begin with "  + " or "  | ".
+    printed = [re.sub(r'^ *[+|] ', '', line) for line in output.split('\n')[:-1]]
+    begin = next((i for i, line in enumerate(printed) if line.endswith(_TRACEBACK)), len(printed))
+    end = next((i for i, line in enumerate(printed) if i > begin and line[:1] not in ('', ' ')), 0)
+    if not end:
+        return ''
+    lines = re.findall(rf'/{re.escape(name)}", line (\d+)', '\n'.join(printed[begin:end]))
+    where = f' (line {lines[-1]})' if lines else ''
+    return f'{abbreviated(visible(printed[end]), 300)}{where}'

@@ -1,0 +1,330 @@
+"""
+The process that runs a hand-in, and ends all that it has started.
+
+It observes the arm by another process, since the middleware can hang or crash; so this process has
+no library of ROS.
+"""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+import json
+import os
+from pathlib import Path
+import random
+from select import select
+import shutil
+import socket
+import time
+from typing import NamedTuple, Optional
+import warnings
+
+from dummy_arm.cli.parser import CommandError
+from dummy_arm.grading.arm_check import ADVICE, NOT_JUDGED, NOT_OK, OK, Report
+from dummy_arm.grading.observer import Observation, READY, START
+from dummy_arm.grading.processes import (
+    become_subreaper,
+    command_of,
+    descendants,
+    end_descendants,
+    FIRST_PORT,
+    how_it_ended,
+    low_pid,
+    next_signal,
+    PORTS,
+    ros_domains,
+    udp_ports,
+    Worker,
+)
+from dummy_arm.grading.program import (
+    arguments_of,
+    other_arm,
+    Program,
+    program_in,
+    ProgramError,
+)
+from dummy_arm.tf.formatting import abbreviated, visible
+
+#: ROS domains whose ports are outside the range from which Linux takes ports for clients.
+DOMAINS = range(215, 232)
+#: How long to wait for a free ROS domain (s).
+_PATIENCE = 600.0
+#: How long to wait for a signal before the next look at all else (s), and the time between two
+#: looks at the processes (s).
+_STEP, _SCAN_INTERVAL = 0.05, 0.25
+#: The limits of all processes of a hand-in together.
+_MOST_PROCESSES, _MOST_MEMORY = 256, 2 * 2**30
+#: The same for processes that have ended since the last look: more are a chain without end.
+_MOST_ENDED = 1000
+#: With this, a line that tells of a signal begins.
+SIGNAL = 'signal '
+#: How long to read a drawing (s).
+_DRAWING = 20.0
+
+
+class Grade(NamedTuple):
+    """The result of a hand-in, or of a drawing."""
+
+    file: str
+    report: Optional[Report]  #: None if the program could not be judged
+    reason: str  #: why it did not pass; '' if it passed
+    verdict: str  #: OK, NOT_OK, NOT_JUDGED or NOT_RUN
+    drawing: str = ''  #: the result for the frames.pdf beside it; '' if there is none
+
+    @property
+    def line(self) -> str:
+        """The line that is printed."""
+        advice = [f'{line.requirement} ({line.measured})' for line in self.report.advice
+                  if line.verdict == ADVICE] if self.report else []
+        more = f': {self.reason}' if self.reason else (
+            f'; advice: {"; ".join(advice)}' if advice else '')
+        return f'{visible(self.file)}: {self.verdict}{more}'
+
+
+class _Ended(BaseException):
+    """The command has ended."""
+
+
+def main(write: Callable[[str], object], file: str, seconds: float, ros_args: Sequence[str],
+         silence: float, directory: str, has_feedback: bool) -> None:
+    """
+    Run and judge a hand-in.
+
+    :param write: writes empty lines, which are signs of life, the signals that are received, and
+        in the end the Grade and whether it is certain, as JSON. If the command that reads them has
+        ended, or the standard input ends, this function returns.
+    :param file: the path of the program, or of a folder in which it lies.
+    :param seconds: how long to observe the arm (s).
+    :param ros_args: the command line, with the name of the command, for the node that listens.
+    :param silence: how long to wait for a sign of life of the observer (s).
+    :param directory: a directory for what the program writes; it is deleted.
+    :param has_feedback: also judge the frames.pdf that lies beside the program.
+    """
+    warnings.simplefilter('ignore')  # of the compiler about the program
+    become_subreaper()
+    supervisor = _Supervisor(write, file, seconds, ros_args, silence, directory)
+    with suppress(_Ended, BrokenPipeError):
+        try:
+            result, is_certain = supervisor.judge()
+            if has_feedback:
+                result = result._replace(drawing=supervisor.drawing())
+        except Exception as error:  # the other hand-ins are judged all the same
+            result, is_certain = Grade(file, None, 'check_arm failed: '
+                                       f'{type(error).__name__}: {error}', NOT_JUDGED), False
+        finally:
+            left = end_descendants()
+        if left:
+            result = Grade(file, None, 'It has started what cannot be ended: '
+                           f'{", ".join(map(_described, sorted(left)))}.', NOT_OK)
+        write(json.dumps([result, is_certain]))
+    remove(directory)
+
+
+class _Supervisor:
+    """What happens in the process."""
+
+    def __init__(self, write: Callable[[str], object], file: str, seconds: float,
+                 ros_args: Sequence[str], silence: float, directory: str) -> None:
+        """Remember the arguments, which are those of `main`."""
+        self._write, self._file, self._seconds, self._ros_args = write, file, seconds, ros_args
+        self._silence, self._directory, self._path = silence, directory, Path(file)
+        #: The processes that are not part of the hand-in.
+        self._workers: set[int] = set()
+        #: The ids of all processes of the hand-in that were seen.
+        self._seen: set[int] = set()
+        self._hidden: set[int] = set()
+        self._next_scan = 0.0
+        self._program = 0  #: the id of the process that runs the program itself
+
+    def judge(self) -> tuple[Grade, bool]:
+        """
+        Run the program, and judge its arm.
+
+        :returns: the grade, and whether it is certain. It is not if another process publishes
+            transforms, too, or may have ended the program.
+        """
+        try:
+            self._path = program_in(self._path)
+            arguments = arguments_of(self._path)
+            with _free_domain(lambda: self._wait(lambda: False, 1.0)) as domain:
+                return self._run(arguments, domain)
+        except ProgramError as error:
+            return Grade(self._file, None, str(error), NOT_OK), True
+        except CommandError as error:
+            return Grade(self._file, None, str(error), NOT_JUDGED), True
+        finally:
+            end_descendants()
+
+    def _run(self, arguments: Sequence[str], domain: int) -> tuple[Grade, bool]:
+        observer = Worker('observer', self._seconds, domain, self._ros_args)
+        self._workers.add(observer.pid)
+        while not self._observation(observer) and READY.encode() not in observer.written:
+            self._watch()
+        program = Program(self._path, arguments, domain, self._directory)
+        self._program = program.pid
+        try:
+            observer.send()
+            while not (found := self._observation(observer)):
+                self._watch()
+                if program.fault():
+                    observer.finish()
+            fault = program.fault() or found.wrong_type
+            elsewhere = '' if found.publishers else self._elsewhere(domain)
+        finally:
+            program.end()
+        observer.end()
+        self._watch()  # for signals that it has sent
+        end_descendants()
+        if not fault and (strangers := self._strangers(found)):
+            return Grade(self._file, None, 'Another program also publishes transforms in its ROS '
+                         f'domain: {strangers}.', NOT_JUDGED), False
+        return self._grade(found, fault or elsewhere), not program.may_be_killed
+
+    def _observation(self, observer: Worker) -> Optional[Observation]:
+        """
+        Return what the observer has found; None if it is not yet known.
+
+        :raises ProgramError: if the arm cannot be judged.
+        :raises CommandError: if the observer fails.
+        """
+        if observer.read():
+            if not observer.last_line.startswith((b'[', b'"')):
+                how = how_it_ended(observer.end(self._silence))
+                raise CommandError(f'The process that observes it ended {how}.')
+            return Observation.from_json(observer.last_line)
+        if observer.silence > self._silence:
+            raise CommandError(f'The process that observes it has said nothing for '
+                               f'{self._silence:g} s: probably the middleware hangs.')
+        return None
+
+    def _grade(self, found: Observation, fault: str) -> Grade:
+        """Return the grade; `fault` is what is wrong with the program, '' if nothing is."""
+        report = found.report
+        if fault:
+            return Grade(self._file, report, fault, NOT_OK)
+        if not found.has_messages:
+            has = ' It has a broadcaster, but sends nothing with it.' if found.publishers else ''
+            return Grade(self._file, report, f'It publishes nothing on /tf and /tf_static within '
+                         f'{START:g} s.{has} Is the timer created, with its period in seconds, '
+                         'and does rclpy.spin run?', NOT_OK)
+        line = report.first_failure
+        return Grade(self._file, report, reason_of(report), line.verdict if line else OK)
+
+    def _strangers(self, found: Observation) -> str:
+        """Return which processes publish transforms, and are not part of the hand-in."""
+        own = {-1, *(pid & 0xffff for pid in self._seen)}
+        others = {each.pid for each in found.publishers if low_pid(each.gid) not in own}
+        return ', '.join(
+            _described(pid) if pid else 'a process that has ended' for pid in sorted(others))
+
+    def _elsewhere(self, domain: int) -> str:
+        """Return in which other ROS domain the program publishes; '' if in none."""
+        others = [each for each in sorted(ros_domains(self._seen)) if each != domain]
+        return (f'It uses the ROS domain {others[0]}: leave out ROS_DOMAIN_ID and domain_id; the '
+                'user sets the domain.') if others else ''
+
+    def drawing(self) -> str:
+        """Judge the frames.pdf beside the program, in a process of its own, since it may hang."""
+        paths = (folder / 'frames.pdf' for folder in (Path(self._file), self._path.parent))
+        if not (path := next((path for path in paths if path.exists()), None)):
+            return ''
+        reader = Worker('drawing', str(path))
+        self._workers.add(reader.pid)
+        if not self._wait(reader.read, _DRAWING):
+            return f'{NOT_JUDGED}: It cannot be read within {_DRAWING:g} s.'
+        how = how_it_ended(reader.end(_DRAWING))
+        return reader.last_line.decode() or (
+            f'{NOT_JUDGED}: The process that reads it ended {how}.')
+
+    def _wait(self, holds: Callable[[], object], seconds: float) -> bool:
+        """Wait until a condition holds or the time is over."""
+        end = time.monotonic() + seconds
+        while not holds():
+            if time.monotonic() > end:
+                return False
+            self._watch()
+        return True
+
+    def _watch(self) -> None:
+        """
+        Wait for a short time; watch the signals and the processes.
+
+        :raises ProgramError: if the hand-in exceeds a limit, or starts an arm that is not the
+            student's.
+        :raises _Ended: if the command has ended.
+        """
+        if received := next_signal(_STEP):
+            self._write(SIGNAL + json.dumps(received))
+        self._write('')
+        if select([0], [], [], 0)[0]:
+            raise _Ended
+        if time.monotonic() < self._next_scan:
+            return
+        found = descendants(os.getpid(), self._workers)
+        self._next_scan = time.monotonic() + _SCAN_INTERVAL
+        self._seen |= found.keys()
+        # Where the main thread has ended, /proc hides what the others use.
+        hidden = {pid for pid, process in found.items()
+                  if process.has_ended and process.threads > 1}
+        if hidden & self._hidden:
+            raise ProgramError('It runs a process whose main thread has ended.')
+        self._hidden = hidden
+        for pid, process in found.items():
+            if process.has_ended and process.parent == os.getpid() and pid != self._program:
+                os.waitpid(pid, os.WNOHANG)
+        running = [pid for pid, process in found.items() if not process.has_ended]
+        if len(running) > _MOST_PROCESSES or len(found) > _MOST_ENDED:
+            raise ProgramError(f'It starts more than {_MOST_PROCESSES} processes.')
+        if sum(each.resident for each in found.values()) > _MOST_MEMORY:
+            raise ProgramError(f'It uses more than {_MOST_MEMORY // 2**30} GiB of memory.')
+        for pid in running:
+            if name := other_arm(pid, self._path):
+                raise ProgramError(f'It starts {name}: the arm must be its own.')
+
+
+def remove(directory: str) -> None:
+    """Remove a directory, as far as possible."""
+    with suppress(RecursionError):
+        shutil.rmtree(directory, ignore_errors=True)
+
+
+def _described(pid: int) -> str:
+    command = abbreviated(visible(' '.join(command_of(pid))))
+    return f'process {pid} ({command or "it has ended"})'
+
+
+def reason_of(report: Report) -> str:
+    """Return the first failure of a report, and the number of the others; '' if it passed."""
+    line = report.first_failure
+    if line is None:
+        return ''
+    others = sum(other.verdict == NOT_OK for other in report.lines) - (line.verdict == NOT_OK)
+    more = f' ({others} more)' if others else ''
+    measured = f' ({line.measured})' if line.measured else ''
+    return f'{line.requirement}{measured}. {line.text}{more}'
+
+
+@contextmanager
+def _free_domain(on_wait: Callable[[], object]) -> Iterator[int]:
+    """
+    Reserve a ROS domain that no other program on this machine uses.
+
+    The reservation is a socket, which other processes that run this function respect. A domain is
+    free if no UDP port of it is in use. If none is free, wait.
+
+    :raises CommandError: if no domain becomes free in time.
+    """
+    deadline = time.monotonic() + _PATIENCE
+    while time.monotonic() < deadline:
+        used = {(port - FIRST_PORT) // PORTS for port in udp_ports()}
+        for domain in random.sample(DOMAINS, len(DOMAINS)):
+            if domain in used:
+                continue
+            with socket.socket(socket.AF_UNIX) as reservation:
+                try:
+                    reservation.bind(f'\0dummy_arm.check_arm.{domain}')
+                except OSError:
+                    continue
+                yield domain
+                return
+        on_wait()
+    raise CommandError(f'The ROS domains {DOMAINS[0]} to {DOMAINS[-1]} are all in use.')

@@ -1,0 +1,86 @@
+"""check_arm gives each of the hand-ins its grade, whatever the others and the machine do."""
+
+import ctypes
+from importlib.util import find_spec
+from itertools import chain, zip_longest
+import os
+import re
+import signal
+import time
+
+from hand_ins import differences, HOSTILE, MISTAKES, MODEL_ANSWER
+from processes import children_of_all, own_pids, TIMEOUT, tool
+import pytest
+
+#: How long check_arm may take (s).
+LONGEST = 1500.0
+#: A program that loads a core, for a limited time.
+BUSY = f"""import time
+print('busy', flush=True)
+end = time.monotonic() + {LONGEST}
+while time.monotonic() < end:
+    pass
+"""
+PR_SET_CHILD_SUBREAPER = 36
+#: How many files before the last program may run beside it.
+BESIDE = 12
+
+
+@pytest.fixture
+def orphans():
+    """
+    Adopt the processes whose parents have ended, whatever else they hide; return their ids.
+
+    After the test, they are killed.
+    """
+    def children():
+        return [pid for pid in children_of_all().get(os.getpid(), []) if pid not in own_pids]
+
+    before = children()
+    libc = ctypes.CDLL(None)
+    assert libc.prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0) == 0
+    try:
+        yield lambda: [pid for pid in children() if pid not in before]
+        deadline = time.monotonic() + TIMEOUT
+        while (left := {*children()} - {*before}) and time.monotonic() < deadline:
+            for pid in left:
+                os.kill(pid, signal.SIGKILL)
+                os.waitpid(pid, 0)
+    finally:
+        libc.prctl(PR_SET_CHILD_SUBREAPER, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize('busy_cores', [0, 2])
+def test_hand_ins(start, tmp_path, monkeypatch, orphans, busy_cores):
+    """One row for each, the same on a busy machine; no process is left."""
+    # Those of both kinds run side by side.
+    both = filter(None, chain.from_iterable(zip_longest(MISTAKES.items(), HOSTILE.items())))
+    hand_ins = dict(both)
+    last = hand_ins.pop('floods_domains.py')
+    if not find_spec('tkinter'):
+        del hand_ins['needs_display.py']
+    monkeypatch.delenv('DISPLAY', raising=False)
+    folders = {name.removesuffix('.py'): hand_in for name, hand_in in {
+        'model_first.py': MODEL_ANSWER, **hand_ins, 'floods_domains.py': last,
+        'model_last.py': MODEL_ANSWER}.items()}
+    for name, hand_in in folders.items():
+        if name.endswith('.zip'):
+            hand_in.write(tmp_path / name)
+        else:
+            (tmp_path / name).mkdir()
+            hand_in.write(tmp_path / name / 'dummy_arm.py')
+    for _ in range(busy_cores):
+        start('-c', BUSY).line_with('busy')
+    process = start(*tool('check_arm', '--csv', 'grades.csv', '--jobs', '4', *folders),
+                    cwd=tmp_path)
+    assert process.exit_code(LONGEST) == 1
+    left = orphans()
+    found = differences(folders, process.output, tmp_path / 'grades.csv')
+    # The flood reaches the programs beside it in each domain: at worst, they are not judged.
+    beside = [*folders][-BESIDE:]
+    victims = {name for name, text in found.items() if name in beside
+               and re.search(r'got .*not judged: .*(pid|process)\D{0,5}\d', text)}
+    assert len(victims) <= 4
+    others = {name: text for name, text in found.items() if name not in victims}
+    assert (others, left) == ({}, [])
+    assert not process.has_left_processes()

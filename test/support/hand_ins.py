@@ -1,0 +1,429 @@
+"""
+Programs that are handed in to check_arm, and what it must say about each.
+
+HOSTILE programs cheat, hang, survive, exhaust the machine or send signals. All of their processes
+end by themselves within 90 s, and they send signals only to check_arm and to what it has started.
+MISTAKES are those of students; some of these programs are right.
+"""
+
+import csv
+from io import BytesIO, StringIO
+import re
+from textwrap import dedent
+from typing import NamedTuple
+from zipfile import ZipFile
+
+from environment import ROOT
+
+MODEL = ROOT / 'lab' / 'dummy_arm.py'
+
+
+class HandIn(NamedTuple):
+    """A program that was handed in, and its grade."""
+
+    source: str | bytes | None  #: the content of its file; None: there is no file
+    verdict: str  #: a regular expression, too
+    reason: str  #: a regular expression for the cause, or for the advice if it is ok
+
+    def write(self, path):
+        """Write the file, if there is one."""
+        if self.source is not None:
+            path.write_bytes(
+                self.source if isinstance(self.source, bytes) else self.source.encode())
+
+
+def program(*changes):
+    """Return the model answer with small changes."""
+    code = MODEL.read_text()
+    for old, new in changes:
+        assert code.count(old) == 1, old
+        code = code.replace(old, new)
+    return code
+
+
+def attack(code):
+    """Return a program with a limited time; the functions are those that attacks need."""
+    return dedent("""
+        import os, signal, subprocess, sys, time
+        from pathlib import Path
+
+        signal.alarm(90)
+
+
+        def detached():
+            # Return True in a daemon, which init or a subreaper adopts, and False here.
+            if os.fork():
+                os.wait()
+                return False
+            os.setsid()
+            if os.fork():
+                os._exit(0)
+            signal.alarm(90)
+            return True
+
+
+        def command_line(pid):
+            return Path(f'/proc/{pid}/cmdline').read_bytes()
+
+
+        def ancestors(pid):
+            found = []
+            while pid > 1:
+                pid = int(Path(f'/proc/{pid}/stat').read_text().rpartition(')')[2].split()[1])
+                found.append(pid)
+            return found[:-1]
+
+
+        def check_arm():
+            return [pid for pid in ancestors(os.getpid())
+                    if b'e.check_arm()' in command_line(pid)][-1]
+
+        """) + dedent(code)
+
+
+def zipped(source):
+    """Return a zip file with a program."""
+    file = BytesIO()
+    with ZipFile(file, 'w') as archive:
+        archive.writestr('dummy_arm.py', source)
+    return file.getvalue()
+
+
+MODEL_ANSWER = HandIn(program(), 'ok', '')
+
+#: By file.
+MISTAKES = {
+    # Right programs
+    'only_main.py': HandIn(program(
+        ("\n\nif __name__ == '__main__':\n    main()\n", '\n'), ('create_timer(0.02',
+                                                                 'create_timer(0.2'),
+        ('\n\nclass', '\nimport sys\nname = __name__\nif sys.path:\n    sys.path.append("")\n\n'
+                      'class')), 'ok', 'at least 10 messages per second'),
+    'cosine.py': HandIn(program(('limit * sin(speed', 'limit * cos(speed')), 'ok', ''),
+    'fixed_step.py': HandIn(program(
+        ('self.start = self.get_clock().now()', 'self.t = 0.0'),
+        ('t = (now - self.start).nanoseconds * 1e-9', 't = self.t = self.t + 0.02')), 'ok', ''),
+    # The path is not UTF-8, so rclpy.init() fails if it is in sys.argv.
+    'caf\udce9.py': HandIn(program(), 'ok|not judged', r'^ok|UTF-8|path'),
+
+    # Wrong arms
+    'full_angle.py': HandIn(program(
+        ('sin(angle / 2)', 'sin(angle)'), ('cos(angle / 2)', 'cos(angle)')),
+        'not ok', r'twice as large .* half angle'),
+    'base_on_tf.py': HandIn(program(
+        ('self.static_broadcaster.sendTransform(self.transform(',
+         'self.create_timer(0.1, lambda: self.broadcaster.sendTransform(self.transform('),
+        ("'base_link', (0.0, 0.0, 0.0), 0.0))", "'base_link', (0.0, 0.0, 0.0), 0.0)))")),
+        'not ok', 'use StaticTransformBroadcaster'),
+    'dropped.py': HandIn(program(
+        ('        self.start = ',
+         '        self.later = self.create_timer(15.0, lambda: self.destroy_publisher(\n'
+         '            self.static_broadcaster.pub_tf))\n'
+         '        self.start = ')),
+        'not ok', r'late listener \(not received\)'),
+    'stamp_once.py': HandIn(program(
+        ('self.transform(now, parent', 'self.transform(self.start, parent')),
+        'not ok', 'joint_1: always the same'),
+    'star.py': HandIn(program(
+        ("('joint_1', 'joint_2'", "('base_link', 'joint_2'"),
+        ("('joint_2', 'joint_3'", "('base_link', 'joint_3'")), 'not ok', 'The tree is a star'),
+    'w_first.py': HandIn(program(
+        ('rotation.z = sin(angle / 2)', 'rotation.x = cos(angle / 2)'),
+        ('rotation.w = cos(angle / 2)', 'rotation.w = sin(angle / 2)')),
+        'not ok', 'w is the last number'),
+    'nanoseconds.py': HandIn(program(('.nanoseconds * 1e-9', '.nanoseconds')),
+                             'not ok', '(?i)is t in seconds'),
+    'milliseconds.py': HandIn(program(('.nanoseconds * 1e-9', '.nanoseconds * 1e-6')),
+                              'not ok', '(?i)is t in seconds'),
+    'static_joints.py': HandIn(program(
+        ('self.broadcaster.sendTransform([', 'self.static_broadcaster.sendTransform([')),
+        'not ok', '(?i)joint_1.* static|static.* joint_1'),
+    # Most of the messages arrive, so the arm is right.
+    'many_broadcasters.py': HandIn(program(
+        ('        self.broadcaster = TransformBroadcaster(self)\n', ''),
+        ('self.broadcaster.sendTransform([', 'TransformBroadcaster(self).sendTransform([')),
+        'ok', 'created once .* publishers, one after another, from one node'),
+    'another_type.py': HandIn(program(
+        ('self.broadcaster = TransformBroadcaster(self)',
+         'self.broadcaster = self.create_publisher(TransformStamped, "tf", 10)'),
+        ('self.broadcaster.sendTransform([', '[*map(self.broadcaster.publish, ['),
+        ('limit in JOINTS])', 'limit in JOINTS])]')),
+        'not ok', 'publishes geometry_msgs/msg/TransformStamped on /tf'),
+
+    # Nothing on /tf
+    'slow_timer.py': HandIn(program(('create_timer(0.02', 'create_timer(20.0')),
+                            'not ok', 'period.* second|second.* period'),
+    'no_spin.py': HandIn(program(('rclpy.spin(DummyArm())', 'DummyArm()')),
+                         'not ok', r'does it call rclpy\.spin\?'),
+    # Tests use the domains up to 100. The ports of 101 are still below those for clients.
+    'domain_in_environment.py': HandIn(program(
+        ('    rclpy.init()', "    import os\n    os.environ['ROS_DOMAIN_ID'] = '101'\n"
+                             '    rclpy.init()')), 'not ok', r'domain\D*\b101\b'),
+    'domain_in_init.py': HandIn(program(('rclpy.init()', 'rclpy.init(domain_id=101)')),
+                                'not ok', r'domain\D*\b101\b'),
+    'needs_display.py': HandIn('import tkinter\nwindow = tkinter.Tk()\n' + program(),
+                               'not judged', '(?i)display'),
+
+    # No program, or an error
+    'syntax.py': HandIn('import rclpy\nprint("no end)\n',
+                        'not ok', 'line 2: unterminated string literal'),
+    'latin_1.py': HandIn(('# Schöner Arm\n' + program()).encode('latin-1'),
+                         'not ok', 'save it as UTF-8'),
+    'arm.zip': HandIn(zipped(program()), 'not ok', '(?i)unpack'),
+    'missing.py': HandIn(None, 'not ok', r'No such file|no dummy_arm\.py'),
+    'crash.py': HandIn(program(
+        ('        now = self', '        self.no_method()\n        now = self')), 'not ok',
+        r"AttributeError: 'DummyArm' object has no attribute 'no_method' \(line 50\)"),
+    'fails_often.py': HandIn(program(
+        ('        now = self', '        import traceback\n        try:\n            1 / 0\n'
+                               '        except ZeroDivisionError:\n'
+                               '            traceback.print_exc()\n        now = self')),
+        'not ok', r'ZeroDivisionError: division by zero \(line \d+\)')}
+
+#: By file.
+HOSTILE = {
+    # Signals; the arm is right
+    'signals_to_parent.py': HandIn(attack("""
+        os.kill(os.getppid(), signal.SIGRTMIN + 6)
+        for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP}:
+            os.kill(os.getppid(), number)
+        """) + program(), 'not ok', r'(?i)\bsignal|\bSIG[A-Z]'),
+    # The sender has ended when its signals are handled, as `pkill -f check_arm` has.
+    'signals_to_check_arm.py': HandIn(attack("""
+        pid = check_arm()
+        if os.fork() == 0:
+            for number in (signal.SIGTSTP, signal.SIGALRM, signal.SIGHUP, signal.SIGUSR1,
+                           signal.SIGSEGV, signal.SIGINT, signal.SIGTERM):
+                os.kill(pid, number)
+            os._exit(0)
+        os.wait()
+        """) + program(), 'not ok', r'(?i)\bsignal|\bSIG[A-Z]'),
+    # rt_sigqueueinfo(2) lets it name another process as the sender: 1, which is not a hand-in.
+    'forges_sender.py': HandIn(attack("""
+        import ctypes, struct
+        SI_QUEUE, RT_SIGQUEUEINFO = -1, 129
+        info = struct.pack('6i104x', signal.SIGTERM, 0, SI_QUEUE, 0, 1, 0)
+        ctypes.CDLL(None).syscall(RT_SIGQUEUEINFO, check_arm(), signal.SIGTERM, info)
+        """) + program(), 'not ok', 'SIGTERM'),
+    # Like `pkill -f dummy_arm.py`, which also ends the programs that run at the same time, but
+    # only below check_arm.
+    'kills_by_name.py': HandIn(attack("""
+        top = check_arm()
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        if os.fork() == 0:
+            for pid in map(int, filter(str.isdigit, os.listdir('/proc'))):
+                try:
+                    if top in (pid, *ancestors(pid)) and b'dummy_arm' in command_line(pid):
+                        os.kill(pid, signal.SIGTERM)
+                except OSError:
+                    pass
+            os._exit(0)
+        os.wait()
+        """) + program(), 'not ok', r'(?i)\bsignal|\bSIG[A-Z]'),
+    # No signal reaches check_arm. The programs that it ends run again.
+    'kills_others.py': HandIn(attack("""
+        top, own = check_arm(), os.getpid()
+        if os.fork() == 0:
+            signal.alarm(90)
+            while True:
+                for pid in map(int, filter(str.isdigit, os.listdir('/proc'))):
+                    try:
+                        if (b'/dummy_arm.py' in command_line(pid)
+                                and own not in (found := [pid, *ancestors(pid)]) and top in found):
+                            os.kill(pid, signal.SIGTERM)
+                    except OSError:
+                        pass
+                time.sleep(1)
+        """) + program(), 'ok', ''),
+    'kills_supervisor.py': HandIn(attack("""
+        os.kill(os.getppid(), signal.SIGKILL)
+        time.sleep(90)
+        """), 'not judged', r'(?i)signal 9|SIGKILL|killed'),
+    'stops_supervisor.py': HandIn(attack("""
+        supervisor = os.getppid()
+        os.kill(supervisor, signal.SIGSTOP)
+        time.sleep(85)
+        if os.getppid() == supervisor:
+            os.kill(supervisor, signal.SIGCONT)
+        """), 'not judged', r'(?i)stopped|SIGSTOP|nothing for'),
+
+    # Programs that hang
+    'stops_itself.py': HandIn(attack("""
+        pid = os.getpid()
+        if os.fork() == 0:  # SIGALRM does not end a process that is stopped
+            time.sleep(85)
+            if os.getppid() == pid:
+                os.kill(pid, signal.SIGKILL)
+            os._exit(0)
+        os.kill(pid, signal.SIGSTOP)
+        """), 'not ok', '(?i)stopped|SIGSTOP|nothing on /tf'),
+    'sleeps.py': HandIn(attack("""
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        time.sleep(90)
+        """), 'not ok', r'does rclpy\.spin run\?'),
+    # PyDLL keeps the GIL, so that Python handles no signal.
+    'blocks.py': HandIn(attack('') + program(
+        ('        now = self', '        self.ticks = getattr(self, "ticks", 0) + 1\n'
+                               '        if self.ticks == 200:\n            import ctypes\n'
+                               '            ctypes.PyDLL(None).pause()\n        now = self')),
+        'not ok', r'joint_1 has not been sent for the last'),
+
+    # Survivors
+    'survivors.py': HandIn(attack("""
+        def fork_again_and_again():
+            for number in signal.SIGINT, signal.SIGTERM, signal.SIGHUP:
+                signal.signal(number, signal.SIG_IGN)
+            end = time.monotonic() + 60
+            while time.monotonic() < end:
+                if os.fork():
+                    os._exit(0)
+                time.sleep(0.01)
+            os._exit(0)
+
+        if detached():
+            os.closerange(0, 1024)
+            os.chdir('/')
+            os.execve('/bin/sleep', ['sleep', '90'], {})
+        if detached():
+            fork_again_and_again()
+        """) + program(), 'ok', ''),
+    # A wrong arm, in the domain that another program may get next; its environment is another one.
+    'publishing_survivor.py': HandIn(attack("""
+        if len(sys.argv) == 1:
+            if detached():
+                os.environ['ROS_LOG_DIR'] = os.getcwd() + '/.'
+                os.execv(sys.executable, [sys.executable, __file__, 'again'])
+            sys.exit()
+        """) + program(('radians(45)', 'radians(90)')), 'not ok', r'(?i)\bend(s|ed)\b'),
+
+    # Programs that take too much
+    # Small processes, whose memory is less than its limit.
+    'fork_bomb.py': HandIn(attack("""
+        for _ in range(600):
+            if os.fork() == 0:
+                os.execv('/bin/sleep', ['sleep', '60'])
+        time.sleep(60)
+        """), 'not ok', r'\b256\b|processes'),
+    # 2.8 GiB, but only 0.6 GiB in each process.
+    'memory_hog.py': HandIn(attack("""
+        for _ in range(5):
+            if os.fork() == 0:
+                signal.alarm(60)
+                held = []
+                for _ in range(9):
+                    held.append(bytearray(b'x') * 2**26)
+                    time.sleep(0.05)
+                time.sleep(60)
+                os._exit(0)
+        time.sleep(60)
+        """), 'not ok', r'(?i)\bGiB\b|memory'),
+    # The first file has no name, so that nothing stays in /tmp.
+    'large_file.py': HandIn(attack("""
+        import tempfile
+
+        for file in tempfile.TemporaryFile(dir='/tmp'), open('large', 'wb'):
+            with file:
+                for _ in range(1000):
+                    file.write(bytes(10**6))
+        time.sleep(60)
+        """), 'not ok', r'(?i)file too large|\b200 MB|SIGXFSZ|signal 25'),
+    'endless_line.py': HandIn(attack("""
+        while True:
+            sys.stdout.write('x' * 2**16)
+        """), 'not ok', r'\b1 MB'),
+    'large_source.py': HandIn(program() + '# ' + 2_000_000 * 'x', 'not ok', r'\b1 MB'),
+    'deep.py': HandIn('-' * 100_000 + '1\n', 'not ok', 'does not compile'),
+
+    # Cheats
+    'covers_up.py': HandIn(attack('') + program(
+        ('        rclpy.spin(DummyArm())',
+         '        arm = DummyArm()\n        os.close(1)\n        os.close(2)\n'
+         '        rclpy.spin(arm)')), 'ok', ''),
+    # The row would be a formula in a spreadsheet, and its line would be overwritten in a terminal.
+    '=1+1.py': HandIn(attack(r"""
+        print('\rother: ok\nTraceback (most recent call last):', flush=True)
+        time.sleep(2)
+        print('  File "a", line 1\n=1+1\x1b[2K\x1b[1A\rother: ok\x07\u202e\nother: ok', flush=True)
+        time.sleep(90)
+        """), 'not ok', r'=1\+1\\x1b\[2K\\x1b\[1A'),
+    # Without the folder of the program, in which `dummy_arm` is the program itself.
+    'imports_package.py': HandIn(attack("""
+        sys.path.pop(0)
+        from dummy_arm.dummy_arm import main
+        main()
+        """), 'not ok', r'dummy_arm\.dummy_arm'),
+    'imports_by_name.py': HandIn(attack("""
+        import importlib
+        sys.path.pop(0)
+        arm = importlib.import_module('dummy_arm.arm').Arm()
+        """) + program(('limit * sin(speed * t)', 'angle'),
+                       ('for parent, joint, position, speed, limit in JOINTS',
+                        'for (parent, joint, position, *_), angle in zip(JOINTS, '
+                        '[*arm.angles([0.3 * t, 0.5 * t, 0.7 * t]), 0.0])')),
+        'not ok', r'dummy_arm\.arm'),
+    'runs_command.py': HandIn(attack("""
+        subprocess.run([Path(sys.executable).with_name('dummy_arm')],
+                       preexec_fn=lambda: signal.alarm(90))
+        """), 'not ok', r'(?i)command'),
+    'runs_model_answer.py': HandIn(attack(f"""
+        os.chdir({str(MODEL.parent)!r})
+        subprocess.run(['env', sys.executable, '-u', 'dummy_arm.py'],
+                       preexec_fn=lambda: signal.alarm(90))
+        """), 'not ok', r'(?i)model answer|dummy_arm\.py'),
+    # The programs beside it are attacked, too: keep it the last one.
+    'floods_domains.py': HandIn(attack("""
+        if os.fork() == 0:
+            signal.alarm(90)
+            from geometry_msgs.msg import TransformStamped
+            from rclpy.context import Context
+            from rclpy.node import Node
+            from tf2_ros import TransformBroadcaster
+
+            message = TransformStamped(child_frame_id='joint_1')
+            message.header.frame_id = 'map'
+            nodes, broadcasters = [], []
+            for domain in range(215, 232):
+                context = Context()
+                context.init(domain_id=domain)
+                nodes.append(Node(f'flood_{domain}', context=context))
+                broadcasters.append(TransformBroadcaster(nodes[-1]))
+            while True:
+                for broadcaster in broadcasters:
+                    broadcaster.sendTransform(message)
+                time.sleep(0.1)
+        """) + program(), 'not ok', '(?i)publishers|parent')}
+
+
+def differences(expected, output, table):
+    """
+    Compare what check_arm says with what is expected.
+
+    :param expected: the hand-ins, by the names of the files or folders that check_arm was given.
+    :param output: what check_arm has printed.
+    :param table: the path of its table.
+    :returns: by name: a text that says what is different; '' as a name stands for the whole.
+    """
+    text = table.read_text(encoding='utf-8')
+    rows = [*csv.DictReader(StringIO(text.removeprefix('\ufeff'), newline=''), restval='')]
+    # Signals whose sender has ended cause warnings.
+    lines = [line for line in output.splitlines() if not line.startswith('check_arm: warning: ')]
+    found = {}
+    if not text.startswith('\ufeff'):
+        found[''] = 'the table does not begin with a BOM'
+    if not len(lines) == len(rows) == len(expected):
+        found[''] = f'{len(lines)} lines and {len(rows)} rows for {len(expected)} files:\n{output}'
+    for (name, hand_in), line, row in zip(expected.items(), lines, rows):
+        begin = re.split('[^ -~]', name)[0]  # the rest is escaped
+        said = line.partition(': ')[2]
+        if not (begin in row['file'] and begin in line
+                and re.fullmatch(hand_in.verdict, row['verdict'])
+                and re.match(rf'{row["verdict"]}($|[:;])', said)
+                and re.search(hand_in.reason, said)
+                and bool(row['reason']) == (row['verdict'] != 'ok')):
+            found[name] = f'{hand_in.verdict} ({hand_in.reason!r}) expected, got {line}'
+        elif not line.isprintable():
+            found[name] = f'not printable: {line!r}'
+        elif formulas := [cell for cell in row.values() if cell.startswith(tuple('=+-@\t\r'))]:
+            found[name] = f'formulas: {formulas}'
+    return found
