@@ -24,8 +24,6 @@ START = 20.0
 _LATE = 10.0
 #: The largest number of transforms that are judged.
 MOST = 1_000_000
-#: The time between two queries for publishers (s).
-_QUERY_INTERVAL = 0.5
 
 
 class Observer:
@@ -42,7 +40,6 @@ class Observer:
         self._count = 0
         #: All publishers that have been seen on the topics of transforms.
         self._publishers: dict[str, Publisher] = {}
-        self._next_query = 0.0
 
     def poll(self) -> bool:
         """
@@ -61,20 +58,11 @@ class Observer:
                 self.has_started |= not message.is_static
         if dropped or self._count > MOST:
             raise ProgramError('More transforms arrive than can be judged.')
-        if time.monotonic() >= self._next_query:
-            self._next_query = time.monotonic() + _QUERY_INTERVAL
-            self._find_publishers()
+        for gid, (node, topic) in self._listener.publisher_listener.publishers().items():
+            if gid not in self._publishers:
+                self._publishers[gid] = Publisher(
+                    gid, node, topic == self._listener.topics[0], pid_of_publisher(gid))
         return self.has_started
-
-    def _find_publishers(self) -> None:
-        from dummy_arm.tf.formatting import full_name
-        for topic in self._listener.topics:
-            for info in self._node.get_publishers_info_by_topic(topic):
-                gid = bytes(info.endpoint_gid[:16]).hex()
-                if gid not in self._publishers:
-                    self._publishers[gid] = Publisher(
-                        gid, full_name(info.node_namespace, info.node_name),
-                        topic == self._listener.topics[0], pid_of_publisher(gid))
 
     def publishers(self) -> list[Publisher]:
         """Return the publishers that have been seen, those of the oldest process first."""

@@ -13,6 +13,8 @@ import sys
 import time
 from typing import Any, NamedTuple, Optional
 
+from dummy_arm.tf.formatting import abbreviated, visible
+
 #: prctl(2)
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 #: sigaction(2)
@@ -122,15 +124,11 @@ def end_descendants(leave_out: Collection[int] = ()) -> set[int]:
 
 def _children() -> set[int]:
     """Return the ids of the children of this process."""
-    found = set()
     try:
-        for path in Path('/proc/self/task').glob('*/children'):
-            found |= {*map(int, path.read_text().split())}
-        if Path('/proc/self/task', str(os.getpid()), 'children').exists():
-            return found
-    except OSError:
-        pass
-    return {pid for pid, process in processes().items() if process.parent == os.getpid()}
+        return {int(pid) for thread in Path('/proc/self/task').iterdir()
+                for pid in (thread / 'children').read_text().split()}
+    except OSError:  # a thread has ended, or the kernel does not write this file
+        return {pid for pid, process in processes().items() if process.parent == os.getpid()}
 
 
 def become_subreaper(is_subreaper: bool = True) -> None:
@@ -261,6 +259,11 @@ def command_of(pid: int) -> list[str]:
     except OSError:
         return []
     return [os.fsdecode(argument) for argument in line.split(b'\0')[:-1]]
+
+
+def short_command(pid: int) -> str:
+    """Return the command line of a process for a text; '' if it has ended."""
+    return abbreviated(visible(' '.join(command_of(pid))))
 
 
 # ROS

@@ -13,8 +13,10 @@ import sys
 from threading import Thread
 import time
 from tokenize import detect_encoding
+from typing import Optional
 
 from dummy_arm.cli.parser import CommandError
+from dummy_arm.cli.signals import wait_until
 from dummy_arm.grading.processes import command_of, how_it_ended
 from dummy_arm.tf.formatting import abbreviated, visible
 
@@ -189,7 +191,7 @@ class Program:
             while len(self._output) <= _LONGEST_OUTPUT and (data := os.read(descriptor, 2**16)):
                 self._output += data
 
-    def _exit_code(self) -> 'int | None':
+    def _exit_code(self) -> Optional[int]:
         """Return how the program has ended, but leave it to `end_descendants` to reap it."""
         ended = os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT | os.WNOHANG)
         if ended is None:
@@ -233,9 +235,7 @@ class Program:
         """End the program by SIGINT, with which it can leave the ROS graph, and wait a moment."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self.pid, signal.SIGINT)
-        deadline = time.monotonic() + _GRACE
-        while self._exit_code() is None and time.monotonic() < deadline:
-            time.sleep(0.02)
+        wait_until(_GRACE, lambda: self._exit_code() is not None)
 
 
 def _error_of(output: str, name: str) -> str:

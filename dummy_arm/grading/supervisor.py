@@ -23,7 +23,6 @@ from dummy_arm.grading.arm_check import ADVICE, NOT_JUDGED, NOT_OK, OK, Report
 from dummy_arm.grading.observer import Observation, READY, START
 from dummy_arm.grading.processes import (
     become_subreaper,
-    command_of,
     descendants,
     end_descendants,
     FIRST_PORT,
@@ -32,6 +31,7 @@ from dummy_arm.grading.processes import (
     next_signal,
     PORTS,
     ros_domains,
+    short_command,
     udp_ports,
     Worker,
 )
@@ -42,7 +42,7 @@ from dummy_arm.grading.program import (
     program_in,
     ProgramError,
 )
-from dummy_arm.tf.formatting import abbreviated, visible
+from dummy_arm.tf.formatting import visible
 
 #: ROS domains whose ports are outside the range from which Linux takes ports for clients.
 DOMAINS = range(215, 232)
@@ -145,14 +145,15 @@ class _Supervisor:
         try:
             self._path = program_in(self._path)
             arguments = arguments_of(self._path)
-            with _free_domain(lambda: self._wait(lambda: False, 1.0)) as domain:
-                return self._run(arguments, domain)
+            with _free_domain(self._watch) as domain:
+                try:
+                    return self._run(arguments, domain)
+                finally:
+                    end_descendants()
         except ProgramError as error:
             return Grade(self._file, None, str(error), NOT_OK), True
         except CommandError as error:
             return Grade(self._file, None, str(error), NOT_JUDGED), True
-        finally:
-            end_descendants()
 
     def _run(self, arguments: Sequence[str], domain: int) -> tuple[Grade, bool]:
         observer = Worker('observer', self._seconds, domain, self._ros_args)
@@ -173,7 +174,6 @@ class _Supervisor:
             program.end()
         observer.end()
         self._watch()  # for signals that it has sent
-        end_descendants()
         if not fault and (strangers := self._strangers(found)):
             return Grade(self._file, None, 'Another program also publishes transforms in its ROS '
                          f'domain: {strangers}.', NOT_JUDGED), False
@@ -288,8 +288,7 @@ def remove(directory: str) -> None:
 
 
 def _described(pid: int) -> str:
-    command = abbreviated(visible(' '.join(command_of(pid))))
-    return f'process {pid} ({command or "it has ended"})'
+    return f'process {pid} ({short_command(pid) or "it has ended"})'
 
 
 def reason_of(report: Report) -> str:

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Optional
 
 from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf._core.pose import BatchOrRows, Row
@@ -90,6 +91,11 @@ class Received(NamedTuple):
     dropped: int  #: the number of older messages that were dropped, to limit the memory
 
 
+def gid_of(info: TopicEndpointInfo) -> str:
+    """Return the gid (in hex) of a publisher in the ROS graph."""
+    return bytes(info.endpoint_gid[:GID_SIZE]).hex()
+
+
 class _NodeNames:
     """
     A table from the gid of each publisher to the name of the publisher's node.
@@ -125,6 +131,11 @@ class _NodeNames:
         if (now := monotonic()) >= self._next_query:
             self._next_query = now + _QUERY_INTERVAL
             self.query()
+
+    def publishers(self) -> dict[str, tuple[str, str]]:
+        """Return the publishers that were found, as `PublisherListener.publishers`."""
+        self.query_if_due()
+        return dict(self._nodes)
 
     def names_of(self, gids: Iterable[str]) -> dict[str, str]:
         """
@@ -182,7 +193,7 @@ class _NodeNames:
             for info in self._node.get_publishers_info_by_topic(topic):
                 if info.topic_type != TF_MESSAGE:  # this listener receives nothing from it
                     continue
-                gid = bytes(info.endpoint_gid[:GID_SIZE]).hex()
+                gid = gid_of(info)
                 present.add(gid)
                 if info.node_name != _UNKNOWN_NODE:
                     self._nodes[gid] = full_name(info.node_namespace, info.node_name), topic
@@ -315,6 +326,15 @@ class PublisherListener(TransformListener):
     def present(self) -> frozenset[str]:
         """The gids (in hex) of the publishers that exist; updated every half second."""
         return self._names.present
+
+    def publishers(self) -> dict[str, tuple[str, str]]:
+        """
+        Return the publishers that were found in the ROS graph, also those that are gone.
+
+        :returns: by gid (in hex): the full name of the node, and the topic; at most half a second
+            old.
+        """
+        return self._names.publishers()
 
     def is_present(self, gid: str) -> Optional[bool]:
         """

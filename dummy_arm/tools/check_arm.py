@@ -19,11 +19,11 @@ from dummy_arm.grading.arm_check import check, Message, NOT_JUDGED, NOT_OK, OK, 
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.grade import grade, NOT_RUN
 from dummy_arm.grading.observer import MOST, Observer, START
-from dummy_arm.grading.processes import command_of, processes, ros_domains
+from dummy_arm.grading.processes import processes, ros_domains, short_command
 from dummy_arm.grading.supervisor import DOMAINS, Grade
 from dummy_arm.inspection.terminal import padded, wrapped
 from dummy_arm.tf.bag import messages
-from dummy_arm.tf.formatting import abbreviated, comma_list, visible
+from dummy_arm.tf.formatting import comma_list, visible
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -190,7 +190,7 @@ def _other_domains(node: 'Node') -> str:
     """Return in which other ROS domains programs of this machine are; '' if in none."""
     domains = ros_domains(processes().keys())
     domains.pop(node.context.get_domain_id(), None)
-    others = [f'{domain} (PID {pid}: {abbreviated(visible(" ".join(command_of(pid))))})'
+    others = [f'{domain} (PID {pid}: {short_command(pid)})'
               for domain, pid in sorted(domains.items())]
     return (f' On this machine, programs run in other ROS domains: {comma_list(others, _SHOWN)}.'
             if others else '')

@@ -334,6 +334,8 @@ def _not_counted(statistics: Statistics, malformed: Counter[str]) -> Iterator[st
 def _endpoints(node: 'Node', topics: Sequence[str]) -> Iterator[Endpoint]:
     """Yield the publishers on the topics, with the first listener that each does not match."""
     from rclpy.qos import DurabilityPolicy, qos_check_compatible, QoSCompatibility
+
+    from dummy_arm.tf.publisher_listener import gid_of
     own_name = node.get_fully_qualified_name()
     for topic in topics:
         # The subscription of this node has the QoS of tf2's TransformListener; it comes first.
@@ -356,7 +358,7 @@ def _endpoints(node: 'Node', topics: Sequence[str]) -> Iterator[Endpoint]:
             yield Endpoint(
                 topic, _full_name(publisher), topic == topics[1]
                 and publisher.qos_profile.durability == DurabilityPolicy.VOLATILE, mismatch,
-                publisher=bytes(publisher.endpoint_gid[:16]).hex())
+                publisher=gid_of(publisher))
 
 
 def _full_name(info: Any) -> str:

@@ -1,9 +1,8 @@
 """check_arm runs programs, judges their arms, and leaves none running."""
 
-import csv
 import signal
 
-from hand_ins import differences, HOSTILE, MISTAKES, MODEL_ANSWER
+from hand_ins import differences, HOSTILE, MISTAKES, MODEL_ANSWER, read_table
 from processes import is_running, tool
 from ros_node import eventually
 
@@ -27,8 +26,7 @@ def test_programs(start, tmp_path):
     table = tmp_path / 'grades.csv'
     assert not differences(programs, process.output, table)
     assert not process.has_left_processes()
-    with table.open(newline='', encoding='utf-8-sig') as file:
-        rows = {row['file']: row for row in csv.DictReader(file)}
+    rows = {row['file']: row for row in read_table(table)}
     assert [*rows['model.py'].values()] == ['model.py', 'ok', '', *['ok'] * 31]
     full_angle = rows['full_angle.py']
     assert full_angle['at least 10 messages per second'] == 'ok'
@@ -75,8 +73,7 @@ def test_ctrl_c_ends_the_programs(start, tmp_path):
 
 def verdicts(folder):
     """Return the verdicts of the table."""
-    with (folder / 'grades.csv').open(newline='', encoding='utf-8-sig') as file:
-        return [row['verdict'] for row in csv.DictReader(file)]
+    return [row['verdict'] for row in read_table(folder / 'grades.csv')]
 
 
 def test_a_killed_check_arm_leaves_no_program(start, tmp_path):

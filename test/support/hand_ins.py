@@ -6,8 +6,9 @@ end by themselves within 90 s, and they send signals only to check_arm and to wh
 MISTAKES are those of students; some of these programs are right.
 """
 
+from codecs import BOM_UTF8
 import csv
-from io import BytesIO, StringIO
+from io import BytesIO
 import re
 from textwrap import dedent
 from typing import NamedTuple
@@ -395,6 +396,12 @@ HOSTILE = {
         """) + program(), 'not ok', '(?i)publishers|parent')}
 
 
+def read_table(path):
+    """Return the rows of a table of check_arm."""
+    with path.open(newline='', encoding='utf-8-sig') as file:
+        return [*csv.DictReader(file)]
+
+
 def differences(expected, output, table):
     """
     Compare what check_arm says with what is expected.
@@ -404,12 +411,11 @@ def differences(expected, output, table):
     :param table: the path of its table.
     :returns: by name: a text that says what is different; '' as a name stands for the whole.
     """
-    text = table.read_text(encoding='utf-8')
-    rows = [*csv.DictReader(StringIO(text.removeprefix('\ufeff'), newline=''), restval='')]
+    rows = read_table(table)
     # Signals whose sender has ended cause warnings.
     lines = [line for line in output.splitlines() if not line.startswith('check_arm: warning: ')]
     found = {}
-    if not text.startswith('\ufeff'):
+    if not table.read_bytes().startswith(BOM_UTF8):
         found[''] = 'the table does not begin with a BOM'
     if not len(lines) == len(rows) == len(expected):
         found[''] = f'{len(lines)} lines and {len(rows)} rows for {len(expected)} files:\n{output}'

@@ -1,6 +1,5 @@
 """The command check_arm where there is no ROS: bags, drawings, wrong use."""
 
-import csv
 from itertools import pairwise
 import os
 from pathlib import Path
@@ -12,6 +11,7 @@ from typing import Any
 
 from arms import Arm, BEGIN, RIGHT, S, WRONG
 from environment import on_linux, on_unix
+from hand_ins import read_table
 from processes import TIMEOUT, tool_without_ros
 import pytest
 
@@ -193,12 +193,6 @@ def test_without_pypdf(failed, monkeypatch):
         'check_arm: pypdf is needed to read a PDF: apt install python3-pypdf, or pip')
 
 
-def read_table(path='grades.csv'):
-    """Return the rows of a table."""
-    with Path(path).open(newline='', encoding='utf-8-sig') as file:
-        return [*csv.DictReader(file)]
-
-
 #: By name: the bytes of a hand-in, and the reason why it is not run.
 REFUSED: dict[str, tuple[Any, str]] = {
     'umlaut.py': ('# größer\n'.encode('latin-1'), 'It is not encoded as UTF-8: save it as UTF-8.'),
@@ -240,7 +234,7 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
         feedback = (tmp_path / 'feedback' / f'{name}.txt').read_text()
         assert feedback.splitlines()[0] == line
     assert Path('grades.csv').read_bytes().startswith(b'\xef\xbb\xbf"file","verdict","reason",')
-    assert [(row['file'], row['verdict']) for row in read_table()] == [
+    assert [(row['file'], row['verdict']) for row in read_table(Path('grades.csv'))] == [
         ("'=1+2" if name == '=1+2' else visible(name), verdict_of(name)) for name in REFUSED]
 
 
@@ -275,7 +269,8 @@ def test_resume(tmp_path, monkeypatch, capsys, failed):
     missing = 'not ok: It cannot be read: No such file or directory.'
     assert capsys.readouterr().out.splitlines() == [
         f'=a.py: ok: kept: {missing[8:]}', f'b.py: {missing}', f'c.py: {missing}']
-    assert [row['verdict'] for row in read_table()] == ['ok', 'not ok', 'not ok']
+    assert [row['verdict'] for row in read_table(Path('grades.csv'))] == [
+        'ok', 'not ok', 'not ok']
     Path('grades.csv').write_text('a,b\n')
     assert failed(main, *files, '--csv', 'grades.csv', '--resume') == (
         1, 'check_arm: grades.csv is not a table of this version of check_arm: leave out '
