@@ -8,11 +8,12 @@ from time import perf_counter
 from measure import best, Row
 import numpy as np
 
-from dummy_arm.tf import BufferCore, TransformException
+from dummy_arm.tf import TransformBuffer, TransformException
 from dummy_arm.tf._core import pose as poses
+from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import IDENTITY
 from dummy_arm.tf._wire import cdr
-from dummy_arm.tf._wire.streams import MessageReader
+from dummy_arm.tf._wire.layouts import MessageReader
 
 _S = 10**9
 _PARENTS, _FRAMES = 20_000, 100_000
@@ -27,13 +28,14 @@ def rows() -> Iterator[Row]:
     message = cdr.pack(
         poses.Row(_S + 1000 * i, f'parent_{i}', 'child', IDENTITY) for i in range(_PARENTS))
     begin = perf_counter()
-    BufferCore().insert_batches(MessageReader(_fail).read([message], 'bench', False))
+    engine_of(TransformBuffer()).insert_batches(
+        MessageReader(_fail).read([message], 'bench', False))
     yield (f'{_PARENTS} transforms of one frame, each with another parent, in one message',
            f'{perf_counter() - begin:.2f} s', '', '')
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     for i in range(_FRAMES - 1):
         buffer.insert(_S, 'map', f'frame_{i}', IDENTITY)
-    held = best(buffer._tree.states)
+    held = best(engine_of(buffer).tree.states)
     listed = best(buffer.frames)
     yield (f'frames() of {_FRAMES} frames', f'{listed * 1e3:.0f} ms', '',
            f'{held * 1e3:.0f} ms locked')
@@ -87,11 +89,11 @@ def fill(frames: int, samples: int, length: int) -> None:
                      for j in range(i, min(i + together, frames))])
         for i in range(0, frames, together)]
     before = status('VmRSS')
-    buffer, reader = BufferCore(), MessageReader(_fail)
+    buffer, reader = TransformBuffer(), MessageReader(_fail)
     for number in range(samples):
         for i, packet in enumerate(packets):
             poses = np.tile(IDENTITY, (min(together, frames - i * together), 1))
-            buffer.insert_batches(reader.read(
+            engine_of(buffer).insert_batches(reader.read(
                 [packet.pack(_S + 1000 * number, poses)], 'bench', False))
     peak = status('VmHWM')
     print(f'{peak - before:.0f} {sum(frame.length for frame in buffer.frames())}')

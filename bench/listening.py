@@ -12,9 +12,10 @@ from measure import cost, has_real_tf2, resident, Row
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf import BufferCore
+from dummy_arm.tf import TransformBuffer
+from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._wire import cdr
-from dummy_arm.tf._wire.streams import MessageReader
+from dummy_arm.tf._wire.layouts import MessageReader
 
 ROLES = str(Path(__file__).parent / 'roles.py')
 MS = 1_000_000
@@ -37,11 +38,12 @@ def into_the_buffer(u: float) -> Iterator[Row]:
     """Measure the insertion of messages, as bytes, into a full buffer, whose samples expire."""
     for frames in 4, 20, 100:
         packet, poses = chain(frames)
-        buffer, reader, stamps = BufferCore(HISTORY * MS), MessageReader(print), count(10**18, MS)
+        buffer, reader = TransformBuffer(HISTORY * MS), MessageReader(print)
+        stamps = count(10**18, MS)
 
         def insert(messages: list[bytes]) -> None:
             for message in messages:
-                buffer.insert_batches(reader.read((message,), 'bench', False))  # noqa: B023
+                engine_of(buffer).insert_batches(reader.read((message,), 'bench', False))  # noqa: B023
 
         def measure(number: int) -> float:
             messages = [packet.pack(next(stamps), poses) for _ in range(number)]  # noqa: B023
@@ -56,10 +58,10 @@ def into_the_buffer(u: float) -> Iterator[Row]:
 def memory() -> Iterator[Row]:
     """Measure the memory of a buffer that receives 100 frames at 100 Hz."""
     packet, poses = chain(100)
-    buffer, reader = BufferCore(10_000 * MS), MessageReader(print)
+    buffer, reader = TransformBuffer(10_000 * MS), MessageReader(print)
     sizes = {}
     for number in range(300 * 100 + 1):
-        buffer.insert_batches(reader.read(
+        engine_of(buffer).insert_batches(reader.read(
             (packet.pack(10**18 + number * 10 * MS, poses),), 'bench', False))
         if number in (3_000, 30_000):
             sizes[number // 100] = resident()

@@ -16,7 +16,7 @@ import numpy as np
 from rclpy.duration import Duration
 from rclpy.time import Time
 
-from dummy_arm.tf import Buffer, BufferCore
+from dummy_arm.tf import Buffer, TransformBuffer
 from dummy_arm.tf._core import pose as poses
 from dummy_arm.tf._core.pose import Pose
 from dummy_arm.tf._ros.transform_stamped import message_of
@@ -107,7 +107,7 @@ def beside_rust() -> Iterator[Row]:
     if find_spec('tf_tree') is None:
         return
     import tf_tree
-    buffer = BufferCore(1000 * S)
+    buffer = TransformBuffer(1000 * S)
     newest = fill(buffer.insert, 5, 10_000, 1000)
     anywhere = T + np.random.default_rng(1).integers(0, newest - T, MANY)
     edges = [(f'frame_{edge}', f'frame_{edge + 1}') for edge in range(5)]
@@ -135,7 +135,7 @@ def beside_rust() -> Iterator[Row]:
                    f'transform-tree, interpolation {what}: {cost(other, 1.0)[0]}')
 
 
-def costs(buffer: BufferCore, edges: int, newest: int) -> list[float]:
+def costs(buffer: TransformBuffer, edges: int, newest: int) -> list[float]:
     """Return the times of lookups (µs): at the latest time, the last 10 samples, any time."""
     result = []
     for oldest in newest - 1, max(T, newest - S // 100), T:
@@ -149,16 +149,16 @@ def costs(buffer: BufferCore, edges: int, newest: int) -> list[float]:
 def growth() -> Iterator[tuple[str, str, int, list[float]]]:
     """Measure how a lookup grows: yield what is fixed, what grows, its size, and the times."""
     for count in 10, 100, 1000, 10_000:
-        buffer = BufferCore(1000 * S)
+        buffer = TransformBuffer(1000 * S)
         newest = fill(buffer.insert, 5, 100, 1000)
         for i in range(count - 6):
             buffer.insert(T, f'frame_{i % 5}', f'other_{i}', pose(i, 1000))
         yield '5 edges, 100 samples', 'frames in the tree', count, costs(buffer, 5, newest)
     for count in 10, 100, 1000, 10_000, 100_000:
-        buffer = BufferCore(1000 * S)
+        buffer = TransformBuffer(1000 * S)
         newest = fill(buffer.insert, 5, count, 1000)
         yield '5 edges', 'samples in each history', count, costs(buffer, 5, newest)
-    buffer = BufferCore(1000 * S)
+    buffer = TransformBuffer(1000 * S)
     newest = fill(buffer.insert, 50, 100, 1000)
     for count in 1, 2, 5, 10, 20, 50:
         yield '100 samples', 'edges on the path', count, costs(buffer, count, newest)

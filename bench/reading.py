@@ -23,9 +23,10 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from dummy_arm.tf import bag, BufferCore
+from dummy_arm.tf import bag, TransformBuffer
+from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._wire import cdr, ros1
-from dummy_arm.tf._wire.streams import MessageReader
+from dummy_arm.tf._wire.layouts import MessageReader
 from dummy_arm.tools import tf_doctor
 
 TF = 'tf2_msgs/msg/TFMessage'
@@ -70,7 +71,7 @@ def write(path: Path, kind: str, frames: int, count: int, hertz: int = 100) -> N
 
 def insert_deserialized(reader: AnyReader, records: Iterable[Record]) -> None:
     """Let rosbags deserialize messages into objects, and insert their transforms one by one."""
-    buffer = BufferCore(FOR_EVER)
+    buffer = TransformBuffer(FOR_EVER)
     for connection, _, data in records:
         message: Any = reader.deserialize(data, connection.msgtype)
         for t in message.transforms:
@@ -88,7 +89,7 @@ def insert_objects(path: Path) -> None:
 def insert_records(records: Iterable[Record], kind: str) -> None:
     """Insert messages as bytes."""
     reader = MessageReader(print, ros1 if kind == 'bag' else cdr)
-    BufferCore(FOR_EVER).insert_batches(
+    engine_of(TransformBuffer(FOR_EVER)).insert_batches(
         reader.read((data for _, _, data in records), 'bench', False))
 
 

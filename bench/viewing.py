@@ -10,7 +10,7 @@ from listening import play
 from measure import best, cpu_seconds, Row
 from playwright.sync_api import sync_playwright
 
-from dummy_arm.tf import BufferCore
+from dummy_arm.tf import TransformBuffer
 
 FRAMES, RATE = 500, 100.0
 SECONDS = 10.0
@@ -19,7 +19,7 @@ SECONDS = 10.0
 def placing() -> Iterator[Row]:
     """Measure lookups of all frames in one of them."""
     edges = [(f'frame_{max(0, i - 8)}', f'frame_{i}') for i in range(1, FRAMES)]
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     for stamp in range(10**18, 10**18 + 10**9, 10**7):
         for parent, child in edges:
             buffer.insert(stamp, parent, child, (0.1, 0.2, 0.3, 0.0, 0.0, 0.6, 0.8))

@@ -64,31 +64,18 @@ class Arm:
         return ('base_link', *(joint.name for joint in self.joints), 'end_effector')
 
     def angles(self, phases: ArrayLike) -> NDArray[np.float64]:
-        """
-        Compute the joint angles: limit * sin(phase).
-
-        :param phases: (n,): the phase of each of the n joints (rad).
-        :returns: (n,) float64: the angle of each joint (rad).
-        """
+        """Return the joint angles (rad), limit * sin(phase), from the n phases (rad)."""
         return np.array([joint.limit for joint in self.joints]) * np.sin(phases)
 
     def poses(self, phases: ArrayLike) -> NDArray[np.float64]:
-        """
-        Compute the pose of each frame relative to its parent frame, from the phases.
-
-        :param phases: (n,): the phase of each of the n joints (rad).
-        :returns: (n + 1, 7) float64: one row for each frame except base_link. Each row has x, y, z
-            (m) and the quaternion x, y, z, w.
-        """
+        """Return `poses_at` the angles of n phases (rad)."""
         return self.poses_at(self.angles(phases).tolist())
 
     def poses_at(self, angles: Sequence[float]) -> NDArray[np.float64]:
         """
-        Compute the pose of each frame relative to its parent frame, from the joint angles.
+        Return the pose of each frame but base_link in its parent, from the n joint angles (rad).
 
-        :param angles: n angles, one for each joint (rad).
-        :returns: (n + 1, 7) float64: one row for each frame except base_link. Each row has x, y, z
-            (m) and the quaternion x, y, z, w.
+        :returns: (n + 1, 7) float64: x, y, z (m), quaternion x, y, z, w.
         """
         poses = np.zeros((len(self.joints) + 1, 7))
         for pose, joint, angle in zip(poses, self.joints, angles):
@@ -107,8 +94,7 @@ class Wave:
 
     The phase is `phase_at_change` (rad) at the time `speed_changed` (s), and advances at `speed`
     (rad/s). In the second that begins at the time `limit_changed` (s), the limit changes smoothly
-    from `limit_before` to `limit` (rad). `with_speed` and `with_limit` return a new wave. At the
-    time of the change, the new wave and the old wave have the same angle.
+    from `limit_before` to `limit` (rad).
     """
 
     speed: float
@@ -119,54 +105,24 @@ class Wave:
     limit_changed: float = -math.inf
 
     def phase(self, t: float) -> float:
-        """
-        Compute the phase.
-
-        :param t: time (s).
-        :returns: the phase (rad).
-        """
         return self.phase_at_change + self.speed * (t - self.speed_changed)
 
     def limit_at(self, t: float) -> float:
-        """
-        Compute the limit.
-
-        :param t: time (s).
-        :returns: the limit (rad).
-        """
         progress = min(max((t - self.limit_changed) / _BLEND, 0.0), 1.0)
         smooth = progress * progress * (3.0 - 2.0 * progress)  # smoothstep
         return self.limit_before + smooth * (self.limit - self.limit_before)
 
     def angle(self, t: float) -> float:
-        """
-        Compute the angle of the joint.
-
-        :param t: time (s).
-        :returns: the angle (rad).
-        """
         return self.limit_at(t) * math.sin(self.phase(t))
 
     def with_speed(self, speed: float, t: float) -> 'Wave':
-        """
-        Return this wave with another speed; at the time of the change, the phase stays the same.
-
-        :param speed: the new speed (rad/s).
-        :param t: time of the change (s).
-        :returns: the new wave.
-        """
+        """Return this wave with another speed (rad/s) from the time t on; the phase is steady."""
         return replace(self, speed=speed, phase_at_change=self.phase(t), speed_changed=t)
 
     def with_limit(self, limit: float, t: float) -> 'Wave':
-        """
-        Return this wave with another limit, which is reached smoothly within one second.
-
-        :param limit: the new limit (rad).
-        :param t: time of the change (s).
-        :returns: the new wave.
-        """
+        """Return this wave with a limit (rad) that is reached smoothly, one second after t."""
         return replace(self, limit=limit, limit_before=self.limit_at(t), limit_changed=t)
 
     def settled(self) -> 'Wave':
-        """Return this wave without a change of the limit: the limit is `limit` at every time."""
+        """Return this wave without a change: the limit is `limit` at every time."""
         return replace(self, limit_changed=-math.inf)

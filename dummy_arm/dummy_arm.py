@@ -22,7 +22,7 @@ from dummy_arm.arm import Arm, Wave
 from dummy_arm.cli.node import run_node
 from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tf.formatting import logged
+from dummy_arm.tf.formatting import in_log
 
 MAP = 'map'
 #: How long to wait for a message on /clock before a warning (s).
@@ -42,13 +42,7 @@ class NumberParameter:
     meaning: str
 
     def problem(self, name: str, value: object) -> Optional[str]:
-        """
-        Check a value.
-
-        :param name: name of the parameter.
-        :param value: the value.
-        :returns: why the value is invalid; None if it is valid.
-        """
+        """Return why a value is invalid; None if it is valid."""
         if (isinstance(value, (int, float)) and not isinstance(value, bool)
                 and self.smallest <= value <= self.largest):
             return None
@@ -57,12 +51,7 @@ class NumberParameter:
 
 
 def number_parameters(arm: Arm) -> dict[str, NumberParameter]:
-    """
-    Return the numeric parameters of the node.
-
-    :param arm: the arm; each of its joints has three parameters.
-    :returns: the parameters by name.
-    """
+    """Return the numeric parameters of the node, by name: three for each joint."""
     table = {'rate': NumberParameter(50.0, 0.1, 10000.0, 'Hz', 'rate of the messages on /tf')}
     for joint in arm.joints:
         table[f'{joint.name}.speed'] = NumberParameter(
@@ -78,11 +67,7 @@ class DummyArm(Node):
     """A node that publishes map -> base_link on /tf_static, and the rest of the arm on /tf."""
 
     def __init__(self) -> None:
-        """
-        Create the node and start publishing.
-
-        :raises UsageError: if the value of a parameter is invalid.
-        """
+        """Start publishing, or raise UsageError: the value of a parameter is invalid."""
         super().__init__('dummy_arm')
         self._arm = Arm()
         self._quantities = number_parameters(self._arm)
@@ -180,15 +165,14 @@ class DummyArm(Node):
         if self._start_ns is None:
             self._start_ns = now_ns
             (base, _), *_ = self._joints.edges
-            chain = ' -> '.join(map(logged, (base, *(child for _, child in self._joints.edges))))
+            chain = ' -> '.join(map(in_log, (base, *(child for _, child in self._joints.edges))))
             static_topic, topic = self._topics
             self.get_logger().info(
-                f'publishing {MAP} -> {logged(base)} on {static_topic} and {chain} on {topic} at '
+                f'publishing {MAP} -> {in_log(base)} on {static_topic} and {chain} on {topic} at '
                 f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
         t = self._seconds(now_ns)
-        # A wave remembers its old limits: `angle(t)` uses the limit that the wave had at the time
-        # `t`. If the clock was set back, replace the waves by waves that have only their present
-        # limits.
+        # `angle(t)` uses the limit that the wave had at the time t. If the clock was set back,
+        # only the present limit counts.
         if t < self._t:
             self._waves = [wave.settled() for wave in self._waves]
         self._t = t
@@ -196,11 +180,7 @@ class DummyArm(Node):
 
 
 def make_parser() -> Parser:
-    """
-    Create the parser of the command line; the help lists the parameters of the node.
-
-    :returns: the parser.
-    """
+    """Return the parser of the command line; its help lists the parameters of the node."""
     lines = [f'  {name:15} {quantity.meaning} ({quantity.unit}; {quantity.smallest:g} to '
              f'{quantity.largest:g}; default {quantity.default:g})'
              for name, quantity in number_parameters(Arm()).items()]
@@ -219,12 +199,7 @@ def make_parser() -> Parser:
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """
-    Run the node; see `--help`.
-
-    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code.
-    """
+    """Run the node; see `--help`. Return the exit code."""
     return run(make_parser(), partial(run_node, DummyArm), args)
 
 

@@ -1,11 +1,9 @@
 """
 Makes `import dummy_arm.tf` work, even if the user's program is called dummy_arm.py.
 
-The other packages of this distribution import this one first. Python searches the directory of a
-program before all others. So in a program dummy_arm.py, and in a program beside such a file,
-`import dummy_arm` finds the program and not the package. `_load` appends the directory of the
-package to the `__path__` of what `import dummy_arm` finds. Then `dummy_arm.tf` is found, too, and
-the user can still import the program.
+The other packages of this distribution import this one first. In a program dummy_arm.py, and in a
+program beside such a file, `import dummy_arm` finds the program and not the package. `_load`
+appends the directory of the package to the `__path__` of what `import dummy_arm` finds.
 """
 
 from collections.abc import Sequence
@@ -62,11 +60,7 @@ def _has_tf(path: Optional[Sequence[str]]) -> bool:
 
 
 def _find_package() -> Sequence[str]:
-    """
-    Find the package dummy_arm that has the subpackage `tf`, and return its `__path__`.
-
-    :raises ModuleNotFoundError: if it is not installed.
-    """
+    """Return the `__path__` of the package dummy_arm that has the subpackage `tf`."""
     searches: list[tuple[Any, Optional[Sequence[str]]]] = [
         (PathFinder, [directory]) for directory in sys.path if isinstance(directory, str)]
     searches += [(finder, None) for finder in sys.meta_path if finder is not PathFinder]

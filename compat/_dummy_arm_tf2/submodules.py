@@ -22,12 +22,7 @@ if TYPE_CHECKING:  # so that type checkers find them, too
 
 
 def import_on_use(package: str, *modules: str) -> None:
-    """
-    Add a function `__getattr__` to a package, which imports its modules.
-
-    :param package: the name of the package.
-    :param modules: the names of its modules.
-    """
+    """Add a function `__getattr__` to a package, which imports its modules."""
     def import_module_of_package(name: str) -> ModuleType:
         if name in modules:
             return import_module(f'{package}.{name}')

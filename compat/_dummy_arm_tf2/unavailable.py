@@ -13,29 +13,16 @@ class Unavailable(type):
     _TYPE_SUPPORT = None
 
     def __call__(cls, *_: Any, **__: Any) -> NoReturn:
-        """
-        Refuse to create an instance.
-
-        :raises NotImplementedError: always; the text says what to use instead.
-        """
+        """Raise NotImplementedError, which says what to use instead."""
         raise NotImplementedError(f'{cls.__name__} {_REMEDY}')
 
     def __getattr__(cls, name: str) -> NoReturn:
-        """
-        Refuse to return a constant or a nested class.
-
-        :param name: the name of the attribute.
-        :raises AttributeError: always; the text says what to use instead.
-        """
+        """Raise AttributeError for a constant or a nested class."""
         raise AttributeError(f'{cls.__name__}.{name}: {cls.__name__} {_REMEDY}')
 
     @staticmethod
     def __import_type_support__() -> NoReturn:
-        """
-        Refuse to be used by rclpy, which calls this when a client or server is created.
-
-        :raises NotImplementedError: always; the text says what to use instead.
-        """
+        """Raise NotImplementedError: rclpy calls this when a client or server is created."""
         raise NotImplementedError(f'this type of tf2_msgs {_REMEDY}')
 
 

@@ -16,7 +16,7 @@ from dummy_arm.tf.exceptions import TimeoutException as TimeoutException
 from dummy_arm.tf.exceptions import TransformException as TransformException
 
 if TYPE_CHECKING:
-    from dummy_arm.tf import MessageBufferCore as BufferCore
+    from dummy_arm.tf import BufferCore as BufferCore
 
 __all__ = ['BufferCore', 'ConnectivityException', 'ExtrapolationException',
            'InvalidArgumentException', 'LookupException', 'TimeoutException',
@@ -28,8 +28,8 @@ def __getattr__(name: str) -> Any:
     if name == 'BufferCore':
         import _dummy_arm_tf2.ros  # noqa: F401
 
-        from dummy_arm.tf import MessageBufferCore
-        return MessageBufferCore
+        from dummy_arm.tf import BufferCore
+        return BufferCore
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
 
 

@@ -85,11 +85,7 @@ SHEAR_IDENTITY = TRANSLATION_IDENTITY
 
 
 def identity_matrix() -> Array:
-    """
-    Return the identity.
-
-    :returns: (4, 4).
-    """
+    """Return the identity."""
     return np.identity(4)
 
 
@@ -121,8 +117,6 @@ def is_same_transform(matrix0: ArrayLike, matrix1: ArrayLike) -> bool:
     """
     Return True if two matrices are the same transform.
 
-    :param matrix0: (4, 4).
-    :param matrix1: (4, 4).
     :returns: whether they are equal up to rounding, when each is divided by its last element.
     """
     first, second = np.asarray(matrix0, np.float64), np.asarray(matrix1, np.float64)
@@ -134,7 +128,6 @@ def translation_matrix(direction: ArrayLike) -> Array:
     Return the matrix of a translation.
 
     :param direction: the translation x, y, z.
-    :returns: (4, 4).
     """
     return np.asarray(affines.compose(_vector(direction), ROTATION_IDENTITY, ZOOM_IDENTITY))
 
@@ -143,7 +136,6 @@ def translation_from_matrix(matrix: ArrayLike) -> Array:
     """
     Return the translation of a matrix.
 
-    :param matrix: (4, 4).
     :returns: (3,).
     """
     return np.array(matrix, np.float64)[:3, 3]
@@ -157,7 +149,6 @@ def rotation_matrix(angle: float, direction: ArrayLike, point: Optional[ArrayLik
     :param angle: the angle.
     :param direction: the direction of the axis; of any length except zero.
     :param point: a point on the axis; None: the origin.
-    :returns: (4, 4).
     """
     return np.asarray(axangles.axangle2aff(
         _vector(direction), angle, None if point is None else _vector(point)))
@@ -167,7 +158,6 @@ def rotation_from_matrix(matrix: ArrayLike) -> tuple[float, Array, Array]:
     """
     Return the angle and the axis of a rotation; the inverse of `rotation_matrix`.
 
-    :param matrix: (4, 4).
     :returns: the angle; (3,): the unit vector of the axis; (4,): a point x, y, z, 1 on it.
     :raises ValueError: if the matrix is not a rotation about an axis.
     """
@@ -181,7 +171,6 @@ def reflection_matrix(point: ArrayLike, normal: ArrayLike) -> Array:
 
     :param point: a point on the plane.
     :param normal: the normal of the plane; of any length except zero.
-    :returns: (4, 4).
     """
     return np.asarray(reflections.rfnorm2aff(_vector(normal), _vector(point)))
 
@@ -190,7 +179,6 @@ def reflection_from_matrix(matrix: ArrayLike) -> tuple[Array, Array]:
     """
     Return the plane of a reflection; the inverse of `reflection_matrix`.
 
-    :param matrix: (4, 4).
     :returns: (4,): a point x, y, z, 1 on the plane; (3,): its unit normal.
     :raises ValueError: if the matrix is not a reflection.
     """
@@ -206,7 +194,6 @@ def scale_matrix(factor: float, origin: Optional[ArrayLike] = None,
     :param factor: the factor.
     :param origin: the point that stays where it is; None: the origin.
     :param direction: the direction in which to scale, of any length except zero; None: all.
-    :returns: (4, 4).
     """
     return np.asarray(zooms.zfdir2aff(
         factor, None if direction is None else _vector(direction),
@@ -217,7 +204,6 @@ def scale_from_matrix(matrix: ArrayLike) -> tuple[float, Array, Optional[Array]]
     """
     Return the arguments of `scale_matrix`.
 
-    :param matrix: (4, 4).
     :returns: the factor; (4,): the point x, y, z, 1 that stays where it is; (3,): the unit vector
         of the direction, or None if all directions are scaled.
     :raises ValueError: if the matrix does not scale.
@@ -236,7 +222,6 @@ def shear_matrix(angle: float, direction: ArrayLike, point: ArrayLike, normal: A
         length except zero.
     :param point: a point on the plane whose points stay where they are.
     :param normal: the normal of the plane; of any length except zero.
-    :returns: (4, 4).
     :raises ValueError: if the direction is not perpendicular to the normal.
     """
     return np.asarray(shears.sadn2aff(
@@ -247,7 +232,6 @@ def shear_from_matrix(matrix: ArrayLike) -> tuple[float, Array, Array, Array]:
     """
     Return the arguments of `shear_matrix`.
 
-    :param matrix: (4, 4).
     :returns: the angle; (3,): the unit vector of the direction; (4,): a point x, y, z, 1 on the
         plane; (3,): the unit normal of the plane.
     :raises ValueError: if the matrix is not a shear.
@@ -267,7 +251,6 @@ def compose_matrix(scale: Optional[ArrayLike] = None, shear: Optional[ArrayLike]
     :param angles: the angles about the static axes x, y and z; None: 0, 0, 0.
     :param translate: the translation x, y, z; None: 0, 0, 0.
     :param perspective: (4,): the last row of a projection; None: 0, 0, 0, 1.
-    :returns: (4, 4).
     """
     result = np.asarray(affines.compose(
         _vector(TRANSLATION_IDENTITY if translate is None else translate),
@@ -284,7 +267,6 @@ def decompose_matrix(matrix: ArrayLike
     """
     Return the arguments of `compose_matrix`.
 
-    :param matrix: (4, 4).
     :returns: (3,): the factors along x, y and z; (3,): the shears x-y, x-z, y-z; the angles about
         the static axes x, y and z; (3,): the translation; (4,): the perspective, or None if the
         last row of the matrix is 0, 0, 0, 1.
@@ -313,7 +295,6 @@ def euler_matrix(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') -> Array:
     :param aj: the angle about the second axis.
     :param ak: the angle about the third axis.
     :param axes: the convention, as in `quaternion_from_euler`.
-    :returns: (4, 4).
     :raises ValueError: if an angle is not finite, or the convention does not exist.
     """
     return quaternion_matrix(quaternion_from_euler(ai, aj, ak, axes))
@@ -349,7 +330,6 @@ def quaternion_matrix(quaternion: Iterable[float]) -> Array:
     Return the matrix of a rotation.
 
     :param quaternion: x, y, z, w, of any length; of length zero: no rotation.
-    :returns: (4, 4).
     :raises ValueError: if the quaternion is not finite.
     """
     return rotations.quaternion_matrix(_rotation(quaternion))
@@ -422,7 +402,6 @@ def random_rotation_matrix(rand: Optional[Sequence[float]] = None) -> Array:
     Return a random rotation; all rotations are equally likely.
 
     :param rand: as in `random_quaternion`.
-    :returns: (4, 4).
     """
     return quaternion_matrix(random_quaternion(rand))
 
@@ -480,7 +459,6 @@ def projection_matrix(point: ArrayLike, normal: ArrayLike, direction: Optional[A
         projection has a perspective.
     :param perspective: the point to which all points are projected; None: a parallel projection.
     :param pseudo: whether a projection with a perspective keeps the relative depth of points.
-    :returns: (4, 4).
     """
     return np.asarray(_gohlketransforms.projection_matrix(
         _vector(point), _vector(normal), None if direction is None else _vector(direction),
@@ -492,7 +470,6 @@ def projection_from_matrix(matrix: ArrayLike, pseudo: bool = False
     """
     Return the arguments of `projection_matrix`.
 
-    :param matrix: (4, 4).
     :param pseudo: whether the projection keeps the relative depth of points.
     :returns: (4,): a point x, y, z, 1 on the plane; (3,): its unit normal; (3,): the direction of
         a parallel projection, or None; (3,): the point of the perspective, or None; `pseudo`.
@@ -516,7 +493,6 @@ def clip_matrix(left: float, right: float, bottom: float, top: float, near: floa
     :param far: the largest z.
     :param perspective: whether the volume is a truncated pyramid with its tip at the origin, and
         not a box. The result must then be divided by its fourth coordinate.
-    :returns: (4, 4).
     :raises ValueError: if a largest value is not larger than the smallest, or a pyramid begins at
         its tip.
     """
@@ -530,7 +506,6 @@ def orthogonalization_matrix(lengths: ArrayLike, angles: ArrayLike) -> Array:
 
     :param lengths: the lengths a, b, c of the edges of the cell.
     :param angles: the angles alpha, beta, gamma between them (degrees).
-    :returns: (4, 4).
     """
     return np.asarray(_gohlketransforms.orthogonalization_matrix(
         _vector(lengths), _vector(angles)))
@@ -549,7 +524,6 @@ def superimposition_matrix(v0: ArrayLike, v1: ArrayLike, scaling: bool = False,
     :param v1: of the same shape: the points to which they are brought.
     :param scaling: whether the matrix also scales.
     :param usesvd: True: the method of Kabsch; False: that of Horn, which is slower.
-    :returns: (4, 4).
     """
     first, second = np.asarray(v0, np.float64)[:3], np.asarray(v1, np.float64)[:3]
     return np.asarray(_gohlketransforms.superimposition_matrix(first, second, scaling, usesvd))

@@ -1,8 +1,7 @@
 """
 Start and destroy nodes without the hangs that errors in Fast DDS 2.14 can cause.
 
-This module calls functions of Fast DDS that ROS does not expose, and knows the names of its files.
-test/ros/test_fast_dds.py tests the behaviour on which this module relies.
+This uses functions of Fast DDS that ROS does not expose; test/ros/test_fast_dds.py checks them.
 """
 
 from collections.abc import Iterator
@@ -14,7 +13,6 @@ import re
 import stat
 import time
 
-from rclpy.logging import get_logger
 from rclpy.node import Node
 
 _LIBRARY = 'libfastrtps.so.2.14'
@@ -24,21 +22,16 @@ _LOOKUP = '_ZNK8eprosima7fastdds3dds24DomainParticipantFactory18lookup_participa
 _SET_LISTENER = (f'{_DDS}17DomainParticipant12set_listenerEPNS1_25DomainParticipantListenerE'
                  'NSt6chrono8durationIlSt5ratioILl1ELl1EEEE')
 _TIMEOUT = 1  # s
-#: A file is left over if it is empty and was not changed for this time (s). Fast DDS sets the size
-#: of a new file within milliseconds.
+#: An empty file of this age (s) is left over: Fast DDS sets the size within milliseconds.
 _LEFT_OVER = 5.0
 
 
 def remove_empty_ports(directory: Path = Path('/dev/shm')) -> Iterator[str]:
     """
-    Remove the empty files that processes killed by SIGKILL have left in shared memory.
+    Remove the empty files that killed processes have left; yield a sentence for each.
 
-    If the file of a port that Fast DDS opens is empty, Fast DDS busy-waits for ever while it holds
-    the GIL, so that neither Ctrl-C nor SIGTERM ends the process. The files whose names end in
-    `_el` are always empty, and in use.
-
-    :param directory: the directory of the files; it need not exist.
-    :returns: a sentence for each such file: it was removed, or cannot be removed.
+    If the file of a port is empty, Fast DDS busy-waits for ever while it holds the GIL, so that
+    no signal ends the process. (Files whose names end in `_el` are always empty, and in use.)
     """
     for path in sorted(directory.glob('fastrtps_port*')):
         if not re.fullmatch(r'fastrtps_port\d+', path.name):
@@ -61,52 +54,31 @@ def remove_empty_ports(directory: Path = Path('/dev/shm')) -> Iterator[str]:
 
 
 def destroy(node: Node) -> None:
-    """
-    Destroy a node without the hang that `detach_discovery_listener` describes.
-
-    If the context is shut down, its domain is not known any more, and the hang is possible.
-
-    :param node: the node, which must be the last node of this process in its ROS domain.
-    """
-    with suppress(RuntimeError):  # of rcl: the context is shut down
+    """Destroy the last node of this process in its domain; see `detach_discovery_listener`."""
+    with suppress(RuntimeError):  # the context is shut down, and its domain no longer known
         detach_discovery_listener(node.context.get_domain_id())
     node.destroy_node()
 
 
 def detach_discovery_listener(domain_id: int) -> bool:
     """
-    Detach the discovery listener from the Fast DDS participant of this process.
+    Detach the discovery listener before rmw_fastrtps does; return False without Fast DDS 2.14.
 
-    When the last node is destroyed, rmw_fastrtps calls `DomainParticipant::set_listener` to detach
-    the listener. The timeout of this call is infinite. Fast DDS 2.14 adds the timeout to now(),
-    and the sum overflows. If a callback of the listener is pending at this moment, Fast DDS
-    busy-waits for ever while it holds the lock that the callback needs. A callback is pending if
-    another participant has just been found or lost, for example when one Ctrl-C ends several
-    nodes.
-
-    This function detaches the listener before rmw_fastrtps does, and uses a timeout of one second.
-    With this timeout, the sum does not overflow, and Fast DDS waits as intended.
-
-    :param domain_id: the ROS domain of the participant.
-    :returns: True if the listener was detached; False if this process has no participant of Fast
-        DDS 2.14 in the domain.
+    rmw_fastrtps detaches it with an infinite timeout. Fast DDS adds this to now(), and the sum
+    overflows. If a callback is pending, because another participant comes or goes, it then
+    busy-waits for ever while it holds the lock that the callback needs. Here the timeout is 1 s.
     """
     try:
         library = ctypes.CDLL(_LIBRARY, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
         get_factory, lookup, set_listener = (
             library[name] for name in (_GET_FACTORY, _LOOKUP, _SET_LISTENER))
-    except (OSError, AttributeError) as error:
-        return _does_not_apply(str(error))
+    except (OSError, AttributeError):
+        return False
     get_factory.restype = lookup.restype = ctypes.c_void_p
     lookup.argtypes = ctypes.c_void_p, ctypes.c_uint32
     set_listener.argtypes = ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64
     participant = lookup(get_factory(), domain_id)
     if not participant:
-        return _does_not_apply(f'no participant in the domain {domain_id}')
+        return False
     set_listener(participant, None, _TIMEOUT)
     return True
-
-
-def _does_not_apply(reason: str) -> bool:
-    get_logger('dummy_arm').debug(f'the discovery listener of Fast DDS is not detached: {reason}')
-    return False

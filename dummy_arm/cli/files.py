@@ -12,13 +12,7 @@ from dummy_arm.cli.parser import CommandError
 
 
 def check_writable(path: Path) -> None:
-    """
-    Check that a file can be written, so that an error is reported before the work begins.
-
-    :param path: path of the file.
-    :raises CommandError: if the path is a directory, a device, a pipe or a loop of links, or if
-        the directory of the file is not writable.
-    """
+    """Raise CommandError before the work begins if a file cannot be written."""
     _mode(path)
     if not os.access(path.parent, os.W_OK):
         raise CommandError(f'cannot write {path}: {path.parent} is not a writable directory')
@@ -27,13 +21,9 @@ def check_writable(path: Path) -> None:
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
     """
-    Write a file completely, or leave it unchanged.
+    Let the `with` block write a temporary file, which then replaces the file and gets its mode.
 
-    :param path: path of the file; a symbolic link stays, and the file that it names is written.
-    :returns: a context manager; the target of `as` is the path of a temporary file in the same
-        directory, which the block writes. At the end of the block, the temporary file replaces the
-        file and gets its mode; if the block raises an exception, it is deleted.
-    :raises CommandError: as `check_writable`, or if the block raises an OSError.
+    If the block raises an exception, the file is unchanged. Of a link, the target is written.
     """
     mode = _mode(path)
     try:

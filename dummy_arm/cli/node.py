@@ -19,21 +19,18 @@ from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
 from dummy_arm.cli.signals import begin_cleanup, signal_received
 from dummy_arm.tf.formatting import namespace_path
 
-#: The timeout of `spin_once` (s). A signal is noticed only after `spin_once` has returned, because
-#: the signal handler only records the signal.
+#: The timeout of `spin_once` (s), which a recorded signal does not end.
 _LONGEST_WAIT = 0.2
 
 
 def run_node(make_node: Callable[[], Node], ros_args: Sequence[str], namespace: str = '') -> int:
     """
-    Run a node until Ctrl-C, SIGTERM or a shutdown of the context.
+    Run a node until a signal or a shutdown of the context; return the exit code.
 
-    :param make_node: a function that creates the node; it may raise a UsageError.
+    :param make_node: creates the node; it may raise a UsageError.
     :param ros_args: the command line, with the name of the command.
     :param namespace: the namespace of the node and of the topics /tf and /tf_static; '': none.
-    :returns: the exit code, which is 0.
-    :raises UsageError: if `make_node` raises a UsageError, if the node rejects a parameter that
-        is set in the ROS arguments, or if the namespace is invalid.
+    :raises UsageError: if a parameter in the ROS arguments, or the namespace, is invalid.
     :raises CommandError: if ROS cannot be initialised, or if the node cannot be created.
     """
     with ros_context(ros_args, namespace), suppress(ExternalShutdownException):
@@ -43,15 +40,7 @@ def run_node(make_node: Callable[[], Node], ros_args: Sequence[str], namespace: 
 
 @contextmanager
 def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
-    """
-    Initialise ROS, and shut it down at the end of the `with` block.
-
-    :param ros_args: as for `run_node`.
-    :param namespace: as for `run_node`.
-    :returns: a context manager; the target of `as` is None.
-    :raises UsageError: if the namespace is invalid, or an argument is not valid Unicode.
-    :raises CommandError: if ROS cannot be initialised.
-    """
+    """Initialise ROS, and shut it down at the end of the `with` block; errors as `run_node`."""
     # The first rule that fits a name is used, so the user's own rules come first.
     arguments = [*ros_args, *_namespace_args(namespace)]
     clear_shared_memory(ros_args)
@@ -69,11 +58,7 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
 
 
 def clear_shared_memory(ros_args: Sequence[str]) -> None:
-    """
-    Remove the files in shared memory with which ROS would hang; print a line for each.
-
-    :param ros_args: as for `run_node`.
-    """
+    """Remove the files in shared memory with which ROS would hang; print a line for each."""
     for line in remove_empty_ports():
         print(f'{ros_args[0]}: warning: {line}', file=sys.stderr)
 
@@ -83,15 +68,8 @@ def spinning_node(name: str, ros_args: Sequence[str], namespace: str = '') -> It
     """
     Initialise ROS and spin a node in a thread until the end of the `with` block.
 
-    :param name: name of the node.
-    :param ros_args: as for `run_node`.
-    :param namespace: as for `run_node`.
-    :returns: a context manager; the target of `as` is the node.
-    :raises UsageError: if the node rejects a parameter that is set in the ROS arguments, or if the
-        namespace is invalid.
-    :raises CommandError: if ROS cannot be initialised, if the node cannot be created, or if the
-        executor raises an error. Such an error of the executor first interrupts the block in the
-        same way as Ctrl-C; then this function raises the CommandError.
+    An error of the executor interrupts the block like Ctrl-C, and then becomes a CommandError;
+    other errors are as those of `run_node`.
     """
     with ros_context(ros_args, namespace):
         node, stop_requested = create(lambda: rclpy.create_node(name)), Event()
@@ -128,14 +106,7 @@ def spinning_node(name: str, ros_args: Sequence[str], namespace: str = '') -> It
 
 
 def create(make_node: Callable[[], Node]) -> Node:
-    """
-    Create a node.
-
-    :param make_node: the function that creates it.
-    :returns: the node.
-    :raises CommandError: if rcl fails.
-    :raises UsageError: if the node rejects a parameter that is set in the ROS arguments.
-    """
+    """Create a node; an error of rcl becomes a CommandError, one of parameters a UsageError."""
     try:
         return make_node()
     except ParameterException as error:
@@ -149,12 +120,7 @@ def create(make_node: Callable[[], Node]) -> Node:
 
 
 def _namespace_args(namespace: str) -> list[str]:
-    """
-    Return ROS arguments that put all nodes, and the topics /tf and /tf_static, into a namespace.
-
-    :param namespace: the namespace, with or without slashes at its ends; '': none.
-    :raises UsageError: if the namespace is invalid.
-    """
+    """Return ROS arguments that put nodes, /tf and /tf_static into a namespace; '': none."""
     path = namespace_path(namespace)
     if not path:
         return []

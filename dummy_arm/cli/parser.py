@@ -19,41 +19,24 @@ _EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
 
 
 class UsageError(ValueError):
-    """
-    An invalid argument of a command, or an invalid parameter of a node.
-
-    The text of the error says what is allowed.
-    """
+    """An invalid argument or parameter: exit code 2. The text says what is allowed."""
 
 
 class CommandError(Exception):
-    """A failure of a command. The text of the error gives the reason, and may name a remedy."""
+    """A failure: exit code 1. The text gives the reason, and perhaps a remedy."""
 
 
 class Parser(argparse.ArgumentParser):
     """A parser that accepts negative numbers in any notation and prints errors in one line."""
 
     def __init__(self, prog: str, description: str, epilog: str = '', **kwargs: Any) -> None:
-        """
-        Create a parser without arguments.
-
-        :param prog: name of the command.
-        :param description: first part of the help: what the command does.
-        :param epilog: last part of the help: examples.
-        :param kwargs: further arguments of `argparse.ArgumentParser`.
-        """
         super().__init__(prog=prog, description=description, epilog=epilog, allow_abbrev=False,
                          formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
         # With the pattern of argparse, -1e-3 and -nan would be options instead of numbers.
         self._negative_number_matcher = re.compile(r'-(\d|\.\d|inf|nan)', re.IGNORECASE)
 
     def error(self, message: str) -> NoReturn:
-        """
-        Print an error and the usage in one line on stderr, and exit with code 2.
-
-        :param message: the error.
-        :raises SystemExit: always.
-        """
+        """Print an error and the usage in one line on stderr, and exit with code 2."""
         for argument in message.removeprefix('unrecognized arguments: ').split():
             name = argument.split('=')[0]
             near = [*(option for option in self._option_string_actions if option.startswith(name)),
@@ -65,26 +48,14 @@ class Parser(argparse.ArgumentParser):
 
 
 def add_namespace_option(parser: argparse.ArgumentParser, what: str, *topics: str) -> None:
-    """
-    Add the option `--namespace` to a parser.
-
-    :param parser: the parser of the command.
-    :param what: what the command does with the topics, for the help.
-    :param topics: the topics that the command uses; none: `tf` and `tf_static`.
-    """
+    """Add `--namespace`; the help says what the command does with the topics (default: TF's)."""
     parser.add_argument('--namespace', default='', metavar='NAME',
                         help=f'{what} ' + ' and '.join(
                             f'/NAME/{topic}' for topic in topics or ('tf', 'tf_static')))
 
 
 def number(text: str) -> float:
-    """
-    Convert an argument to a finite number.
-
-    :param text: the argument.
-    :returns: the number.
-    :raises argparse.ArgumentTypeError: if the text is not a number, or the number is not finite.
-    """
+    """Convert an argument to a finite number."""
     try:
         value = float(text.replace('_', '?'))  # float would read '1_0' as 10
     except ValueError:
@@ -95,14 +66,7 @@ def number(text: str) -> float:
 
 
 def seconds(text: str) -> int:
-    """
-    Convert a command-line argument to a time, without rounding.
-
-    :param text: the time (s).
-    :returns: the time (ns).
-    :raises argparse.ArgumentTypeError: if the text is not a number, or if the time is not a whole
-        number of ns from 0 to 2**63 - 1.
-    """
+    """Convert an argument in s to a time in ns, from 0 to 2**63 - 1, without rounding."""
     try:
         time = _EXACT.multiply(_EXACT.create_decimal(text.replace('_', '?')), SECOND)
         if not 0 <= time < 2**63 or time != int(time):
@@ -119,13 +83,7 @@ DEFAULT_TIME, _LONGEST_TIME = 5.0, 1e9
 
 
 def listening_time(given: Optional[float]) -> float:
-    """
-    Return how long a command listens.
-
-    :param given: the time that the user has given (s); None: the default.
-    :returns: the time (s).
-    :raises UsageError: if the time is out of range.
-    """
+    """Return how long a command listens (s); None: the default."""
     time = DEFAULT_TIME if given is None else given
     if not 0.0 < time <= _LONGEST_TIME:
         raise UsageError(f'the time to listen must be more than 0 s, and at most '
@@ -136,18 +94,13 @@ def listening_time(given: Optional[float]) -> float:
 def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         args: Optional[Sequence[str]] = None, interrupted: int = 0) -> int:
     """
-    Parse the arguments and run a command; Ctrl-C and SIGTERM end the command normally.
+    Parse the arguments, run a command, print its error in one line, and return its exit code.
 
-    :param parser: the parser of the arguments.
-    :param command: the function that does the work. All its arguments are passed by keyword: the
-        parsed arguments, and `ros_args`, which is the command line with the name of the command.
-        The function returns the exit code, and may raise a UsageError or a CommandError.
+    :param command: gets the parsed arguments by keyword, and `ros_args`, the command line with the
+        name of the command. It returns the exit code, and may raise UsageError or CommandError.
     :param args: the command line without the name of the command; None: `sys.argv[1:]`.
     :param interrupted: the exit code if a signal ends the command, or if the program that reads
-        the output of the command has ended.
-    :returns: `interrupted`, the exit code that `command` returns, or one of these. 1: a
-        CommandError or an OSError. 2: a UsageError. The errors are printed on stderr in one line.
-    :raises SystemExit: if the arguments cannot be parsed (code 2), or after `--help` (code 0).
+        its output has ended.
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
     handlers = record_signals()
@@ -176,20 +129,15 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
 
 
 def _make_writable() -> None:
-    """
-    Make stdout and stderr usable.
-
-    A stream that the parent process has closed is replaced by os.devnull. In both streams, each
-    line is flushed when it is complete, and characters that cannot be encoded are escaped.
-    """
+    """Flush each line, escape characters that cannot be encoded, and replace closed streams."""
     for name in 'stdout', 'stderr':
-        if getattr(sys, name) is None:  # the parent process has closed it
+        if getattr(sys, name) is None:
             setattr(sys, name, open(os.devnull, 'w'))  # noqa: SIM115
         getattr(sys, name).reconfigure(line_buffering=True, errors='backslashreplace')
 
 
 def _close_stdout() -> None:
-    """Redirect stdout to os.devnull, so that the flush of unwritten output at exit cannot fail."""
+    """Let the flush of unwritten output at exit not fail."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
@@ -209,7 +157,6 @@ def _without_ros_args(arguments: list[str]) -> list[str]:
 
 
 def _without_ros_args_by_hand(arguments: list[str]) -> list[str]:
-    """Remove each --ros-args and all arguments after it, up to and including the next `--`."""
     rest, is_for_ros = [], False
     for argument in arguments:
         if argument == '--ros-args':
@@ -222,10 +169,5 @@ def _without_ros_args_by_hand(arguments: list[str]) -> list[str]:
 
 
 def rcl_error_text(error: Exception) -> str:
-    """
-    Return the first line of the text of an rcl error, without locations in the source code of rcl.
-
-    :param error: the error.
-    :returns: the line.
-    """
+    """Return the first line of an rcl error, without locations in rcl's source code."""
     return re.sub(r', at \S+:\d+.*', '', str(error).partition('\n')[0])

@@ -1,10 +1,10 @@
 """
-Let Ctrl-C and SIGTERM end a command normally.
+What ends a command on SIGINT (Ctrl-C) and SIGTERM.
 
-At the first signal, the signal handler raises no exception; it only records the signal. The
-command checks for a recorded signal at points where it can stop without leaving anything half
-done. The second signal raises KeyboardInterrupt at once, except during the cleanup at the end of a
-command.
+The first signal is only recorded. The command checks for it where it can stop without leaving
+anything half done: `sleep`, `wait_until` and `check_signals` raise KeyboardInterrupt, which
+`cli.parser.run` turns into a normal end; the spinning of `cli.node` ends. The second signal raises
+KeyboardInterrupt at once, except during the cleanup at the end of a command.
 """
 
 from collections.abc import Callable, Iterator
@@ -15,8 +15,7 @@ import time
 from typing import Any
 
 _SIGNALS = signal.SIGINT, signal.SIGTERM
-#: The longest single `time.sleep` (s). If the signal handler raises no exception, the signal does
-#: not end a `time.sleep` (PEP 475).
+#: The longest `time.sleep` (s), which a recorded signal does not end (PEP 475).
 _STEP = 0.05
 
 _received: list[int] = []
@@ -25,12 +24,7 @@ _recorded = 1
 
 
 def record_signals() -> dict[int, Any]:
-    """
-    Record SIGINT and SIGTERM from now on; the second signal raises KeyboardInterrupt.
-
-    :returns: the previous handlers, by signal number. If the handlers of this module are already
-        set, nothing changes and the result is empty.
-    """
+    """Set the handlers; return the previous ones by signal, or {} if these are already set."""
     global _recorded
     if signal.getsignal(signal.SIGINT) is _record:
         return {}
@@ -41,12 +35,7 @@ def record_signals() -> dict[int, Any]:
 
 @contextmanager
 def signals_blocked() -> Iterator[None]:
-    """
-    Block all signals; threads and processes that the `with` block starts keep them blocked.
-
-    A signal of the kernel for a fault, such as SIGSEGV, has its effect all the same. On Windows,
-    this does nothing.
-    """
+    """Block all signals; threads and processes that the `with` block starts keep them blocked."""
     if sys.platform == 'win32':
         yield
         return
@@ -59,41 +48,33 @@ def signals_blocked() -> Iterator[None]:
 
 def begin_cleanup() -> None:
     """
-    From now on, make the third signal raise KeyboardInterrupt instead of the second one.
+    Let only the third signal raise KeyboardInterrupt, from now on.
 
-    If the program `make` has started a command, Ctrl-C may send the command two signals: one from
-    the terminal and one from `make`. The second signal must not interrupt the cleanup that the
-    first signal caused.
+    Ctrl-C in `make` sends two signals to a command: one from the terminal, and one from `make`.
     """
     global _recorded
     _recorded = 2
 
 
 def forget_signals() -> None:
-    """Forget the recorded signals, since the command has reacted to them and goes on."""
+    """Forget the signals to which the command has reacted, since it goes on."""
     global _recorded
     _received.clear()
     _recorded = 1
 
 
 def ignore_signals() -> None:
-    """Ignore SIGINT and SIGTERM from now on, since the process is about to exit."""
+    """Ignore signals, since the process is about to exit."""
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
 
 
 def signal_received() -> bool:
-    """Return whether a signal has been recorded."""
     return bool(_received)
 
 
 def sleep(seconds: float) -> None:
-    """
-    Sleep until the time is over or a signal is recorded.
-
-    :param seconds: how long to sleep (s).
-    :raises KeyboardInterrupt: if a signal has been recorded, before or during the sleep.
-    """
+    """Sleep; raise KeyboardInterrupt if a signal has been recorded, before or meanwhile."""
     end = time.monotonic() + seconds
     while not _received and (left := end - time.monotonic()) > 0.0:
         time.sleep(min(_STEP, left))
@@ -101,15 +82,7 @@ def sleep(seconds: float) -> None:
 
 
 def wait_until(seconds: float, holds: Callable[[], object]) -> bool:
-    """
-    Wait until a condition holds or the time is over.
-
-    :param seconds: how long to wait at most (s).
-    :param holds: a function that returns whether the condition holds. It is called at once, and
-        then every 0.05 s.
-    :returns: True if the condition holds; False if the time ended before the condition held.
-    :raises KeyboardInterrupt: if a signal has been recorded, before or during the wait.
-    """
+    """Check every 0.05 s, and at once, whether a condition holds; otherwise as `sleep`."""
     end = time.monotonic() + seconds
     while not (result := bool(holds())) and (left := end - time.monotonic()) > 0.0:
         sleep(min(_STEP, left))
@@ -117,7 +90,6 @@ def wait_until(seconds: float, holds: Callable[[], object]) -> bool:
 
 
 def check_signals() -> None:
-    """Raise KeyboardInterrupt if a signal has been recorded."""
     if _received:
         raise KeyboardInterrupt
 

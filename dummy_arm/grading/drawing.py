@@ -10,7 +10,8 @@ from unicodedata import normalize
 
 from dummy_arm.cli.parser import CommandError
 from dummy_arm.cli.signals import check_signals
-from dummy_arm.grading.arm_check import FRAMES, NOT_JUDGED, NOT_OK, OK
+from dummy_arm.grading.records import NOT_JUDGED, NOT_OK, OK
+from dummy_arm.grading.requirements import FRAMES
 from dummy_arm.tf.formatting import comma_list, quoted, shortened
 
 #: The lines of frames.pdf that are not the name of a frame, as this package and tf2 write them.
@@ -29,14 +30,7 @@ _SHOWN = 6
 
 
 def fault_of_drawing(path: Path) -> str:
-    """
-    Compare a drawing of view_frames with the tree of the arm.
-
-    :param path: the path of a `.pdf` or `.gv` file.
-    :returns: what is wrong; '' if the drawing shows the tree of the arm.
-    :raises CommandError: if the library pypdf is missing.
-    :raises KeyboardInterrupt: if a signal has been recorded.
-    """
+    """Return why a `.pdf` or `.gv` of view_frames does not show the arm; '' if it does."""
     if path.exists() and not path.is_file():  # reading a pipe might never end
         return 'It is not a regular file.'
     try:
@@ -70,14 +64,7 @@ def _fault_of_pdf(path: Path) -> str:
     texts: defaultdict[tuple[float, float], str] = defaultdict(str)
 
     def add(text: str, outer: list[float], inner: list[float], *_: object) -> None:
-        """
-        Append a part of a text.
-
-        :param text: the part.
-        :param outer: the matrix a, b, c, d, e, f, which maps (x, y) to (a x + c y + e,
-            b x + d y + f).
-        :param inner: the matrix that is applied before `outer`.
-        """
+        # A matrix a, b, c, d, e, f maps (x, y) to (a x + c y + e, b x + d y + f); inner is first.
         a, b, c, d, e, f = outer
         x, y = inner[4:]
         texts[top - (b * x + d * y + f), a * x + c * y + e] += normalize('NFKC', text)
@@ -113,11 +100,7 @@ def _fault_of_names(names: dict[str, float]) -> str:
 
 
 def _edges_in_dot(path: Path) -> set[tuple[str, str]]:
-    """
-    Return the edges of a graph that view_frames has written, as parent and child.
-
-    :raises OSError: if the file cannot be read.
-    """
+    """Return the edges of a graph that view_frames has written, as parent and child."""
     with path.open(encoding='utf-8', errors='replace') as file:
         tokens = [token for token in _TOKEN.findall(file.read(_LONGEST_GRAPH))
                   if not token.startswith(('//', '/*', '#'))]

@@ -1,6 +1,6 @@
 """The listener that observes an arm, in the process of a command or in one of its own."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 import json
 import os
@@ -9,11 +9,11 @@ import time
 from typing import Any, NamedTuple, TYPE_CHECKING
 import warnings
 
-from dummy_arm.cli.parser import CommandError, UsageError
+from dummy_arm.cli.parser import CommandError
 from dummy_arm.cli.signals import wait_until
-from dummy_arm.grading.arm_check import check, Line, Message, Publisher, Report
 from dummy_arm.grading.processes import end_with_parent, pid_of_publisher, processes
 from dummy_arm.grading.program import ProgramError
+from dummy_arm.grading.records import Message, Publisher, Report
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -24,31 +24,27 @@ START = 20.0
 _LATE = 10.0
 #: The largest number of transforms that are judged.
 MOST = 1_000_000
+#: The line that an observer writes when its program may start.
+READY = 'ready'
 
 
 class Observer:
     """A listener that collects the messages of an arm."""
 
     def __init__(self, node: 'Node') -> None:
-        """Subscribe to /tf and /tf_static."""
         from dummy_arm.inspection.frame_listener import FrameListener
         self._node = node
-        self._listener = FrameListener(node)
+        self.listener = FrameListener(node)
         self.messages: list[Message] = []
         #: True if a message of /tf has been received.
         self.has_started = False
         self._count = 0
-        #: All publishers that have been seen on the topics of transforms.
+        #: All publishers that have been seen on the topics of transforms, by gid.
         self._publishers: dict[str, Publisher] = {}
 
     def poll(self) -> bool:
-        """
-        Collect the messages that have arrived since the last call.
-
-        :returns: True if a message of /tf has been received, now or earlier.
-        :raises ProgramError: if there are too many messages.
-        """
-        received, dropped = self._listener.publisher_listener.received()
+        """Collect what has arrived; return `has_started`, or raise ProgramError: too much."""
+        received, dropped = self.listener.publisher_listener.received()
         for message in received:
             with suppress(ValueError):  # the listener logs this error
                 rows = message.rows()
@@ -58,10 +54,10 @@ class Observer:
                 self.has_started |= not message.is_static
         if dropped or self._count > MOST:
             raise ProgramError('More transforms arrive than can be judged.')
-        for gid, (node, topic) in self._listener.publisher_listener.publishers().items():
+        for gid, (node, topic) in self.listener.publisher_listener.publishers().items():
             if gid not in self._publishers:
                 self._publishers[gid] = Publisher(
-                    gid, node, topic == self._listener.topics[0], pid_of_publisher(gid))
+                    gid, node, topic == self.listener.topics[0], pid_of_publisher(gid))
         return self.has_started
 
     def publishers(self) -> list[Publisher]:
@@ -70,10 +66,10 @@ class Observer:
         return sorted(self._publishers.values(), key=lambda each: (
             found[each.pid].start if each.pid in found else 0))
 
-    def reaches_late_joiners(self) -> bool:
+    def _reaches_late_joiners(self) -> bool:
         """Return whether a listener that starts now receives base_link on /tf_static."""
-        from dummy_arm.tf import BufferCore, StaticTransformListener
-        buffer = BufferCore()
+        from dummy_arm.tf import StaticTransformListener, TransformBuffer
+        buffer = TransformBuffer()
         listener = StaticTransformListener(buffer, self._node)
         try:
             return wait_until(_LATE, lambda: any(
@@ -81,22 +77,17 @@ class Observer:
         finally:
             listener.unregister()
 
-    def report(self) -> Report:
-        """Judge the messages; before that, start a late listener."""
+    def report(self, is_at_once: bool = False) -> Report:
+        """Judge the messages; before that, start a late listener, unless it is at once."""
+        from dummy_arm.grading.requirements import check
+        if is_at_once:
+            return check(self.messages, publishers=self.publishers())
         self.poll()
         end = time.time_ns()
         is_sent = any(row.child_frame_id.removeprefix('/') == 'base_link'
                       for message in self.messages if message.is_static for row in message.rows)
-        return check(self.messages, is_sent and self.reaches_late_joiners(), end,
+        return check(self.messages, is_sent and self._reaches_late_joiners(), end,
                      self.publishers())
-
-    def why_no_frames(self) -> str:
-        """Return the possible reasons why no transform has been received."""
-        return self._listener.why_no_frames()
-
-    def wrong_type_hint(self) -> str:
-        """Return who publishes another type than TFMessage; '' if nobody does."""
-        return self._listener.wrong_type_hint()
 
 
 class Observation(NamedTuple):
@@ -104,68 +95,49 @@ class Observation(NamedTuple):
 
     report: Report
     has_messages: bool
-    wrong_type: str  #: as `Observer.wrong_type_hint`
+    wrong_type: str  #: who publishes another type than TFMessage; '' if nobody does
     publishers: list[Publisher]
 
     @classmethod
     def from_json(cls, text: bytes) -> 'Observation':
-        """
-        Read the last line that `main` writes.
-
-        :raises ProgramError: if it is an error of the program.
-        :raises CommandError: if it is another error.
-        """
+        """Read the last line that `main` writes, or raise the error that it says."""
         result = json.loads(text)
         if isinstance(result, str):
             raise CommandError(result)
         if len(result) == 1:
             raise ProgramError(*result)
         report, has_messages, wrong_type, publishers = result
-        return cls(report_of(report), has_messages, wrong_type,
+        return cls(Report.from_json(*report), has_messages, wrong_type,
                    [Publisher(*each) for each in publishers])
 
 
-def report_of(values: Sequence[Any]) -> Report:
-    """Return the report that was written as JSON."""
-    lines, advice, passed = values
-    return Report([Line(*line) for line in lines], [Line(*line) for line in advice], passed)
-
-
-#: The line that an observer writes when its program may start.
-READY = 'ready'
-
-
-def main(write: Callable[[str], object], seconds: float, domain: int, ros_args: Sequence[str]
-         ) -> None:
+def main(write: Callable[[str], object], seconds: float, domain: int) -> None:
     """
     Observe an arm from the next line of the standard input on; at its end, report at once.
 
     :param write: writes empty lines, which are signs of life, the line READY, and the last line,
-        JSON: an Observation, or [text] of an error of the program, or the text of another error.
+        JSON: an Observation, or [text] of a ProgramError, or the text of a CommandError.
     :param seconds: how long to observe the arm from its first message on /tf (s).
     :param domain: the ROS domain.
-    :param ros_args: the command line, with the name of the command, for the node that listens.
     """
     warnings.simplefilter('ignore')  # of numbers that are too large
     end_with_parent()  # also if the middleware hangs, so that the end of the input is not noticed
     try:
-        result: Any = _observe(seconds, domain, ros_args, write)
+        result: Any = _observe(seconds, domain, write)
     except ProgramError as error:
         result = [str(error)]
-    except (CommandError, UsageError) as error:
+    except CommandError as error:
         result = str(error)
     write(json.dumps(result))
 
 
-def _observe(seconds: float, domain: int, ros_args: Sequence[str],
-             write: Callable[[str], object]) -> Observation:
-    with _node_in(domain, ros_args) as node:
+def _observe(seconds: float, domain: int, write: Callable[[str], object]) -> Observation:
+    with _node_in(domain) as node:
         observer = Observer(node)
         write(READY)
         is_over = not os.read(0, 1)
 
         def is_to_end() -> bool:
-            """Write a sign of life, and return whether the input has ended."""
             nonlocal is_over
             write('')
             is_over = is_over or bool(select([0], [], [], 0)[0])
@@ -174,31 +146,24 @@ def _observe(seconds: float, domain: int, ros_args: Sequence[str],
         wait_until(START, lambda: observer.poll() or is_to_end())
         if observer.has_started:
             wait_until(seconds, lambda: observer.poll() and is_to_end())
-        report = (check(observer.messages, publishers=observer.publishers()) if is_over
-                  else observer.report())
-        return Observation(report, bool(observer.messages), observer.wrong_type_hint(),
-                           observer.publishers())
+        return Observation(observer.report(is_over), bool(observer.messages),
+                           observer.listener.wrong_type_hint(), observer.publishers())
 
 
 @contextmanager
-def _node_in(domain: int, ros_args: Sequence[str]) -> Iterator['Node']:
-    """
-    Create a node in a domain, and destroy it at the end of the `with` block.
-
-    :raises CommandError: if rcl fails.
-    :raises UsageError: if the node rejects a parameter.
-    """
+def _node_in(domain: int) -> Iterator['Node']:
+    """Create a node in a domain, or raise CommandError; destroy it at the end of the block."""
     from rclpy.context import Context
     from rclpy.logging import get_logging_severity_from_string, set_logger_level
     from rclpy.node import Node
 
     from dummy_arm.cli.fast_dds import destroy
     from dummy_arm.cli.node import clear_shared_memory, create
-    clear_shared_memory(ros_args)
+    clear_shared_memory(['check_arm'])
     context = Context()
 
     def make_node() -> 'Node':
-        context.init(args=[*ros_args], domain_id=domain)
+        context.init(args=[], domain_id=domain)
         return Node('check_arm', context=context, enable_rosout=False,
                     start_parameter_services=False)
 

@@ -43,7 +43,6 @@ class Process(NamedTuple):
 
 
 def _process(pid: int) -> Optional[Process]:
-    """Return a process; None if it does not exist."""
     try:
         with open(f'/proc/{pid}/stat', 'rb') as file:
             # The name of the program is in parentheses, and may contain any character.
@@ -62,11 +61,7 @@ def processes() -> dict[int, Process]:
 
 
 def descendants(pid: int, leave_out: Collection[int] = ()) -> dict[int, Process]:
-    """
-    Return the processes that a process has started, directly or not.
-
-    :param leave_out: processes that are left out, with their descendants.
-    """
+    """Return what a process has started, directly or not, but for some with what they started."""
     found = processes()
     children = defaultdict(list)
     for child, process in found.items():
@@ -82,12 +77,8 @@ def descendants(pid: int, leave_out: Collection[int] = ()) -> dict[int, Process]
 
 
 def ancestors(pid: int) -> list[int]:
-    """
-    Return the ids of a process, its parent, and so on; empty if the process does not exist.
-
-    A process that has sent a signal may end at once; so each is read when it is needed.
-    """
-    result = []
+    """Return the ids of a process, its parent, and so on; empty if the process does not exist."""
+    result = []  # a process that has sent a signal may end at once, so each is read when needed
     while process := _process(pid):
         result.append(pid)
         pid = process.parent
@@ -96,15 +87,12 @@ def ancestors(pid: int) -> list[int]:
 
 def end_descendants(leave_out: Collection[int] = ()) -> set[int]:
     """
-    Kill and reap what this process has started, until nothing is left.
+    Kill and reap what this subreaper has started, but for some children with their descendants.
 
-    When a process ends, the processes that it has started become children of this one, if this is
-    a subreaper. A chain of processes, each of which starts another one and ends, is outrun, since
-    only the children of this process are read, and killed at once.
+    The children of a process that ends become children of this one. A chain of processes, each of
+    which starts another one and ends, is outrun, since only children are read, and killed at once.
 
-    :param leave_out: the ids of children that stay, with their descendants.
-    :returns: the ids of the children that could not be ended, for example since another user owns
-        them.
+    :returns: the ids of the children that could not be ended: another user owns them.
     """
     left = {*leave_out}
     deadline = time.monotonic() + _LONGEST_END
@@ -123,7 +111,6 @@ def end_descendants(leave_out: Collection[int] = ()) -> set[int]:
 
 
 def _children() -> set[int]:
-    """Return the ids of the children of this process."""
     try:
         return {int(pid) for thread in Path('/proc/self/task').iterdir()
                 for pid in (thread / 'children').read_text().split()}
@@ -152,10 +139,9 @@ class Signal(NamedTuple):
 
     @property
     def name(self) -> str:
-        """The name; signals for real time have none."""
         try:
             return signal.Signals(self.number).name
-        except ValueError:
+        except ValueError:  # a signal for real time
             return f'signal {self.number}'
 
 
@@ -176,27 +162,23 @@ def next_signal(seconds: float) -> Optional[Signal]:
 
 class Worker:
     """
-    A process in a session of its own that runs the function main() of a module of this package.
+    A process in a session of its own that runs main() of a module of this package, on loopback.
 
-    The first argument of main() is a function that writes a line, which this process can read. The
-    standard input of the worker ends when this process does.
+    The first argument of main() is a function that writes a line, which this process can read; the
+    others are sent as JSON. The standard input of the worker ends when this process does.
     """
 
     def __init__(self, module: str, *arguments: Any) -> None:
-        """
-        Start the process.
-
-        :param module: the name of the module.
-        :param arguments: the further arguments of main(), for JSON.
-        """
         self._output, output = os.pipe()
         os.set_blocking(self._output, False)
         reading, self._input = os.pipe()
         # `-I` and this `sys.path` keep it from importing files of the working directory, where
         # hand-ins may lie. Its command line names no hand-in: `pkill -f` of one does not match it.
+        environment = {**os.environ, 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+        environment.pop('ROS_STATIC_PEERS', None)
         self._process = subprocess.Popen(
             [sys.executable, '-I', '-S', '-c', _MAIN], stdin=reading, stdout=subprocess.DEVNULL,
-            pass_fds=[output], start_new_session=True)
+            env=environment, pass_fds=[output], start_new_session=True)
         os.close(reading)
         os.close(output)
         self.pid = self._process.pid
@@ -207,7 +189,6 @@ class Worker:
                               arguments]))
 
     def send(self, line: str = '') -> None:
-        """Write a line to the standard input of the worker."""
         with suppress(BrokenPipeError):
             os.write(self._input, f'{line}\n'.encode())
 
@@ -281,12 +262,7 @@ def udp_ports() -> dict[int, str]:
 
 
 def ros_domains(pids: Collection[int]) -> dict[int, int]:
-    """
-    Return the ROS domains in which processes take part.
-
-    :param pids: the process ids.
-    :returns: a dict from each domain to a process id.
-    """
+    """Return the ROS domains in which processes take part, each with one of the process ids."""
     # A participant binds the ports 10 + 2 i and 11 + 2 i of its domain for data that is sent to it
     # alone. Other sockets may have single ports of this range.
     sockets = {f'socket:[{inode}]': port for port, inode in udp_ports().items()}
@@ -305,17 +281,13 @@ def ros_domains(pids: Collection[int]) -> dict[int, int]:
 
 
 def pid_of_publisher(gid: str) -> int:
-    """
-    Return the process id of a publisher, from its gid in hex; 0 if it is not known.
-
-    Fast DDS writes the lower 16 bits of the process id into the gid. Several processes may have
-    them; one that takes part in a ROS domain is probably the right one.
-    """
+    """Return the process id of a publisher, from its gid in hex; 0 if it is not known."""
+    # Several processes may have these bits; one that takes part in a ROS domain is probably it.
     found = [pid for pid in processes() if pid & 0xffff == low_pid(gid)]
     return min(found, key=lambda pid: not ros_domains([pid]), default=0)
 
 
 def low_pid(gid: str) -> int:
-    """Return the lower 16 bits of the process id of a publisher; -1 if they are not known."""
+    """Return the lower 16 bits of the process id, which Fast DDS writes into a gid, or -1."""
     prefix = bytes.fromhex(gid[:16])
     return int.from_bytes(prefix[4:6], 'little') if prefix[:2] == b'\x01\x0f' else -1

@@ -10,14 +10,13 @@ import re
 import signal
 import subprocess
 import sys
-from threading import Thread
 import time
 from tokenize import detect_encoding
 from typing import Optional
 
 from dummy_arm.cli.parser import CommandError
 from dummy_arm.cli.signals import wait_until
-from dummy_arm.grading.processes import command_of, how_it_ended
+from dummy_arm.grading.processes import command_of, end_with_parent, how_it_ended
 from dummy_arm.tf.formatting import abbreviated, visible
 
 #: How long to wait until a program has ended after SIGINT (s).
@@ -37,29 +36,13 @@ _LAST_LINES = 10
 #: What rclpy and Python raise if a signal ends them.
 _KILLED = re.compile('KeyboardInterrupt|ExternalShutdownException|context is (invalid|not valid)')
 
-#: A program that starts Python with other arguments. If its parent ends, even by SIGKILL, the
-#: kernel ends the started process, too.
-_LAUNCHER = """
-import ctypes, os, resource, signal, sys
-ctypes.CDLL(None).prctl(1, 9)  # PR_SET_PDEATHSIG: SIGKILL, when the parent has ended
-limits = [each for each in resource.getrlimit(resource.RLIMIT_FSIZE) if each >= 0]
-resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (min([int(sys.argv[1]), *limits]),))
-signal.pthread_sigmask(signal.SIG_SETMASK, [])
-os.execv(sys.executable, [sys.executable, *sys.argv[2:]])
-"""
-
 
 class ProgramError(CommandError):
     """A program or its arm is not ok; the text says why."""
 
 
 def program_in(path: Path) -> Path:
-    """
-    Return the program of a hand-in.
-
-    :param path: the path of the program, or of a folder in which it lies.
-    :raises ProgramError: if the folder has no dummy_arm.py.
-    """
+    """Return the program of a hand-in, which is its path, or lies in this folder."""
     if not path.is_dir():
         return path
     for place in _PLACES:
@@ -69,18 +52,24 @@ def program_in(path: Path) -> Path:
 
 
 def arguments_of(path: Path) -> list[str]:
-    """
-    Return the arguments with which Python runs a program.
-
-    A program that defines main(), but does not call it, is meant for `ros2 run`, which calls it.
-
-    :raises ProgramError: if the file is refused, cannot be read or does not compile.
-    :raises CommandError: if rclpy would refuse the path.
-    """
+    """Return the arguments with which Python runs a program, or raise why it is not run."""
     try:
         str(path).encode()
     except UnicodeEncodeError:
         raise CommandError('Its path is not UTF-8, so rclpy fails: rename it.') from None
+    tree = _parsed(_source(path), path)
+    for line, name in _names_of_modules(tree):
+        if f'{name}.'.startswith(tuple(f'{module}.' for module in _ARM)):
+            raise ProgramError(f'It uses {name} of this package (line {line}): the arm must be '
+                               'its own.')
+    path = path.absolute()
+    if not _has_uncalled_main(tree):
+        return [str(path)]
+    return ['-c', f'import runpy, sys; sys.argv = [{str(path)!r}]; sys.path[0] = '
+                  f'{str(path.parent)!r}; runpy.run_path(sys.argv[0])["main"]()']
+
+
+def _source(path: Path) -> bytes:
     if path.exists() and not path.is_file():  # reading a pipe might never end
         raise ProgramError('It is not a regular file.')
     try:
@@ -96,6 +85,10 @@ def arguments_of(path: Path) -> list[str]:
         source.decode(detect_encoding(BytesIO(source).readline)[0])
     except (SyntaxError, UnicodeDecodeError):
         raise ProgramError('It is not encoded as UTF-8: save it as UTF-8.') from None
+    return source
+
+
+def _parsed(source: bytes, path: Path) -> ast.Module:
     try:
         tree = ast.parse(source, str(path))
         compile(tree, str(path), 'exec')
@@ -104,21 +97,18 @@ def arguments_of(path: Path) -> list[str]:
         raise ProgramError(f'It does not compile: {where}{error.msg}.') from None
     except (ValueError, RecursionError, MemoryError) as error:
         raise ProgramError(f'It does not compile: {str(error) or type(error).__name__}.') from None
-    for line, name in _names_of_modules(tree):
-        if f'{name}.'.startswith(tuple(f'{module}.' for module in _ARM)):
-            raise ProgramError(f'It uses {name} of this package (line {line}): the arm must be '
-                               'its own.')
+    return tree
+
+
+def _has_uncalled_main(tree: ast.Module) -> bool:
+    """Return whether a program defines main() for `ros2 run`, which calls it."""
     functions = ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef
     has_main = any(isinstance(node, ast.FunctionDef) and node.name == 'main' for node in tree.body)
     statements = [node for node in tree.body if not isinstance(node, functions)]
     calls_main = any('main' in _names(node) for node in statements)
     is_script = any('__name__' in _names(node.test) for node in statements
                     if isinstance(node, ast.If))
-    path = path.absolute()
-    if calls_main or is_script or not has_main:
-        return [str(path)]
-    return ['-c', f'import runpy, sys; sys.argv = [{str(path)!r}]; sys.path[0] = '
-                  f'{str(path.parent)!r}; runpy.run_path(sys.argv[0])["main"]()']
+    return has_main and not calls_main and not is_script
 
 
 def _names(node: ast.AST) -> set[str]:
@@ -139,12 +129,7 @@ def _names_of_modules(tree: ast.AST) -> Iterator[tuple[int, str]]:
 
 
 def other_arm(pid: int, path: Path) -> str:
-    """
-    Return the name of the arm that a process runs; '' if it is none, or the program itself.
-
-    :param pid: the id of the process; its command line is looked at.
-    :param path: the path of the program.
-    """
+    """Return the arm in the command line of a process; '' if it is none, or the program."""
     for argument in command_of(pid):
         if (module := argument.removeprefix('-m')) in _ARM:
             return module
@@ -158,8 +143,17 @@ def other_arm(pid: int, path: Path) -> str:
     return ''
 
 
+def _prepare() -> None:
+    """Prepare a child of this process, which has no other threads, to run a program."""
+    import resource
+    end_with_parent()
+    limits = [each for each in resource.getrlimit(resource.RLIMIT_FSIZE) if each >= 0]
+    resource.setrlimit(resource.RLIMIT_FSIZE, 2 * (min([_LONGEST_FILE, *limits]),))
+    signal.pthread_sigmask(signal.SIG_SETMASK, [])
+
+
 class Program:
-    """A student's program in a process group of its own; its output is limited."""
+    """A student's program in a session of its own; its output is limited."""
 
     def __init__(self, path: Path, arguments: Sequence[str], domain: int, directory: str) -> None:
         """
@@ -171,24 +165,24 @@ class Program:
         :param directory: the working directory of the program, which no other process uses.
         """
         environment = {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_LOG_DIR': directory,
-                       'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', 'PYTHONUNBUFFERED': '1',
-                       'PYTHONDONTWRITEBYTECODE': '1', 'PYTHONIOENCODING': 'utf-8'}
+                       'PYTHONUNBUFFERED': '1', 'PYTHONDONTWRITEBYTECODE': '1',
+                       'PYTHONIOENCODING': 'utf-8'}
+        self._stdout, output = os.pipe()
+        os.set_blocking(self._stdout, False)
         self._process = subprocess.Popen(
-            [sys.executable, '-I', '-S', '-c', _LAUNCHER, str(_LONGEST_FILE), *arguments],
-            cwd=directory, env=environment, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, start_new_session=True)
+            [sys.executable, *arguments], cwd=directory, env=environment,
+            stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True,
+            preexec_fn=_prepare)
+        os.close(output)
         self._path, self._start, self.pid = path, time.monotonic(), self._process.pid
         self._output = bytearray()
         #: True if `fault` has found that a signal may have ended the program.
         self.may_be_killed = False
-        self._reader = Thread(target=self._read, daemon=True)
-        self._reader.start()
 
     def _read(self) -> None:
-        assert self._process.stdout is not None
-        descriptor = self._process.stdout.fileno()
-        with suppress(OSError):
-            while len(self._output) <= _LONGEST_OUTPUT and (data := os.read(descriptor, 2**16)):
+        with suppress(BlockingIOError):
+            while len(self._output) <= _LONGEST_OUTPUT and (
+                    data := os.read(self._stdout, 2**16)):
                 self._output += data
 
     def _exit_code(self) -> Optional[int]:
@@ -200,14 +194,12 @@ class Program:
 
     def fault(self) -> str:
         """
-        Return why the program has failed.
+        Return why the program has failed; '' if it is running and has printed no traceback.
 
-        :returns: a sentence; '' if the program is running and has printed no traceback.
         :raises CommandError: if the program needs a display, and there is none.
         """
         code = self._exit_code()
-        if code is not None:
-            self._reader.join(_GRACE)
+        self._read()
         if len(self._output) > _LONGEST_OUTPUT:
             return f'It prints more than {_LONGEST_OUTPUT // 10**6} MB.'
         if code is None and _TRACEBACK.encode() not in self._output:
@@ -239,12 +231,7 @@ class Program:
 
 
 def _error_of(output: str, name: str) -> str:
-    """
-    Return the error of the first traceback in an output, and the line where it was raised.
-
-    :param name: the name of the program's file, in which the line is looked for.
-    :returns: the text; '' if there is no traceback, or if its last line has not been printed yet.
-    """
+    """Return the error of the first complete traceback, and its line in a file of this name."""
     # The lines of a group of exceptions begin with "  + " or "  | ".
     printed = [re.sub(r'^ *[+|] ', '', line) for line in output.split('\n')[:-1]]
     begin = next((i for i, line in enumerate(printed) if line.endswith(_TRACEBACK)), len(printed))

@@ -5,7 +5,7 @@ It observes the arm by another process, since the middleware can hang or crash; 
 no library of ROS.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 import json
 import os
@@ -15,11 +15,10 @@ from select import select
 import shutil
 import socket
 import time
-from typing import NamedTuple, Optional
+from typing import Any, Optional
 import warnings
 
 from dummy_arm.cli.parser import CommandError
-from dummy_arm.grading.arm_check import ADVICE, NOT_JUDGED, NOT_OK, OK, Report
 from dummy_arm.grading.observer import Observation, READY, START
 from dummy_arm.grading.processes import (
     become_subreaper,
@@ -42,12 +41,12 @@ from dummy_arm.grading.program import (
     program_in,
     ProgramError,
 )
-from dummy_arm.tf.formatting import visible
+from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK, OK
 
 #: ROS domains whose ports are outside the range from which Linux takes ports for clients.
 DOMAINS = range(215, 232)
-#: How long to wait for a free ROS domain (s).
-_PATIENCE = 600.0
+#: How long to wait for a free ROS domain (s), and how long to read a drawing (s).
+_PATIENCE, _DRAWING = 600.0, 20.0
 #: How long to wait for a signal before the next look at all else (s), and the time between two
 #: looks at the processes (s).
 _STEP, _SCAN_INTERVAL = 0.05, 0.25
@@ -57,79 +56,51 @@ _MOST_PROCESSES, _MOST_MEMORY = 256, 2 * 2**30
 _MOST_ENDED = 1000
 #: With this, a line that tells of a signal begins.
 SIGNAL = 'signal '
-#: How long to read a drawing (s).
-_DRAWING = 20.0
-
-
-class Grade(NamedTuple):
-    """The result of a hand-in, or of a drawing."""
-
-    file: str
-    report: Optional[Report]  #: None if the program could not be judged
-    reason: str  #: why it did not pass; '' if it passed
-    verdict: str  #: OK, NOT_OK, NOT_JUDGED or NOT_RUN
-    drawing: str = ''  #: the result for the frames.pdf beside it; '' if there is none
-
-    @property
-    def line(self) -> str:
-        """The line that is printed."""
-        advice = [f'{line.requirement} ({line.measured})' for line in self.report.advice
-                  if line.verdict == ADVICE] if self.report else []
-        more = f': {self.reason}' if self.reason else (
-            f'; advice: {"; ".join(advice)}' if advice else '')
-        return f'{visible(self.file)}: {self.verdict}{more}'
 
 
 class _Ended(BaseException):
     """The command has ended."""
 
 
-def main(write: Callable[[str], object], file: str, seconds: float, ros_args: Sequence[str],
-         silence: float, directory: str, has_feedback: bool) -> None:
+def main(write: Callable[[str], object], file: str, seconds: float, silence: float,
+         directory: str) -> None:
     """
-    Run and judge a hand-in.
+    Run and judge a hand-in, and the frames.pdf beside it.
 
     :param write: writes empty lines, which are signs of life, the signals that are received, and
         in the end the Grade and whether it is certain, as JSON. If the command that reads them has
         ended, or the standard input ends, this function returns.
     :param file: the path of the program, or of a folder in which it lies.
     :param seconds: how long to observe the arm (s).
-    :param ros_args: the command line, with the name of the command, for the node that listens.
     :param silence: how long to wait for a sign of life of the observer (s).
     :param directory: a directory for what the program writes; it is deleted.
-    :param has_feedback: also judge the frames.pdf that lies beside the program.
     """
     warnings.simplefilter('ignore')  # of the compiler about the program
     become_subreaper()
-    supervisor = _Supervisor(write, file, seconds, ros_args, silence, directory)
+    supervisor = _Supervisor(write, file, seconds, silence, directory)
     with suppress(_Ended, BrokenPipeError):
         try:
-            result, is_certain = supervisor.judge()
-            if has_feedback:
-                result = result._replace(drawing=supervisor.drawing())
+            grade, is_certain = supervisor.judge()
+            grade = grade._replace(drawing=supervisor.drawing())
         except Exception as error:  # the other hand-ins are judged all the same
-            result, is_certain = Grade(file, None, 'check_arm failed: '
-                                       f'{type(error).__name__}: {error}', NOT_JUDGED), False
+            grade, is_certain = Grade(file, None, 'check_arm failed: '
+                                      f'{type(error).__name__}: {error}', NOT_JUDGED), False
         finally:
             left = end_descendants()
         if left:
-            result = Grade(file, None, 'It has started what cannot be ended: '
-                           f'{", ".join(map(_described, sorted(left)))}.', NOT_OK)
-        write(json.dumps([result, is_certain]))
+            grade = Grade(file, None, 'It has started what cannot be ended: '
+                          f'{", ".join(map(_described, sorted(left)))}.', NOT_OK)
+        write(json.dumps([grade, is_certain]))
     remove(directory)
 
 
 class _Supervisor:
-    """What happens in the process."""
-
-    def __init__(self, write: Callable[[str], object], file: str, seconds: float,
-                 ros_args: Sequence[str], silence: float, directory: str) -> None:
-        """Remember the arguments, which are those of `main`."""
-        self._write, self._file, self._seconds, self._ros_args = write, file, seconds, ros_args
+    def __init__(self, write: Callable[[str], object], file: str, seconds: float, silence: float,
+                 directory: str) -> None:
+        self._write, self._file, self._seconds = write, file, seconds
         self._silence, self._directory, self._path = silence, directory, Path(file)
-        #: The processes that are not part of the hand-in.
+        #: The processes that are not part of the hand-in, and all that were seen and are.
         self._workers: set[int] = set()
-        #: The ids of all processes of the hand-in that were seen.
         self._seen: set[int] = set()
         self._hidden: set[int] = set()
         self._next_scan = 0.0
@@ -155,9 +126,8 @@ class _Supervisor:
         except CommandError as error:
             return Grade(self._file, None, str(error), NOT_JUDGED), True
 
-    def _run(self, arguments: Sequence[str], domain: int) -> tuple[Grade, bool]:
-        observer = Worker('observer', self._seconds, domain, self._ros_args)
-        self._workers.add(observer.pid)
+    def _run(self, arguments: list[str], domain: int) -> tuple[Grade, bool]:
+        observer = self._worker('observer', self._seconds, domain)
         while not self._observation(observer) and READY.encode() not in observer.written:
             self._watch()
         program = Program(self._path, arguments, domain, self._directory)
@@ -179,13 +149,13 @@ class _Supervisor:
                          f'domain: {strangers}.', NOT_JUDGED), False
         return self._grade(found, fault or elsewhere), not program.may_be_killed
 
-    def _observation(self, observer: Worker) -> Optional[Observation]:
-        """
-        Return what the observer has found; None if it is not yet known.
+    def _worker(self, module: str, *arguments: Any) -> Worker:
+        worker = Worker(module, *arguments)
+        self._workers.add(worker.pid)
+        return worker
 
-        :raises ProgramError: if the arm cannot be judged.
-        :raises CommandError: if the observer fails.
-        """
+    def _observation(self, observer: Worker) -> Optional[Observation]:
+        """Return what the observer has found; None if it is not yet known."""
         if observer.read():
             if not observer.last_line.startswith((b'[', b'"')):
                 how = how_it_ended(observer.end(self._silence))
@@ -197,17 +167,14 @@ class _Supervisor:
         return None
 
     def _grade(self, found: Observation, fault: str) -> Grade:
-        """Return the grade; `fault` is what is wrong with the program, '' if nothing is."""
-        report = found.report
-        if fault:
-            return Grade(self._file, report, fault, NOT_OK)
-        if not found.has_messages:
+        if not fault and not found.has_messages:
             has = ' It has a broadcaster, but sends nothing with it.' if found.publishers else ''
-            return Grade(self._file, report, f'It publishes nothing on /tf and /tf_static within '
-                         f'{START:g} s.{has} Is the timer created, with its period in seconds, '
-                         'and does rclpy.spin run?', NOT_OK)
-        line = report.first_failure
-        return Grade(self._file, report, reason_of(report), line.verdict if line else OK)
+            fault = (f'It publishes nothing on /tf and /tf_static within {START:g} s.{has} Is the '
+                     'timer created, with its period in seconds, and does rclpy.spin run?')
+        if fault:
+            return Grade(self._file, found.report, fault, NOT_OK)
+        line = found.report.first_failure
+        return Grade(self._file, found.report, found.report.reason, line.verdict if line else OK)
 
     def _strangers(self, found: Observation) -> str:
         """Return which processes publish transforms, and are not part of the hand-in."""
@@ -227,22 +194,15 @@ class _Supervisor:
         paths = (folder / 'frames.pdf' for folder in (Path(self._file), self._path.parent))
         if not (path := next((path for path in paths if path.exists()), None)):
             return ''
-        reader = Worker('drawing', str(path))
-        self._workers.add(reader.pid)
-        if not self._wait(reader.read, _DRAWING):
-            return f'{NOT_JUDGED}: It cannot be read within {_DRAWING:g} s.'
+        reader = self._worker('drawing', str(path))
+        end = time.monotonic() + _DRAWING
+        while not reader.read():
+            if time.monotonic() > end:
+                return f'{NOT_JUDGED}: It cannot be read within {_DRAWING:g} s.'
+            self._watch()
         how = how_it_ended(reader.end(_DRAWING))
         return reader.last_line.decode() or (
             f'{NOT_JUDGED}: The process that reads it ended {how}.')
-
-    def _wait(self, holds: Callable[[], object], seconds: float) -> bool:
-        """Wait until a condition holds or the time is over."""
-        end = time.monotonic() + seconds
-        while not holds():
-            if time.monotonic() > end:
-                return False
-            self._watch()
-        return True
 
     def _watch(self) -> None:
         """
@@ -291,26 +251,13 @@ def _described(pid: int) -> str:
     return f'process {pid} ({short_command(pid) or "it has ended"})'
 
 
-def reason_of(report: Report) -> str:
-    """Return the first failure of a report, and the number of the others; '' if it passed."""
-    line = report.first_failure
-    if line is None:
-        return ''
-    others = sum(other.verdict == NOT_OK for other in report.lines) - (line.verdict == NOT_OK)
-    more = f' ({others} more)' if others else ''
-    measured = f' ({line.measured})' if line.measured else ''
-    return f'{line.requirement}{measured}. {line.text}{more}'
-
-
 @contextmanager
 def _free_domain(on_wait: Callable[[], object]) -> Iterator[int]:
     """
-    Reserve a ROS domain that no other program on this machine uses.
+    Wait for a ROS domain that no other program on this machine uses, and reserve it.
 
     The reservation is a socket, which other processes that run this function respect. A domain is
-    free if no UDP port of it is in use. If none is free, wait.
-
-    :raises CommandError: if no domain becomes free in time.
+    free if no UDP port of it is in use. If none is free in time, raise CommandError.
     """
     deadline = time.monotonic() + _PATIENCE
     while time.monotonic() < deadline:

@@ -21,8 +21,7 @@ from dummy_arm.tf.publisher_listener import PublisherListener
 
 #: The largest number of known frames that a message lists.
 _SHOWN = 20
-#: For this time (s) after the start, `why_no_transform` does not add the text of `why_no_frames`,
-#: since the publishers may not have been discovered yet: on a busy computer, this takes up to 5 s.
+#: How long the discovery of publishers takes at most (s): up to 5 s on a busy computer.
 _DISCOVERY = 6.0
 
 
@@ -30,12 +29,7 @@ class FrameListener:
     """A buffer with a listener that knows the publisher of each frame."""
 
     def __init__(self, node: Node, seconds: float = 10.0) -> None:
-        """
-        Subscribe to /tf and /tf_static.
-
-        :param node: the node that subscribes.
-        :param seconds: how long the buffer keeps transforms (s).
-        """
+        """Subscribe to /tf and /tf_static; keep transforms for some seconds."""
         self.node, self._start, self._has_explained = node, monotonic(), False
         self.buffer = Buffer(Duration(seconds=seconds), node)
         self.publisher_listener = PublisherListener(self.buffer, node)
@@ -44,28 +38,15 @@ class FrameListener:
         self._has_dynamic_frames = False
 
     def now(self) -> int:
-        """
-        Return the time of the node's clock.
-
-        :returns: the time (ns); 0 if use_sim_time is set and no /clock message has arrived.
-        """
+        """Return the time of the node (ns); 0 if it waits for /clock, as use_sim_time is set."""
         return int(self.node.get_clock().now().nanoseconds)
 
     def frames(self) -> list[Frame]:
-        """
-        Return the frames of the buffer.
-
-        :returns: the frames; their authorities are the full names of the publishing nodes.
-        """
+        """Return the frames of the buffer; their authorities are the names of nodes."""
         return self.publisher_listener.frames()
 
     def why_no_frames(self) -> str:
-        """
-        Return the possible reasons why no transform has been received.
-
-        :returns: the text of `topics_hint`; if it is empty, sentences that name the settings to
-            check.
-        """
+        """Return `topics_hint`; if it is empty, which settings to check."""
         if hint := self.topics_hint():
             return hint
         publishers = sum(map(self.node.count_publishers, self.topics))
@@ -78,20 +59,10 @@ class FrameListener:
                 'longer: discovery can take several seconds.')
 
     def topics_hint(self) -> str:
-        """
-        Return which publishers have a wrong type, and which other topics have transforms.
-
-        :returns: the texts of `wrong_type_hint` and of `other_topics_hint`.
-        """
         return ' '.join(filter(None, [self.wrong_type_hint(), self.other_topics_hint()]))
 
     def wrong_type_hint(self) -> str:
-        """
-        Return who publishes another type than TFMessage on the topics of transforms.
-
-        :returns: sentences that name the nodes, the types, the topics and the remedy; '' if all
-            publishers have the right type.
-        """
+        """Return who publishes another type than TFMessage on the topics of transforms."""
         wrong = dict.fromkeys(
             f'{full_name(info.node_namespace, info.node_name)} publishes {info.topic_type} on '
             f'{topic}' for topic in self.topics
@@ -104,11 +75,10 @@ class FrameListener:
 
     def other_topics_hint(self) -> str:
         """
-        Return which other topics have transforms, if nothing publishes dynamic transforms here.
+        Return which other topics have transforms, and the options to receive them.
 
-        :returns: a sentence that names the topics and the options with which a command receives
-            them. It is '' in these cases: there are no such topics; a dynamic transform has been
-            received, or has a publisher; or static transforms have been received in a namespace.
+        It is '' if a dynamic transform was received or has a publisher here, or if a static one
+        was received in a namespace.
         """
         static, dynamic = self.topics
         if not self._has_dynamic_frames:
@@ -139,17 +109,9 @@ class FrameListener:
 
     def why_no_transform(self, target: str, source: str, time: int = 0) -> str:
         """
-        Return why there is no transform, and which frames exist.
+        Return why there is no transform, with a hint; '' if there is one.
 
-        If frames exist, the text of `topics_hint` is added. If none exists, that of
-        `wrong_type_hint` is added, and 6 s after the start also that of `other_topics_hint`; if
-        both are empty, that of `why_no_frames`, but only once.
-
-        :param target: the frame in which the transform is expressed.
-        :param source: the frame whose pose is looked up.
-        :param time: the time of the transform (ns); 0: the latest time for which every edge on the
-            path has data.
-        :returns: the reason; '' if there is a transform.
+        :param time: (ns); 0: the latest time for which every edge on the path has data.
         """
         why = self.buffer.why_not(target, source, time)
         if not why:

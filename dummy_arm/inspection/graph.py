@@ -12,10 +12,9 @@ from dummy_arm.inspection.forest import Forest, frequency
 from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import display_time, dot_quoted, in_seconds, visible
 
-#: The interval (s) at which `draw` calls `tick`.
+#: The interval of `tick` (s).
 _STEP = 0.05
-#: The Python program that draws the graph, in a process of its own. It uses the `sys.path` of the
-#: calling process, since by default, `python -c` first looks for modules in the working directory.
+#: The program that draws. It gets `sys.path`, since `python -c` prefers the working directory.
 _DRAWING = """
 import sys
 file_format, *sys.path = sys.argv[1:]
@@ -33,13 +32,7 @@ class DrawingError(Exception):
 
 
 def as_dot(forest: Forest, now: int) -> str:
-    """
-    Return the graph of the frames in the DOT language.
-
-    :param forest: the frames.
-    :param now: the time that is shown as the time of recording (ns).
-    :returns: the graph, with labels like those of tf2's view_frames.
-    """
+    """Return the graph in the DOT language, with the labels of tf2's view_frames."""
     frames = forest.frames.values()
     names = [*(name for frame in frames for name in (frame.parent, frame.name)), *forest.roots]
     lines = ['digraph G {',
@@ -56,14 +49,9 @@ def as_dot(forest: Forest, now: int) -> str:
 
 
 def _id(name: str) -> str:
-    """
-    Return the DOT identifier of a frame.
-
-    Control characters in the name are escaped: graphviz copies the identifier into an SVG file,
-    and an SVG file must not contain control characters. A name that begins with a quote is escaped
-    as well, so that it differs from every escaped name; and a name that begins with a percent
-    sign, since graphviz takes it for a node without a name.
-    """
+    # Graphviz copies identifiers into SVG files, which must not contain control characters. A name
+    # that begins with a quote must differ from escaped names, and graphviz takes one that begins
+    # with a percent sign for a node without a name.
     is_plain = name.isprintable() and not name.startswith(("'", '"', '%'))
     return dot_quoted(name if is_plain else repr(name))
 
@@ -82,7 +70,6 @@ def _edge_label(frame: Frame) -> str:
 
 
 def _label(text: str) -> str:
-    """Escape a text for a DOT label, so that the label shows the text with its line breaks."""
     text = '\n'.join(visible(line) for line in text.split('\n'))
     for character, escaped in (('&', '&amp;'), ('<', '&lt;'), ('"', '&quot;'), ('\\', '\\\\'),
                                ('\n', '\\n')):
@@ -92,15 +79,9 @@ def _label(text: str) -> str:
 
 def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) -> bytes:
     """
-    Draw a graph.
+    Draw a graph as pdf, svg or png; raise a DrawingError if that fails.
 
-    :param dot: the graph, in the DOT language.
-    :param file_format: pdf, svg or png.
-    :param tick: a function that is called every 0.05 s while graphviz works. If `tick` raises an
-        exception, the drawing ends, and `draw` raises this exception.
-    :returns: the bytes of the file.
-    :raises DrawingError: if pygraphviz cannot be imported, the process that draws cannot be
-        started, or graphviz fails.
+    :param tick: called every 0.05 s; what it raises ends the drawing.
     """
     try:
         import pygraphviz  # noqa: F401  (an error is clearer here than from the process)
@@ -108,11 +89,9 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
         raise DrawingError(
             f'drawing needs pygraphviz, which cannot be imported ({error}): pip install '
             'pygraphviz; or with ROS on Ubuntu: apt install python3-pygraphviz') from None
-    # Ctrl-C cannot interrupt the C code of graphviz. Therefore graphviz runs in a new process,
-    # which can be killed. The new process has its own session, so that Ctrl-C reaches only the
-    # process that calls `draw`, which then kills the new process. The graph is passed in a file,
-    # not in a pipe: if communicate() times out before all input is sent, the next call of
-    # communicate() does not send the rest.
+    # Ctrl-C cannot interrupt the C code of graphviz, but its process can be killed. It has its own
+    # session, so that Ctrl-C reaches only the caller. The graph is passed in a file: if
+    # communicate() times out before all input is sent, its next call does not send the rest.
     try:
         with TemporaryFile() as graph:
             graph.write(dot.encode())
@@ -138,7 +117,6 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
 
 def _communicate(process: 'subprocess.Popen[bytes]', tick: Callable[[], object]
                  ) -> tuple[bytes, bytes]:
-    """Call `tick` regularly until a process ends; return what it wrote to stdout and stderr."""
     while True:
         tick()
         with suppress(subprocess.TimeoutExpired):
@@ -146,11 +124,7 @@ def _communicate(process: 'subprocess.Popen[bytes]', tick: Callable[[], object]
 
 
 def _kill(process: 'subprocess.Popen[bytes]') -> None:
-    """
-    Kill the process that draws and, except on Windows, the processes that it has started.
-
-    (Before version 2, pygraphviz starts the program dot as another process.)
-    """
+    # Before version 2, pygraphviz starts the program dot as another process.
     if sys.platform == 'win32':
         process.kill()
     else:

@@ -1,8 +1,9 @@
-"""The rates and delays of received transforms, by frame and by publishing node."""
+"""Who publishes received transforms: rates and delays, by frame and by node."""
 
-from collections import deque
-from collections.abc import Callable, Collection, Iterable
+from collections import Counter, deque
+from collections.abc import Callable, Collection, Iterable, Mapping
 from contextlib import suppress
+from itertools import chain
 from threading import Lock
 from time import time_ns
 from typing import NamedTuple, Optional, TYPE_CHECKING
@@ -11,17 +12,34 @@ from dummy_arm.tf import is_too_long
 from dummy_arm.tf.formatting import in_seconds, SECOND
 
 if TYPE_CHECKING:
-    from dummy_arm.tf.publisher_listener import ReceivedMessage
+    from dummy_arm.tf.publisher_listener import PublisherListener, ReceivedMessage
 
 #: The window of the statistics: the current second of the clock, and this many seconds before it.
 WINDOW = 10
-#: The messages of a publisher are not counted for this time (ns) after its first message. They may
-#: be late: they may have waited until the publisher had discovered the subscription.
+#: The messages of a publisher are not counted for this time (ns) after its first message: they may
+#: have waited until the publisher had discovered the subscription.
 _SETTLING = SECOND // 5
 #: The largest number of pairs of a frame and a publisher for which statistics are kept.
 _MOST = 100_000
 #: The largest number of publishers for which the time of the first message is kept.
 _MOST_PUBLISHERS = 10_000
+#: A program has fewer broadcasters than this without a frame of their own, unless it creates them
+#: again and again.
+_MANY, _MANY_SILENT = 6, 20
+
+
+def recreated(publishers: Mapping[str, Collection[str]]) -> list[str]:
+    """
+    Return the publishers that a node creates one after another, as in the callback of a timer.
+
+    :param publishers: by publisher of one node on one topic: the frames that it has sent.
+    :returns: the publishers that have no frame of their own, if there are at least 6; if none of
+        them has sent anything, at least 20.
+    """
+    counts = Counter(chain.from_iterable(publishers.values()))
+    found = [publisher for publisher, frames in publishers.items()
+             if all(counts[frame] > 1 for frame in frames)]
+    return found if len(found) >= (_MANY if counts else _MANY_SILENT) else []
 
 
 class Summary(NamedTuple):
@@ -49,18 +67,11 @@ class Delays:
     __slots__ = ('_seconds', 'last')
 
     def __init__(self) -> None:
-        """Create the statistics, without an arrival."""
         self._seconds: deque[_Second] = deque(maxlen=WINDOW + 1)
-        #: The time of the last arrival (ns); 0 if nothing has arrived.
-        self.last = 0
+        self.last = 0  #: the time of the last arrival (ns); 0: nothing has arrived
 
     def add(self, arrival: int, delay: int) -> None:
-        """
-        Count an arrival.
-
-        :param arrival: the time of the arrival (ns).
-        :param delay: the time from the stamp to the arrival (ns).
-        """
+        """Count an arrival at a time (ns), with the time since its stamp (ns)."""
         self.last = arrival
         number = arrival // SECOND
         seconds = self._seconds
@@ -80,23 +91,11 @@ class Delays:
         self.last = 0
 
     def within(self, now: int) -> list[_Second]:
-        """
-        Return the arrivals within the window, second by second.
-
-        :param now: the end of the window (ns).
-        :returns: an item for each second that has arrivals.
-        """
         return [second for second in self._seconds if second.number >= now // SECOND - WINDOW]
 
 
 def summarize(delays: Collection[Delays], now: int) -> Optional[Summary]:
-    """
-    Compute the rate and the delays of one stream, or of several streams together.
-
-    :param delays: the delays of each stream.
-    :param now: the end of the window (ns).
-    :returns: the summary; None if nothing arrived within the window.
-    """
+    """Summarise arrivals within the window that ends now (ns); None if there are none."""
     seconds = [second for each in delays for second in each.within(now)]
     if not seconds:
         return None
@@ -107,27 +106,25 @@ def summarize(delays: Collection[Delays], now: int) -> Optional[Summary]:
                    in_seconds(max(second.greatest for second in seconds)))
 
 
-class Stream(NamedTuple):
+class NodeTraffic(NamedTuple):
     """The transforms that a node publishes, either of one frame or of all frames of the node."""
 
     frame: str  #: the child frame; '': all frames of the node
     node: str  #: the full name of the node
     is_static: bool  #: True if no transform was received on /tf, only on /tf_static
-    #: True if the node still publishes on /tf or /tf_static; False if not; None: not known.
-    is_present: Optional[bool]
-    #: The rate and the delays of dynamic transforms; None if none was counted within the window.
-    summary: Optional[Summary]
-    #: The time since the last dynamic transform that was counted (s); None if none was counted.
-    silence: Optional[float]
+    is_present: Optional[bool]  #: True if the node still publishes; None: not known
+    summary: Optional[Summary]  #: None if no dynamic transform was counted within the window
+    silence: Optional[float]  #: s since the last one; None if none was counted
 
 
-class _Arrivals:
+class _Arrivals(Delays):
     """The transforms received from a publisher, either of one frame or of all frames."""
 
-    __slots__ = ('delays', 'is_dynamic')
+    __slots__ = ('is_dynamic',)
 
     def __init__(self) -> None:
-        self.delays, self.is_dynamic = Delays(), False
+        super().__init__()
+        self.is_dynamic = False
 
 
 class Traffic:
@@ -138,32 +135,22 @@ class Traffic:
         """
         Create the statistics, without a message.
 
-        :param now: a function that returns the time on the clock of the stamps (ns), or 0 if no
-            /clock message has arrived.
+        :param now: returns the time on the clock of the stamps (ns); 0: not known.
         :param only: the only child frame that is counted; '': all frames.
-        :param system_clock: a function that returns the time on the clock of the reception times
-            (ns).
+        :param system_clock: returns the time on the clock of the reception times (ns).
         """
         self._system_clock = system_clock
         self._now, self._only, self._bytes_of_name = now, only, only.encode()
         self._lock = Lock()
-        #: The key is a frame and the gid of a publisher; the frame '' stands for all frames of the
-        #: publisher.
+        #: By frame ('': all frames) and gid of the publisher.
         self._arrivals: dict[tuple[str, str], _Arrivals] = {}
         #: By gid: the reception time of the first dynamic message of the publisher (ns).
         self._since: dict[str, int] = {}
-        #: The time that `now` returned last (ns).
-        self._latest = 0
-        #: The system time (ns) at which `_read_clocks` last saw that `now` had jumped back; 0:
-        #: never.
-        self._set_back = 0
+        self._latest = 0  #: what `now` returned last (ns)
+        self._set_back = 0  #: the system time (ns) at which `now` jumped back last; 0: never
 
     def observe(self, messages: 'Iterable[ReceivedMessage]') -> None:
-        """
-        Count the transforms of received messages.
-
-        :param messages: the messages; those that cannot be decoded are skipped.
-        """
+        """Count the transforms of received messages."""
         with self._lock:
             now, system = self._read_clocks()
             for message in messages:
@@ -179,25 +166,20 @@ class Traffic:
         if now < self._latest - SECOND:
             self._set_back = system
             for arrivals in self._arrivals.values():
-                arrivals.delays.clear()
+                arrivals.clear()
         self._latest = now
         return now, system
 
     def _count(self, message: 'ReceivedMessage', offset: Optional[int]) -> None:
-        """
-        Count the transforms of a message.
-
-        :param offset: the time of `now` minus the time of the system clock (ns); None: not known.
-        """
         rows = message.rows()
         if self._only:
             rows = [row for row in rows if row.child_frame_id.removeprefix('/') == self._only]
-        streams = [(self._arrivals_of(frame, message.publisher), row) for row in rows
+        counted = [(self._arrivals_of(frame, message.publisher), row) for row in rows
                    if (frame := row.child_frame_id.removeprefix('/')) and not is_too_long(frame)]
         all_frames = self._arrivals_of('', message.publisher)
         if message.is_static or not rows:
             return
-        for arrivals in [all_frames, *(arrivals for arrivals, _ in streams)]:
+        for arrivals in [all_frames, *(arrivals for arrivals, _ in counted)]:
             arrivals.is_dynamic = True
         since = self._since.setdefault(message.publisher, message.time)
         if len(self._since) > _MOST_PUBLISHERS:
@@ -205,12 +187,11 @@ class Traffic:
         if offset is None or message.time < max(since + _SETTLING, self._set_back):
             return
         arrival = message.time + offset
-        all_frames.delays.add(arrival, sum(arrival - row.stamp_ns for row in rows) // len(rows))
-        for arrivals, row in streams:
-            arrivals.delays.add(arrival, arrival - row.stamp_ns)
+        all_frames.add(arrival, sum(arrival - row.stamp_ns for row in rows) // len(rows))
+        for arrivals, row in counted:
+            arrivals.add(arrival, arrival - row.stamp_ns)
 
     def _arrivals_of(self, frame: str, gid: str) -> _Arrivals:
-        """Return the `_Arrivals` of a frame and a publisher; keep at most `_MOST` such objects."""
         arrivals = self._arrivals.get((frame, gid))
         if arrivals is None:
             arrivals = _Arrivals()
@@ -218,36 +199,24 @@ class Traffic:
                 self._arrivals[frame, gid] = arrivals
         return arrivals
 
-    def streams(self, names_of: Callable[[Iterable[str]], dict[str, str]],
-                is_present: Callable[[str], Optional[bool]]) -> list[Stream]:
-        """
-        Summarise the received transforms by frame and node.
-
-        :param names_of: a function that takes gids of publishers, and returns a dict from each gid
-            to the full name of the node.
-        :param is_present: a function that takes the gid of a publisher, and returns whether the
-            publisher still exists; None: not known.
-        :returns: a stream for each pair of a frame and a node, sorted by the two names; then, for
-            each node, a stream for all its frames.
-        """
+    def by_node(self, listener: 'PublisherListener') -> list[NodeTraffic]:
+        """Summarise the received transforms by frame and node; then all those of each node."""
         with self._lock:
             gids = {gid for _, gid in self._arrivals}
-        names = names_of(gids)
-        gids_of: dict[tuple[str, str], list[str]] = {}
+        names = listener.names_of(gids)
+        gids_of: dict[tuple[str, str], set[str]] = {}
         with self._lock:
             now, _ = self._read_clocks()
             for frame, gid in self._arrivals:
-                gids_of.setdefault((frame, names.get(gid, '')), []).append(gid)
-            return [self._stream(*key, gids_of[key], is_present, now) for key in sorted(
-                gids_of, key=lambda key: (not key[0], key))]
-
-    def _stream(self, frame: str, node: str, gids: list[str],
-                is_present: Callable[[str], Optional[bool]], now: int) -> Stream:
-        all_arrivals = [self._arrivals[frame, gid] for gid in gids]
-        delays = [arrivals.delays for arrivals in all_arrivals]
-        last = max(each.last for each in delays)
-        found = {is_present(gid) for gid in gids}
-        return Stream(frame, node, not any(arrivals.is_dynamic for arrivals in all_arrivals),
-                      True if True in found else None if None in found else False,
-                      summarize(delays, now),
-                      in_seconds(max(0, now - last)) if last else None)
+                gids_of.setdefault((frame, names.get(gid, '')), set()).add(gid)
+            rows = []
+            for frame, node in sorted(gids_of, key=lambda key: (not key[0], key)):
+                gids = gids_of[frame, node]
+                arrivals = [self._arrivals[frame, gid] for gid in gids]
+                last = max(each.last for each in arrivals)
+                found = {listener.is_present(gid) for gid in gids}
+                rows.append(NodeTraffic(
+                    frame, node, not any(each.is_dynamic for each in arrivals),
+                    True if True in found else None if None in found else False,
+                    summarize(arrivals, now), in_seconds(max(0, now - last)) if last else None))
+            return rows

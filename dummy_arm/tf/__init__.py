@@ -10,10 +10,11 @@ from typing import Any, TYPE_CHECKING
 
 if TYPE_CHECKING:
     from dummy_arm.tf._core.frames import Frame as Frame
-    from dummy_arm.tf._core.pose import is_too_long as is_too_long
+    from dummy_arm.tf._core.frames import is_too_long as is_too_long
     from dummy_arm.tf._ros.messages import TFMessage as TFMessage
     from dummy_arm.tf.buffer import Buffer as Buffer
     from dummy_arm.tf.buffer_core import BufferCore as BufferCore
+    from dummy_arm.tf.buffer_core import MessageBufferCore as MessageBufferCore
     from dummy_arm.tf.buffer_interface import BufferInterface as BufferInterface
     from dummy_arm.tf.buffer_interface import convert as convert
     from dummy_arm.tf.buffer_interface import ConvertRegistration as ConvertRegistration
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
     from dummy_arm.tf.exceptions import LookupException as LookupException
     from dummy_arm.tf.exceptions import TimeoutException as TimeoutException
     from dummy_arm.tf.exceptions import TransformException as TransformException
-    from dummy_arm.tf.message_buffer import MessageBufferCore as MessageBufferCore
     from dummy_arm.tf.message_filter import FilterFailureReason as FilterFailureReason
     from dummy_arm.tf.message_filter import MessageFilter as MessageFilter
     from dummy_arm.tf.static_transform_broadcaster import (
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from dummy_arm.tf.transform import Twist as Twist
     from dummy_arm.tf.transform_broadcaster import PreparedTransforms as PreparedTransforms
     from dummy_arm.tf.transform_broadcaster import TransformBroadcaster as TransformBroadcaster
+    from dummy_arm.tf.transform_buffer import TransformBuffer as TransformBuffer
     from dummy_arm.tf.transform_listener import (
         StaticTransformListener as StaticTransformListener,
     )
@@ -57,9 +58,9 @@ _MODULES = {
     'FilterFailureReason': 'message_filter',
     'Frame': '_core.frames',
     'InvalidArgumentException': 'exceptions',
-    'is_too_long': '_core.pose',
+    'is_too_long': '_core.frames',
     'LookupException': 'exceptions',
-    'MessageBufferCore': 'message_buffer',
+    'MessageBufferCore': 'buffer_core',
     'MessageFilter': 'message_filter',
     'MsgStamped': 'buffer_interface',
     'NotImplementedException': 'buffer_interface',
@@ -74,6 +75,7 @@ _MODULES = {
     'TransformableObject': 'buffer_interface',
     'TransformableObjectType': 'buffer_interface',
     'TransformBroadcaster': 'transform_broadcaster',
+    'TransformBuffer': 'transform_buffer',
     'TransformException': 'exceptions',
     'TransformListener': 'transform_listener',
     'TransformRegistration': 'buffer_interface',

@@ -1,4 +1,4 @@
-"""The transforms of a bag, read without ROS: into a BufferCore, or message by message."""
+"""The transforms of a bag, read without ROS: into a TransformBuffer, or message by message."""
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
@@ -17,10 +17,11 @@ from dummy_arm.tf._bag.context import (
     NOT_RECORDED,
     Stream,
 )
+from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire.cdr import MalformedMessage
-from dummy_arm.tf._wire.streams import Encoding, MessageReader
-from dummy_arm.tf.buffer_core import BufferCore
+from dummy_arm.tf._wire.layouts import Encoding, MessageReader
+from dummy_arm.tf.transform_buffer import TransformBuffer
 
 __all__ = ['HEADERS', 'NOT_RECORDED', 'BagError', 'BagMessage', 'TopicHeaders', 'messages', 'read']
 
@@ -40,20 +41,13 @@ _LONG = 2**22
 class BagMessage(NamedTuple):
     """A message of a bag on the topic `/tf` or `/tf_static`."""
 
-    #: Private; see the properties below.
-    #:
-    #: :meta private:
     stream: Stream
     time: int  #: the time at which the message was recorded (ns); 0 if it was not recorded
     data: bytes  #: the bytes of the message
 
     @property
     def encoding(self) -> Encoding:
-        """
-        The encoding of the bytes.
-
-        :meta private:
-        """
+        """The encoding of the bytes."""
         return self.stream.encoding
 
     @property
@@ -70,8 +64,8 @@ class BagMessage(NamedTuple):
         """
         Return the transforms of the message, unchanged: names may have a leading slash.
 
-        :returns: for each transform, a tuple of `stamp_ns`, `frame_id`, `child_frame_id` and
-            `pose`. The pose is x, y, z (m) and the quaternion x, y, z, w, which may have any norm.
+        :returns: tuples of `stamp_ns`, `frame_id`, `child_frame_id` and `pose`: x, y, z (m) and
+            the quaternion x, y, z, w, which may have any norm.
         :raises ValueError: if the bytes are not those of a TFMessage.
         """
         return self.stream.encoding.unpack(self.data)
@@ -94,11 +88,8 @@ def messages(path: Union[str, 'os.PathLike[str]'], *, namespace: str = '', parti
     """
     Yield the TF messages of a bag.
 
-    :param path: as for `read`.
-    :param namespace: as for `read`.
-    :param partial: as for `read`.
-    :param max_bytes: as for `read`.
-    :param on_progress: as for `read`.
+    The other arguments are those of `read`.
+
     :param on_headers: called at the end, with a list of the other topics whose messages begin with
         a std_msgs/Header, or may do so, of the other topics with TF messages, and of the topics
         `tf` and `tf_static` if their messages are of another type. Of each topic, the headers of
@@ -106,10 +97,8 @@ def messages(path: Union[str, 'os.PathLike[str]'], *, namespace: str = '', parti
         are skipped.
     :returns: an iterator over the messages. The messages of a bag of ROS 1 are in the order of the
         file; those of each file of a bag of rosbag2 are in the order of their times.
-    :raises BagError: as `read`; but a bag whose messages have no valid transform is no error, and
-        with `on_headers`, neither is a bag whose topic `tf` or `tf_static` has another type.
-    :raises ValueError: if max_bytes is out of range.
-    :raises OSError: as `read`.
+    :raises: the errors of `read`; but a bag whose messages have no valid transform is no error,
+        and with `on_headers`, neither is a bag whose topic `tf` or `tf_static` has another type.
     """
     path, context = _open(path, namespace, partial, max_bytes, on_progress, on_headers is not None)
     count = 0
@@ -129,44 +118,37 @@ def messages(path: Union[str, 'os.PathLike[str]'], *, namespace: str = '', parti
 
 def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namespace: str = '',
          partial: bool = False, max_bytes: int = 2**30, max_samples: Optional[int] = None,
-         on_progress: Optional[Callable[[float], object]] = None) -> BufferCore:
+         on_progress: Optional[Callable[[float], object]] = None) -> TransformBuffer:
     """
     Read the transforms of a bag.
 
-    :param path: the path of a bag: a directory of rosbag2, a .mcap or .db3 file of rosbag2, or a
-        .bag file of ROS 1.
-    :param cache_time: how long transforms are kept (ns); see `BufferCore`. If it is None, there is
-        no time limit.
-    :param namespace: the namespace of the topics `tf` and `tf_static`. If it is '', the topics are
-        `/tf` and `/tf_static`.
-    :param partial: what to do if the bag is cut off or damaged. True: read the undamaged parts and
-        log a warning. False: raise a BagError.
+    :param path: a directory, a .mcap or a .db3 file of rosbag2, or a .bag file of ROS 1.
+    :param cache_time: how long transforms are kept (ns); None: there is no limit.
+    :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
+    :param partial: if the bag is cut off or damaged, read the undamaged parts and log a warning,
+        instead of raising a BagError.
     :param max_bytes: the largest decompressed size (bytes) that is allowed for a chunk or a
-        message. This argument limits the memory that decompression can take.
-    :param max_samples: the largest number of dynamic transforms that are kept; see `BufferCore`.
-        If it is None, the number is not limited.
+        message. This limits the memory that decompression can take.
+    :param max_samples: the largest number of dynamic transforms that are kept; None: there is no
+        limit.
     :param on_progress: called repeatedly with the fraction of the bag that has been read, from 0
-        to 1. If on_progress raises an exception, `read` ends and raises the same exception.
-    :returns: a buffer with the transforms of the bag. The authority of a transform from a bag of
-        ROS 1 is the name of the node that published the transform. The authority of a transform
-        from a bag of rosbag2 is 'not recorded'.
+        to 1. What it raises ends `read`.
+    :returns: a buffer. The authority of a transform is the name of the node that published it in
+        a bag of ROS 1, and 'not recorded' in rosbag2.
     :raises BagError: if the path is not a bag, if the bag has no transforms, or if a library that
-        is needed to read the bag is not installed. If `partial` is False, a BagError is also
-        raised if the bag is cut off or damaged, or has a chunk or a message that is larger than
-        max_bytes.
+        is needed to read it is not installed. Unless `partial` is True, also if the bag is cut
+        off or damaged, or has a chunk or a message that is larger than max_bytes.
     :raises ValueError: if max_bytes, cache_time or max_samples is out of range.
     :raises OSError: if the path does not exist, or is a file that cannot be opened.
     """
     path, context = _open(path, namespace, partial, max_bytes, on_progress)
-    buffer = BufferCore(_ALL_TIME if cache_time is None else cache_time, max_samples=max_samples)
+    buffer = TransformBuffer(
+        _ALL_TIME if cache_time is None else cache_time, max_samples=max_samples)
+    insert = engine_of(buffer).insert_batches
     faults: Counter[str] = Counter()
 
-    def on_malformed(error: MalformedMessage) -> None:
-        """
-        Count a message that cannot be decoded.
-
-        :param error: the error, whose text begins with the kind of fault and a colon.
-        """
+    def count_fault(error: MalformedMessage) -> None:
+        """Count a fault by its kind, which precedes the colon."""
         faults[str(error).partition(':')[0]] += 1
 
     readers: dict[tuple[bool, Encoding], MessageReader] = {}
@@ -174,12 +156,12 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
     for groups in _grouped_by_stream(_records(path, context), cache_time is not None):
         for stream, messages in groups.items():
             key = stream.is_static, stream.encoding
-            reader = readers.setdefault(key, MessageReader(on_malformed, stream.encoding))
+            reader = readers.setdefault(key, MessageReader(count_fault, stream.encoding))
             for is_long, group in groupby(messages, lambda message: len(message) > _LONG):
                 if is_long:
-                    _insert_long(buffer, group, stream, on_malformed, context.tick)
+                    _insert_long(buffer, group, stream, count_fault, context.tick)
                 else:
-                    buffer.insert_batches(reader.read(group, stream.publisher, stream.is_static))
+                    insert(reader.read(group, stream.publisher, stream.is_static))
             count += len(messages)
     for fault, times in faults.items():
         logging.getLogger('dummy_arm.tf').warning(
@@ -194,11 +176,6 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
 def _open(path: Union[str, 'os.PathLike[str]'], namespace: str, partial: bool, max_bytes: int,
           on_progress: Optional[Callable[[float], object]], with_headers: bool = False
           ) -> tuple[Path, BagContext]:
-    """
-    Return the path of a bag, and the context in which it is read.
-
-    :raises ValueError: if max_bytes is out of range.
-    """
     if index(max_bytes) < 1:
         raise ValueError(f'max_bytes must be a positive number of bytes, got {max_bytes}')
     path = Path(path)
@@ -207,12 +184,7 @@ def _open(path: Union[str, 'os.PathLike[str]'], namespace: str, partial: bool, m
 
 
 def _finish(path: Path, context: BagContext, count: int) -> None:
-    """
-    Report that the whole bag has been read; log its damage.
-
-    :param count: the number of TF messages that were read.
-    :raises BagError: if there was no TF message, and `messages` does not report a wrong type.
-    """
+    """Report that the bag, with `count` TF messages, has been read; log its damage."""
     context.finish()
     is_wrong = bool(context.wrong_types)
     if not count and not (is_wrong and context.with_headers):
@@ -226,14 +198,10 @@ def _finish(path: Path, context: BagContext, count: int) -> None:
             '%s Read %d TF messages', ' '.join(context.damage), count)
 
 
-def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
+def _insert_long(buffer: TransformBuffer, messages: Iterable[bytes], stream: Stream,
                  on_malformed: Callable[[MalformedMessage], None], tick: Callable[[], None]
                  ) -> None:
-    """
-    Insert the transforms of long messages, one transform at a time.
-
-    No transform of a malformed message is inserted.
-    """
+    """Insert the transforms of long messages one at a time, but none of a malformed one."""
     for data in messages:
         try:
             for _ in stream.encoding.rows(data):
@@ -247,13 +215,7 @@ def _insert_long(buffer: BufferCore, messages: Iterable[bytes], stream: Stream,
 
 
 def _records(path: Path, context: BagContext) -> Iterator[_TFRecord]:
-    """
-    Yield the records of the TF messages of a bag; pass other messages to their HeaderStream.
-
-    :raises BagError: if the path is not a bag, if a library that reads bags cannot be imported,
-        or if the bag is damaged and `context.partial` is False.
-    :raises OSError: if the path does not exist, or is a file that cannot be opened.
-    """
+    """Yield the records of the TF messages of a bag; pass other messages to their HeaderStream."""
     kind = kind_of(path)
     try:
         if kind == '.bag':
@@ -278,15 +240,10 @@ def _records(path: Path, context: BagContext) -> Iterator[_TFRecord]:
 def _grouped_by_stream(records: Iterable[_TFRecord], in_order: bool
                        ) -> Iterator[dict[Stream, list[bytes]]]:
     """
-    Yield groups of messages; a group is a dict that maps streams to lists of messages.
+    Yield groups of about `_BATCH_BYTES` bytes: the messages of each stream.
 
-    A group ends at the latest when its messages take more than `_BATCH_BYTES` bytes.
-
-    The messages of one stream keep their order. Static messages also keep their order relative to
-    the messages of other streams.
-
-    :param in_order: True: dynamic messages also keep their order relative to the messages of other
-        streams. False: they may lose this order within a group.
+    Static messages keep their order relative to those of other streams; if `in_order` is True,
+    dynamic messages do, too.
     """
     groups: defaultdict[Stream, list[bytes]] = defaultdict(list)
     messages: list[bytes] = []

@@ -3,13 +3,11 @@
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
-import logging
 from typing import Any, Optional, Protocol, Union
 from weakref import finalize, ref
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.clock import Clock, JumpHandle, JumpThreshold, TimeJump
-from rclpy.context import Context
 from rclpy.duration import Duration
 from rclpy.exceptions import InvalidHandle
 from rclpy.logging import get_logger
@@ -18,21 +16,20 @@ from rclpy.task import Future
 from rclpy.time import Time
 from rclpy.utilities import get_default_context
 
-from dummy_arm.tf._core.engine import debug_tuple
+from dummy_arm.tf._core.buffer_base import debug_tuple
 from dummy_arm.tf._core.times import nanoseconds, SECOND
 from dummy_arm.tf._ros.futures import PendingFutures
 from dummy_arm.tf._ros.messages import FrameGraph
+from dummy_arm.tf.buffer_core import BufferCore, message
 from dummy_arm.tf.buffer_interface import BufferInterface, NO_WAIT
-from dummy_arm.tf.message_buffer import message, MessageBufferCore
 
 
-class Buffer(MessageBufferCore, BufferInterface):
+class Buffer(BufferCore, BufferInterface):
     """
     A buffer with the API of tf2_ros.Buffer: it can wait for transforms and transform objects.
 
-    An edge connects a frame with its parent; a path is the edges between two frames. Timeouts run
-    on the wall clock, even if the node uses simulated time. In a block of
-    `with buffer.fetched():`, a lookup does not wait.
+    Timeouts run on the wall clock, even if the node uses simulated time. `BufferBase` says what
+    all buffers have in common.
     """
 
     def __init__(self, cache_time: Optional[Duration] = None, node: Optional[Node] = None, *,
@@ -40,76 +37,50 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Create an empty buffer.
 
-        :param cache_time: how long samples are kept, as in `BufferCore`; None: 10 s.
+        :param cache_time: how long samples are kept, as in `TransformBuffer`; None: 10 s.
         :param node: the node of the buffer. When a future of the buffer is done, the executor of
             the node is woken. When the clock of the node jumps back by 1 s or more, or switches
             between system time and simulated time, the buffer is cleared. If tf2_msgs is
             installed, the node gets the service `tf2_frames`, which returns all frames. None: the
             buffer has no node, and uses rclpy's default context.
-        :param max_frames: the largest number of frames; see `BufferCore`.
-        :param max_samples: the largest number of samples; see `BufferCore`.
+        :param max_frames: the largest number of frames; see `TransformBuffer`.
+        :param max_samples: the largest number of samples; see `TransformBuffer`.
         :raises TypeError: if the cache time is not a duration.
         :raises ValueError: if the cache time is negative, or `max_samples` is less than 1.
         """
-        MessageBufferCore.__init__(
-            self, cache_time, max_frames=max_frames, max_samples=max_samples)
+        BufferCore.__init__(self, cache_time, max_frames=max_frames, max_samples=max_samples)
         BufferInterface.__init__(self)
         self._futures = PendingFutures(node)
-        self.add_waiter(self._futures)
-        self._insertion.log.write = get_logger('tf2_buffer').warning
-        self._context: Optional[Context] = (
-            get_default_context() if node is None else node.context)
+        self._engine.add_waiter(self._futures)
+        self._engine.insertion.log.write = get_logger('tf2_buffer').warning
+        self._engine.is_alive = (get_default_context() if node is None else node.context).ok
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
             self.srv = _create_frames_service(node, self)
         self.jump_handle = create_jump_handle(self.clock, self)
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
-        """
-        Clear the buffer, and log a warning.
-
-        :param time_jump: the jump of the clock, as rclpy reports it; not used.
-        """
+        """Clear the buffer, and log a warning."""
         get_logger('tf2_buffer').warning('Detected jump back in time. Clearing tf buffer.')
         self.clear()
-
-    def _liveness(self) -> tuple[bool, ...]:
-        """Return the flags of `Engine`, and a flag that is True while the context is valid."""
-        return (*super()._liveness(), self._context is not None and bool(self._context.ok()))
-
-    def after_fork_in_child(self, was_held: bool) -> None:
-        """
-        Drop the sources, futures, context and logger, which work in the parent process only.
-
-        :param was_held: as in `Engine`: False if the data may be inconsistent.
-
-        :meta private:
-        """
-        super().after_fork_in_child(was_held)
-        self._context = None
-        # The loggers of rclpy have locks that other threads may have held during the fork.
-        self._insertion.log.write = logging.getLogger('dummy_arm.tf').warning
-        self._futures = PendingFutures(None)
-        self.add_waiter(self._futures)
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: Time,
                          timeout: Duration = NO_WAIT) -> TransformStamped:
         """
         Return the pose of the source frame in the target frame.
 
-        :param target_frame: the frame in which the result is expressed.
-        :param source_frame: the frame whose pose is looked up.
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :returns: the transform from the source frame to the target frame, stamped with its time.
-        :raises TransformException: if there is no such transform; the class of the error says why.
+        :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
         if timeout is NO_WAIT:
             return self.lookup_transform_core(target_frame, source_frame, time)
-        return message(target_frame, source_frame, self._wait(
-            _seconds(timeout), self._lookups.pose, target_frame, source_frame, nanoseconds(time)))
+        return message(target_frame, source_frame, self._engine.wait(
+            _seconds(timeout), self._engine.lookups.pose, target_frame, source_frame,
+            nanoseconds(time)))
 
     def lookup_transform_full(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
@@ -120,33 +91,29 @@ class Buffer(MessageBufferCore, BufferInterface):
         The source frame is located in the fixed frame at `source_time`, and the target frame is
         located in the fixed frame at `target_time`.
 
-        :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
             which every edge between the target frame and the fixed frame has data.
-        :param source_frame: the frame whose pose is looked up.
         :param source_time: time of the source frame; a zero Time: the latest time for
             which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
         :param timeout: how long to wait for the transform at most, on the wall clock.
         :returns: the transform from the source frame to the target frame. Its stamp is the time of
             the target frame.
-        :raises TransformException: if there is no such transform; the class of the error says why.
+        :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        return message(target_frame, source_frame, self._wait(
-            _seconds(timeout), self._lookups.pose_full, target_frame, nanoseconds(target_time),
-            source_frame, nanoseconds(source_time), fixed_frame))
+        return message(target_frame, source_frame, self._engine.wait(
+            _seconds(timeout), self._engine.lookups.pose_full, target_frame,
+            nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame))
 
     async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                      timeout: Optional[Duration] = None) -> TransformStamped:
         """
         Wait for a transform, and return the transform.
 
-        This method is a coroutine: it does not block the thread.
+        This method is a coroutine with the parameters of `lookup_transform`: it does not block the
+        thread.
 
-        :param target_frame: as in `lookup_transform`.
-        :param source_frame: as in `lookup_transform`.
-        :param time: as in `lookup_transform`.
         :param timeout: how long to wait at most, on the wall clock; None: no limit.
         :returns: the transform from the source frame to the target frame.
         :raises TimeoutException: if the transform is still not available after the timeout.
@@ -160,13 +127,9 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Wait for a transform between two times, and return the transform.
 
-        This method is a coroutine: it does not block the thread.
+        This method is a coroutine with the parameters of `lookup_transform_full`: it does not
+        block the thread.
 
-        :param target_frame: as in `lookup_transform_full`.
-        :param target_time: as in `lookup_transform_full`.
-        :param source_frame: as in `lookup_transform_full`.
-        :param source_time: as in `lookup_transform_full`.
-        :param fixed_frame: as in `lookup_transform_full`.
         :param timeout: how long to wait at most, on the wall clock; None: no limit.
         :returns: the transform from the source frame to the target frame.
         :raises TimeoutException: if the transform is still not available after the timeout.
@@ -181,8 +144,6 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Return whether `lookup_transform` would return a transform.
 
-        :param target_frame: the frame in which the result is expressed.
-        :param source_frame: the frame whose pose is looked up.
         :param time: time of the transform; a zero Time: the latest time for which every edge on
             the path has data.
         :param timeout: how long to wait for the transform at most, on the wall clock.
@@ -191,8 +152,9 @@ class Buffer(MessageBufferCore, BufferInterface):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = self._why_not(_seconds(timeout), self._lookups.check, target_frame, source_frame,
-                              nanoseconds(time))
+        error = self._engine.why_not(
+            _seconds(timeout), self._engine.lookups.check, target_frame, source_frame,
+            nanoseconds(time))
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def can_transform_full(
@@ -202,10 +164,8 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Return whether `lookup_transform_full` would return a transform.
 
-        :param target_frame: the frame in which the result is expressed.
         :param target_time: time of the target frame; a zero Time: the latest time for
             which every edge between the target frame and the fixed frame has data.
-        :param source_frame: the frame whose pose is looked up.
         :param source_time: time of the source frame; a zero Time: the latest time for
             which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
@@ -215,9 +175,9 @@ class Buffer(MessageBufferCore, BufferInterface):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = self._why_not(
-            _seconds(timeout), self._lookups.check_full, target_frame, nanoseconds(target_time),
-            source_frame, nanoseconds(source_time), fixed_frame)
+        error = self._engine.why_not(
+            _seconds(timeout), self._engine.lookups.check_full, target_frame,
+            nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame)
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time,
@@ -228,9 +188,6 @@ class Buffer(MessageBufferCore, BufferInterface):
         To stop waiting, cancel the future. If the future has no done callback, it is enough to
         drop the last reference to the future.
 
-        :param target_frame: as in `lookup_transform`.
-        :param source_frame: as in `lookup_transform`.
-        :param time: as in `lookup_transform`.
         :param timeout: the time, on the wall clock, after which the future ends with a
             TimeoutException; None: no limit.
         :returns: a future whose result is the TransformStamped. If the transform is already
@@ -247,11 +204,6 @@ class Buffer(MessageBufferCore, BufferInterface):
         """
         Return a future that is completed when a transform between two times is available.
 
-        :param target_frame: as in `lookup_transform_full`.
-        :param target_time: as in `lookup_transform_full`.
-        :param source_frame: as in `lookup_transform_full`.
-        :param source_time: as in `lookup_transform_full`.
-        :param fixed_frame: as in `lookup_transform_full`.
         :param timeout: as in `wait_for_transform_async`.
         :returns: a future, as in `wait_for_transform_async`.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
@@ -262,17 +214,15 @@ class Buffer(MessageBufferCore, BufferInterface):
 
     def _create_future(self, lookup: Callable[[], TransformStamped], timeout: Optional[Duration],
                        source_frame: str, target_frame: str) -> Future:
-        """Create a future for a lookup, and wake the sources if the future is not done yet."""
         future = self._futures.add(
             lookup, None if timeout is None else _seconds(timeout),
             f"the transform from '{source_frame}' to '{target_frame}'")
         if not future.done():
-            self.wake_sources()
+            self._engine.wake_sources()
         return future
 
 
 def _seconds(timeout: Duration) -> float:
-    """Convert a timeout to seconds."""
     return nanoseconds(timeout, 'timeout') / SECOND
 
 
@@ -284,25 +234,15 @@ class _HasJumpCallback(Protocol):
     """An object with the method `time_jump_callback`."""
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
-        """
-        Clear the object.
-
-        :param time_jump: the jump of the clock.
-        """
+        """Clear the object."""
 
 
 def create_jump_handle(clock: Clock, owner: _HasJumpCallback) -> JumpHandle:
     """
     Register the method `time_jump_callback` of an object with a clock.
 
-    The method is called when the clock jumps back by 1 s or more, or when the clock switches
-    between system time and simulated time.
-
-    :param clock: the clock; it does not keep the object alive.
-    :param owner: the object.
-    :returns: the handle, which is unregistered when the object is deleted.
-
-    :meta private:
+    It is called when the clock jumps back by 1 s or more, or switches between system time and
+    simulated time. The clock does not keep the owner alive.
     """
     handle = clock.create_jump_callback(
         JumpThreshold(min_forward=None, min_backward=Duration(seconds=-1), on_clock_change=True),
@@ -314,7 +254,6 @@ def create_jump_handle(clock: Clock, owner: _HasJumpCallback) -> JumpHandle:
 
 
 def _create_frames_service(node: Node, buffer: Buffer) -> Any:
-    """Create the service `tf2_frames`, or return None if tf2_msgs is not installed."""
     if FrameGraph is None:
         return None
     return node.create_service(FrameGraph, 'tf2_frames', partial(_on_frames_request, ref(buffer)))

@@ -1,196 +1,246 @@
-"""A buffer that needs no ROS: it stores and looks up transforms, with the results of tf2."""
+"""A buffer like that of tf2_py: it uses the messages of ROS, has no node and does not wait."""
 
-from typing import Any, Optional, Union
+from typing import Optional
 
-from dummy_arm.tf._core.engine import debug_tuple, Engine
-from dummy_arm.tf._core.times import nanoseconds_or_int, SECOND
-from dummy_arm.tf.transform import Transform
+try:
+    from geometry_msgs.msg import TransformStamped
+    from rclpy.duration import Duration
+    from rclpy.time import Time
+except ModuleNotFoundError as error:
+    raise ImportError('BufferCore needs ROS (rclpy, geometry_msgs); without ROS, use '
+                      'dummy_arm.tf.TransformBuffer') from error
+
+from dummy_arm.tf._core.buffer_base import BufferBase, debug_tuple
+from dummy_arm.tf._core.frames import as_dot
+from dummy_arm.tf._core.pose import Pose, Row
+from dummy_arm.tf._core.times import nanoseconds, SECOND
+from dummy_arm.tf._core.velocity import tf2_velocity
+from dummy_arm.tf._ros.transform_stamped import explain_bad_fields, message_of, row_of
+from dummy_arm.tf.transform import Transform, Vector
+
+_LATEST = Time()
 
 
-class BufferCore(Engine):
+class BufferCore(BufferBase):
     """
-    A buffer that keeps transforms for the cache time, and looks up the poses of frames.
+    A buffer with the API of tf2_py.BufferCore, for TransformStamped messages and rclpy's times.
 
-    Frame ids have no leading slash. A time or a duration is an int (ns), or an object that has
-    either the attribute `nanoseconds` or the attributes `sec` and `nanosec`. An edge connects a
-    frame with its parent; a path is the edges between two frames. In a lookup, time 0 means the
-    latest time for which every edge on the path has data. All methods may be called in any thread.
-
-    A lookup that fails raises a subclass of TransformException:
-
-    - LookupException: a frame does not exist, its ancestors form a loop, or it has more than 1000
-      ancestors.
-    - InvalidArgumentException: a frame id is empty or has a leading slash.
-    - ConnectivityException: the frames are in different trees.
-    - ExtrapolationException: an edge on the path has no data for the requested time.
-
-    If the target frame and the source frame are the same, `lookup_transform` returns the identity,
-    even if the frame does not exist.
+    A time may be a Time of rclpy or a Time message. `BufferBase` says what all buffers have in
+    common.
     """
 
-    def __init__(self, cache_time: Any = 10 * SECOND, *, max_frames: int = 100_000,
+    def __init__(self, cache_time: Optional[Duration] = None, *, max_frames: int = 100_000,
                  max_samples: Optional[int] = 10_000_000) -> None:
         """
         Create an empty buffer.
 
-        :param cache_time: how long samples are kept (ns). A sample is the pose of a frame in its
-            parent at one stamp. A sample is dropped when it is older than the newest sample of the
-            same frame by more than `cache_time`.
-        :param max_frames: the largest number of frames; a transform that would add another frame
-            is refused.
-        :param max_samples: the largest number of dynamic samples of all frames together; a sample
-            takes 60 to 100 bytes. At this limit, a new sample replaces the oldest sample of the
-            same frame. There is also a limit for each single frame: 10 000 samples for each second
-            of the cache time. None: neither of these two limits applies.
+        :param cache_time: how long samples are kept, as in `TransformBuffer`; None: 10 s.
+        :param max_frames: the largest number of frames; see `TransformBuffer`.
+        :param max_samples: the largest number of samples; see `TransformBuffer`.
         :raises TypeError: if the cache time is not a duration.
         :raises ValueError: if the cache time is negative, or `max_samples` is less than 1.
         """
-        super().__init__(cache_time, max_frames, max_samples)
+        super().__init__(10 * SECOND if cache_time is None else cache_time, max_frames,
+                         max_samples)
 
-    def set_transform(self, transform: Transform, authority: str = 'default_authority') -> bool:
+    def set_transform(self, transform: TransformStamped, authority: str = 'default_authority'
+                      ) -> None:
         """
         Insert a dynamic transform: the pose of a frame at the transform's stamp.
 
-        One leading slash is removed from each frame id.
+        A transform that tf2 refuses is refused here, too; the log says why.
 
         :param transform: the transform; its rotation is normalised.
-        :param authority: the name of the publisher, shown by `frames`.
-        :returns: False if the transform was refused, otherwise True. The log says why a transform
-            was refused.
-        :raises TypeError: if `transform` is not a Transform, or if a field of it has a wrong type.
-        :raises ValueError: if the translation and the rotation do not have seven numbers in total.
-        :raises OverflowError: if the stamp does not fit an int64.
+        :param authority: the name of the publisher, shown by `all_frames_as_yaml`.
+        :raises TypeError: if `transform` is not a TransformStamped.
+        :raises ValueError: if a field of the transform has a value of a wrong type, or a number
+            that does not fit the field.
         """
-        return self._set(transform, authority, False)
+        self._set(transform, authority, False)
 
-    def set_transform_static(self, transform: Transform, authority: str = 'default_authority'
-                             ) -> bool:
+    def set_transform_static(self, transform: TransformStamped,
+                             authority: str = 'default_authority') -> None:
         """
         Insert a static transform: the pose of a frame at all times.
 
         The stamp of the transform is not used.
 
-        :param transform: as in `set_transform`.
-        :param authority: as in `set_transform`.
-        :returns: False if the transform was refused, otherwise True. The log says why a transform
-            was refused.
-        :raises TypeError: as `set_transform`.
-        :raises ValueError: as `set_transform`.
-        :raises OverflowError: as `set_transform`.
         """
-        return self._set(transform, authority, True)
+        self._set(transform, authority, True)
 
-    def _set(self, transform: Transform, authority: str, is_static: bool) -> bool:
-        if not isinstance(transform, Transform):
-            raise TypeError('a BufferCore takes a Transform (and a Buffer a TransformStamped), '
-                            f'got {type(transform).__name__}')
-        return self.insert(transform.stamp, transform.frame_id, transform.child_frame_id,
-                           (*transform.translation, *transform.rotation), authority, is_static)
+    def _set(self, transform: TransformStamped, authority: str, is_static: bool) -> None:
+        if isinstance(transform, Transform):
+            raise TypeError(
+                f'a {type(self).__name__} takes a TransformStamped, got a Transform; a '
+                'TransformBuffer takes Transforms')
+        with explain_bad_fields([transform], accepts_clock_time=True):
+            self._engine.insert(*row_of(transform), authority, is_static)
 
-    def lookup_transform(self, target_frame: str, source_frame: str, time: Any = 0,
-                         timeout: Any = 0) -> Transform:
+    def lookup_transform_core(self, target_frame: str, source_frame: str, time: Time
+                              ) -> TransformStamped:
         """
-        Return the pose of the source frame in the target frame.
+        Return the pose of the source frame in the target frame, without waiting.
 
-        :param target_frame: the frame in which the result is expressed.
-        :param source_frame: the frame whose pose is looked up.
-        :param time: time of the transform (ns); 0: the latest time for which every edge on the
-            path has data.
-        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :returns: the transform from the source frame to the target frame, stamped with its time.
-        :raises TransformException: if there is no such transform; the class of the error says why.
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        :param time: time of the transform; a zero Time: the latest time for which every edge on
+            the path has data.
+        :returns: the transform from the source frame to the target frame.
+        :raises TransformException: if there is no such transform.
+        :raises TypeError: if a frame or the time has a wrong type.
         """
-        stamp, pose = self._wait(_seconds(timeout), self._lookups.pose, target_frame, source_frame,
-                                 nanoseconds_or_int(time))
-        return Transform(stamp, target_frame, source_frame, pose[:3], pose[3:])
+        return message(target_frame, source_frame, self._engine.look(
+            self._engine.lookups.pose, target_frame, source_frame, nanoseconds(time)))
 
-    def lookup_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
-                              source_time: Any, fixed_frame: str, timeout: Any = 0) -> Transform:
+    def lookup_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
+                                   source_time: Time, fixed_frame: str) -> TransformStamped:
         """
         Return the pose of the source frame at one time, in the target frame at another time.
 
-        The source frame is located in the fixed frame at `source_time`, and the target frame is
-        located in the fixed frame at `target_time`.
+        This method does not wait. The source frame is located in the fixed frame at `source_time`,
+        and the target frame is located in the fixed frame at `target_time`.
 
-        :param target_frame: the frame in which the result is expressed.
-        :param target_time: time of the target frame (ns); 0: the latest time for
+        :param target_time: time of the target frame; a zero Time: the latest time for
             which every edge between the target frame and the fixed frame has data.
-        :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame (ns); 0: the latest time for
+        :param source_time: time of the source frame; a zero Time: the latest time for
             which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
         :returns: the transform from the source frame to the target frame. Its stamp is the time of
             the target frame.
-        :raises TransformException: if there is no such transform; the class of the error says why.
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        :raises TransformException: if there is no such transform.
+        :raises TypeError: if a frame or a time has a wrong type.
         """
-        stamp, pose = self._wait(
-            _seconds(timeout), self._lookups.pose_full, target_frame,
-            nanoseconds_or_int(target_time), source_frame, nanoseconds_or_int(source_time),
-            fixed_frame)
-        return Transform(stamp, target_frame, source_frame, pose[:3], pose[3:])
+        return message(target_frame, source_frame, self._engine.look(
+            self._engine.lookups.pose_full, target_frame, nanoseconds(target_time), source_frame,
+            nanoseconds(source_time), fixed_frame))
 
-    def can_transform(self, target_frame: str, source_frame: str, time: Any = 0,
-                      timeout: Any = 0, return_debug_tuple: bool = False
-                      ) -> Union[bool, tuple[bool, str]]:
+    def can_transform_core(self, target_frame: str, source_frame: str, time: Time
+                           ) -> tuple[bool, str]:
         """
-        Return whether `lookup_transform` would return a transform.
+        Return whether `lookup_transform_core` would return a transform.
 
-        :param target_frame: the frame in which the result is expressed.
-        :param source_frame: the frame whose pose is looked up.
-        :param time: time of the transform (ns); 0: the latest time for which every edge on the
-            path has data.
-        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :param return_debug_tuple: True: return the text of the error, too.
-        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
-            this bool and the text of the error ('' if there is no error).
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        :param time: time of the transform; a zero Time: the latest time for which every edge on
+            the path has data.
+        :returns: a tuple: whether the transform is available, and the text of the error ('' if
+            there is no error).
+        :raises TypeError: if a frame or the time has a wrong type.
         """
-        error = self._why_not(_seconds(timeout), self._lookups.check, target_frame, source_frame,
-                              nanoseconds_or_int(time))
-        return debug_tuple(error) if return_debug_tuple else error is None
+        return debug_tuple(self._engine.why_not(
+            0.0, self._engine.lookups.check, target_frame, source_frame, nanoseconds(time)))
 
-    def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
-                           source_time: Any, fixed_frame: str, timeout: Any = 0,
-                           return_debug_tuple: bool = False) -> Union[bool, tuple[bool, str]]:
+    def can_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
+                                source_time: Time, fixed_frame: str) -> tuple[bool, str]:
         """
-        Return whether `lookup_transform_full` would return a transform.
+        Return whether `lookup_transform_full_core` would return a transform.
 
-        :param target_frame: the frame in which the result is expressed.
-        :param target_time: time of the target frame (ns); 0: the latest time for
+        :param target_time: time of the target frame; a zero Time: the latest time for
             which every edge between the target frame and the fixed frame has data.
-        :param source_frame: the frame whose pose is looked up.
-        :param source_time: time of the source frame (ns); 0: the latest time for
+        :param source_time: time of the source frame; a zero Time: the latest time for
             which every edge between the source frame and the fixed frame has data.
         :param fixed_frame: a frame that does not move between the two times.
-        :param timeout: how long to wait for the transform at most, on the wall clock (ns).
-        :param return_debug_tuple: True: return the text of the error, too.
-        :returns: whether the transform is available. If `return_debug_tuple` is True: a tuple of
-            this bool and the text of the error ('' if there is no error).
-        :raises TypeError: if a frame, a time or the timeout has a wrong type.
+        :returns: a tuple: whether the transform is available, and the text of the error ('' if
+            there is no error).
+        :raises TypeError: if a frame or a time has a wrong type.
         """
-        error = self._why_not(
-            _seconds(timeout), self._lookups.check_full, target_frame,
-            nanoseconds_or_int(target_time), source_frame, nanoseconds_or_int(source_time),
-            fixed_frame)
-        return debug_tuple(error) if return_debug_tuple else error is None
+        return debug_tuple(self._engine.why_not(
+            0.0, self._engine.lookups.check_full, target_frame, nanoseconds(target_time),
+            source_frame, nanoseconds(source_time), fixed_frame))
 
-    def get_latest_common_time(self, target_frame: str, source_frame: str) -> int:
+    def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time:
         """
         Return the latest time for which every edge on the path between two frames has data.
 
-        :param target_frame: the frame at one end of the path.
-        :param source_frame: the frame at the other end.
-        :returns: the latest time (ns); 0 if all edges are static. If both frames are the same:
-            the stamp of the newest sample of this frame, or 0 if the frame has no dynamic samples.
-        :raises TransformException: if there is no path; the class of the error says why.
+        :returns: the latest time; a zero Time if all edges are static. If both frames are the
+            same: the stamp of the newest sample of this frame, or a zero Time if the frame has no
+            dynamic samples.
+        :raises TransformException: if there is no path.
         :raises TypeError: if a frame is not a str.
         """
-        return self._pull_and_call(self._lookups.latest_common_time, target_frame, source_frame)
+        return Time(nanoseconds=self._engine.look(
+            self._engine.lookups.latest_common_time, target_frame, source_frame))
+
+    def lookupVelocityCore(  # noqa: N802
+            self, tracking_frame: str, observation_frame: str, time: Time,
+            averaging_interval: Duration) -> tuple[Vector, Vector]:
+        """
+        Return what lookupVelocityCore of tf2_py returns; use `lookup_twist` in new programs.
+
+        tf2 computes the velocity of the tracking frame as seen in the observation frame. But tf2
+        then rotates the velocity by the rotation of the tracking frame, and adds a cross product.
+        So the result is the velocity only if the tracking frame does not rotate and has the
+        orientation of the observation frame.
+
+        :param tracking_frame: the frame that moves.
+        :param observation_frame: the frame in which its poses are looked up.
+        :param time: the middle of the averaging interval.
+        :param averaging_interval: the length of the interval. If the data end within the interval,
+            an interval of the same length that ends with the data is used instead.
+        :returns: two vectors x, y, z: the linear velocity (m/s) and the angular velocity (rad/s).
+        :raises TransformException: if there is no transform; the class of the error says why.
+        :raises TypeError: if a frame is not a str, or the time or the interval has a wrong type.
+        :raises ValueError: if the interval is too short.
+        """
+        return self.lookupVelocityFullCore(
+            tracking_frame, observation_frame, observation_frame, (0.0, 0.0, 0.0), tracking_frame,
+            time, averaging_interval)
+
+    def lookupVelocityFullCore(  # noqa: N802
+            self, tracking_frame: str, observation_frame: str, reference_frame: str,
+            reference_point: Vector, reference_point_frame: str, time: Time,
+            averaging_interval: Duration) -> tuple[Vector, Vector]:
+        """
+        Return what lookupVelocityFullCore of tf2_py returns; see `lookupVelocityCore`.
+
+        Where tf2 moves the velocity to the reference point, it multiplies two vectors element by
+        element; a cross product would be right.
+
+        :param tracking_frame: the frame that moves.
+        :param observation_frame: the frame in which its poses are looked up.
+        :param reference_frame: the frame in which the result is expressed.
+        :param reference_point: x, y, z (m) of the reference point, in `reference_point_frame`.
+        :param reference_point_frame: the frame of the reference point.
+        :returns: as `lookupVelocityCore`.
+        """
+        x, y, z = map(float, reference_point)
+        return self._engine.look(
+            tf2_velocity, self._engine.lookups, tracking_frame, observation_frame, reference_frame,
+            (x, y, z), reference_point_frame, nanoseconds(time),
+            nanoseconds(averaging_interval, 'averaging_interval'))
+
+    def _chain(self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
+               fixed_frame: str) -> list[str]:
+        """
+        Return the frames on the path from the source frame to the target frame.
+
+        The path leads via the fixed frame.
+        """
+        return self._engine.look(
+            self._engine.lookups.chain, target_frame, nanoseconds(target_time), source_frame,
+            nanoseconds(source_time), fixed_frame)
+
+    def _allFramesAsDot(self, time: Time = _LATEST) -> str:  # noqa: N802
+        """Return tf2's DOT graph of all frames; if `time` is not zero, it shows transform ages."""
+        return as_dot(self.frames(), self.frame_names(), nanoseconds(time))
+
+    def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
+        """Return whether the buffer has a frame of this name."""
+        return self._engine.look(self._engine.tree.histories.__contains__, frame_id)
+
+    def _getFrameStrings(self) -> list[str]:  # noqa: N802
+        """Return the names of all frames."""
+        return self.frame_names()
 
 
-def _seconds(timeout: Any) -> float:
-    """Convert a timeout to seconds."""
-    return nanoseconds_or_int(timeout, 'timeout') / SECOND
+def message(target_frame: str, source_frame: str, answer: tuple[int, Pose]) -> TransformStamped:
+    """
+    Convert the result of a lookup to a message.
+
+    :param target_frame: the frame in which the pose is expressed; the `frame_id` of the message.
+    :param source_frame: the frame whose pose was looked up; the `child_frame_id` of the message.
+    :param answer: the result of the lookup: the time (ns) and the pose. The pose is x, y, z (m)
+        and the quaternion x, y, z, w.
+    :returns: the message.
+    """
+    return message_of(Row(answer[0], target_frame, source_frame, answer[1]))
+
+
+#: The name that this class had while `BufferCore` was the buffer without ROS.
+MessageBufferCore = BufferCore

@@ -1,9 +1,4 @@
-"""
-The exceptions of tf2.
-
-The text of a lookup error begins with the words of tf2. A hint may follow these words.
-"""
-
+"""The exceptions of tf2; the text of a lookup error is the words of tf2, and perhaps a hint."""
 
 from collections.abc import Callable
 from typing import Any, Optional, TypeVar
@@ -15,26 +10,6 @@ class TransformException(Exception):
     """Base class of the errors of a lookup."""
 
     _hint: Optional[Callable[[], str]] = None
-
-    @classmethod
-    def with_hint(cls: type[_Error], words: str, hint: Callable[[], str]) -> _Error:
-        """
-        Create an error whose text ends with a hint.
-
-        The hint is computed only when the text is first read, because many texts are never read:
-        while a lookup or a future waits for a transform, many errors are raised and discarded.
-
-        :param words: the words of tf2.
-        :param hint: a function that returns the hint, which is appended to `words`. The function
-            is called in the thread that first reads the text. This can be any thread that does
-            not hold the lock of the buffer.
-        :returns: the error.
-
-        :meta private:
-        """
-        error = cls(words)
-        error._hint = hint
-        return error
 
     def __str__(self) -> str:
         if self._hint is not None:
@@ -68,3 +43,14 @@ class InvalidArgumentException(TransformException):
 
 class TimeoutException(TransformException):
     """The transform is still not available when the timeout of a future expires."""
+
+
+def with_hint(error: _Error, hint: Callable[[], str]) -> _Error:
+    """
+    Append a hint to the text of an error; it is computed when the text is first read.
+
+    While a lookup or a future waits, many errors are raised and discarded. The thread that reads
+    the text must not hold the lock of the buffer.
+    """
+    error._hint = hint
+    return error

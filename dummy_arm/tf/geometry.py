@@ -1,11 +1,9 @@
 """
 Functions that apply a transform to points, vectors, poses, polygons and point clouds.
 
-The functions have the same names and results as in tf2_geometry_msgs. `do_transform_cloud` has the
-same name and results as in tf2_sensor_msgs.
-
-Each function takes a transform whose child frame is the frame of the data. The result is expressed
-in the parent frame of the transform. A result with a header has the header of the transform.
+Names and results are those of tf2_geometry_msgs and tf2_sensor_msgs. The data are in the child
+frame of the transform; their header is ignored. The result is in the parent frame of the
+transform, and has the header of the transform. Coordinates are in m.
 """
 
 from array import array
@@ -32,80 +30,55 @@ from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 from dummy_arm.tf import rotations
-from dummy_arm.tf._core.pose import compose, normalized
+from dummy_arm.tf._core.composition import compose, normalized
 from dummy_arm.tf._core.pose import Pose as FramePose
-from dummy_arm.tf.buffer_interface import from_msg_msg as from_msg_msg
-from dummy_arm.tf.buffer_interface import register_default
-from dummy_arm.tf.buffer_interface import to_msg_msg as to_msg_msg
 
-#: If the squared norm of a quaternion is less than this, the quaternion is replaced by the
-#: identity, as in tf2_geometry_msgs.
+#: A quaternion with a smaller squared norm is replaced by the identity, as in tf2_geometry_msgs.
 _NO_ROTATION = 2.0 ** -52
 _IDENTITY = (0.0, 0.0, 0.0, 1.0)
-#: The datatypes that the fields x, y and z of a cloud may have: each with its name in numpy and
-#: its size (bytes).
+#: The datatypes of x, y and z: the name in numpy, and the size (bytes).
 _TYPES = {PointField.FLOAT32: ('f4', 4), PointField.FLOAT64: ('f8', 8)}
 
 
-def do_transform_point(point: PointStamped, transform: TransformStamped) -> PointStamped:
-    """
-    Transform a point.
+def to_msg_msg(msg: Any) -> Any:
+    """Return a message unchanged: what is a message needs no conversion to a message."""
+    return msg
 
-    :param point: the point, in the child frame of the transform; its header is ignored.
-    :param transform: the transform.
-    :returns: the point in the parent frame of the transform.
-    """
+
+def from_msg_msg(msg: Any) -> Any:
+    """Return a message unchanged: what is a message needs no conversion from a message."""
+    return msg
+
+
+def do_transform_point(point: PointStamped, transform: TransformStamped) -> PointStamped:
+    """Transform a point."""
     x, y, z = _transform_xyz(point.point, _pose_of(transform))
     return PointStamped(header=_header(transform), point=Point(x=x, y=y, z=z))
 
 
 def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -> Vector3Stamped:
-    """
-    Rotate a vector; the translation of the transform does not apply to vectors.
-
-    :param vector3: the vector, in the child frame of the transform; its header is ignored.
-    :param transform: the transform.
-    :returns: the vector in the parent frame of the transform.
-    """
+    """Rotate a vector; the translation of the transform does not apply to vectors."""
     rotation_only = (0.0, 0.0, 0.0, *_rotation(transform.transform.rotation))
     x, y, z = _transform_xyz(vector3.vector, rotation_only)
     return Vector3Stamped(header=_header(transform), vector=Vector3(x=x, y=y, z=z))
 
 
 def do_transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
-    """
-    Transform a pose.
-
-    :param pose: the pose, in the child frame of the transform.
-    :param transform: the transform.
-    :returns: the pose in the parent frame of the transform; its quaternion has w >= 0.
-    """
+    """Transform a pose; the quaternion of the result has w >= 0."""
     x, y, z, *rotation = compose(_pose_of(transform), _pose(pose.position, pose.orientation))
     qx, qy, qz, qw = rotation if rotation[3] >= 0.0 else [-number for number in rotation]
     return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
 
 
 def do_transform_pose_stamped(pose: PoseStamped, transform: TransformStamped) -> PoseStamped:
-    """
-    Transform a stamped pose.
-
-    :param pose: the pose, in the child frame of the transform; its header is ignored.
-    :param transform: the transform.
-    :returns: the pose in the parent frame of the transform; its quaternion has w >= 0.
-    """
+    """Transform a stamped pose; the quaternion of the result has w >= 0."""
     return PoseStamped(header=_header(transform), pose=do_transform_pose(pose.pose, transform))
 
 
 def do_transform_pose_with_covariance_stamped(
         pose: PoseWithCovarianceStamped, transform: TransformStamped
         ) -> PoseWithCovarianceStamped:
-    """
-    Transform a pose and its covariance.
-
-    :param pose: the pose, in the child frame of the transform; its header is ignored.
-    :param transform: the transform.
-    :returns: the pose and its covariance, in the parent frame of the transform.
-    """
+    """Transform a pose and its covariance."""
     result = PoseWithCovarianceStamped(header=_header(transform))
     result.pose.pose = do_transform_pose(pose.pose.pose, transform)
     result.pose.covariance = transform_covariance(pose.pose.covariance, transform)
@@ -114,13 +87,7 @@ def do_transform_pose_with_covariance_stamped(
 
 def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformStamped
                                  ) -> PolygonStamped:
-    """
-    Transform the points of a polygon.
-
-    :param polygon: the polygon, in the child frame of the transform; its header is ignored.
-    :param transform: the transform.
-    :returns: the polygon in the parent frame of the transform.
-    """
+    """Transform the points of a polygon."""
     result, pose = PolygonStamped(header=_header(transform)), _pose_of(transform)
     for point in polygon.polygon.points:
         x, y, z = _transform_xyz(point, pose)
@@ -132,16 +99,13 @@ def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDAr
     """
     Rotate the covariance matrix of a pose.
 
-    The result is R C R^T, where C is the given matrix. R is a block-diagonal matrix with two
-    blocks; each block is the rotation matrix of the transform. See A. Leon-Garcia, Probability,
-    Statistics, and Random Processes for Electrical Engineering, 3rd ed., 2008, section 6.3.
+    The result is R C R^T, where C is the given matrix, and the two blocks of the block-diagonal
+    matrix R are the rotation matrix of the transform. See A. Leon-Garcia, Probability, Statistics,
+    and Random Processes for Electrical Engineering, 3rd ed., 2008, section 6.3.
 
-    :param cov_in: (36,): the six rows of C, one after the other. C is the covariance of x, y, z
-        (m) and of the rotations about the x, y and z axes (rad), in the child frame of the
-        transform.
-    :param transform: the transform.
-    :returns: (36,) float64: the six rows of the result, one after the other. The result is the
-        covariance in the parent frame of the transform.
+    :param cov_in: (36,): the rows of the covariance of x, y, z (m) and of the rotations about the
+        x, y and z axes (rad).
+    :returns: (36,) float64.
     """
     rotation = np.kron(np.eye(2), rotations.matrix(_rotation(transform.transform.rotation)))
     rotated: NDArray[np.float64] = rotation @ np.reshape(cov_in, (6, 6)) @ rotation.T
@@ -149,7 +113,7 @@ def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDAr
 
 
 def _header(transform: TransformStamped) -> Header:
-    """Return a copy of the header, so that a result does not share the transform's header."""
+    """Return a copy, so that a result does not share the transform's header."""
     header = transform.header
     return Header(stamp=copy(header.stamp), frame_id=header.frame_id)
 
@@ -168,7 +132,6 @@ def _pose(position: Union[Point, Vector3], orientation: Quaternion) -> FramePose
 
 
 def _rotation(orientation: Quaternion) -> rotations.Quaternion:
-    """Return a rotation as a unit quaternion; for the zero quaternion, return the identity."""
     x, y, z, w = orientation.x, orientation.y, orientation.z, orientation.w
     if x * x + y * y + z * z + w * w < _NO_ROTATION:
         return _IDENTITY
@@ -180,13 +143,10 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
     """
     Transform x, y and z of the points of a cloud; all other fields are copied.
 
-    :param cloud: a cloud of any layout; its fields x, y, z have the datatype FLOAT32 or FLOAT64.
-        If a coordinate of a point is NaN, the three coordinates of this point are NaN in the
-        result.
-    :param transform: a transform whose child frame is the frame of the cloud.
-    :returns: a new cloud, which does not share its data with the given cloud. The new cloud has
-        the header of the transform. If `transform` is a Transform, which has no header, the new
-        cloud has the header of the given cloud.
+    :param cloud: a cloud of any layout, with x, y, z of the datatype FLOAT32 or FLOAT64. If one
+        of them is NaN, all three are NaN in the result.
+    :returns: a new cloud, with data of its own. If `transform` is a Transform, which has no
+        header, the header is that of the given cloud.
     :raises ValueError: if one of the fields x, y, z is missing or has another datatype, or if the
         layout does not fit the data.
     """
@@ -209,11 +169,10 @@ def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, Transform
 
 def transform_points(point_cloud: ArrayLike, transform: Transform) -> NDArray[np.float64]:
     """
-    Transform points in an array.
+    Transform an array of points.
 
-    :param point_cloud: (n, 3): x, y, z (m) of the points, in the child frame of the transform.
-    :param transform: the transform.
-    :returns: (n, 3) float64: the points in the parent frame of the transform.
+    :param point_cloud: (n, 3): x, y, z (m).
+    :returns: (n, 3) float64.
     :raises ValueError: if the array has another shape.
     """
     points = np.asarray(point_cloud, np.float64)
@@ -243,11 +202,3 @@ def _column(cloud: PointCloud2, name: str, data: 'array[int]') -> NDArray[np.flo
         (rows, columns), ('>' if cloud.is_bigendian else '<') + kind, data,
         field.offset if rows * columns else 0, (row_step, point_step))
     return view
-
-
-register_default(PointStamped, do_transform_point)
-register_default(Vector3Stamped, do_transform_vector3)
-register_default(PoseStamped, do_transform_pose_stamped)
-register_default(PoseWithCovarianceStamped, do_transform_pose_with_covariance_stamped)
-register_default(PolygonStamped, do_transform_polygon_stamped)
-register_default(PointCloud2, do_transform_cloud)

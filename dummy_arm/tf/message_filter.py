@@ -20,18 +20,18 @@ from rclpy.node import Node
 from rclpy.subscription import Subscription
 from rclpy.timer import Timer
 
-from dummy_arm.tf._core.texts import logged, ThrottledLog, visible
+from dummy_arm.tf._core.engine import engine_of
+from dummy_arm.tf._core.texts import in_log, ThrottledLog, visible
 from dummy_arm.tf._core.times import display_time, nanoseconds, nanoseconds_or_int, SECOND
 from dummy_arm.tf._ros.rclpy_private import guard_condition, RCLError
 from dummy_arm.tf.buffer import create_jump_handle
-from dummy_arm.tf.message_buffer import MessageBufferCore
+from dummy_arm.tf.buffer_core import BufferCore
 
-#: The shortest time between two log lines about messages dropped for the same reason (s).
-_LOG_PERIOD = 1.0
+#: The shortest time (s) between two log lines about messages dropped for the same reason, and
+#: about messages that wait.
+_LOG_PERIOD, _WAIT_LOG_PERIOD = 1.0, 10.0
 #: If the oldest message has waited for this time, it is logged why (ns).
 _LONG_WAIT = 2 * SECOND
-#: The shortest time between two log lines about messages that wait (s).
-_WAIT_LOG_PERIOD = 10.0
 #: The longest period of a timer (ns).
 _LONGEST_PERIOD = 3600 * SECOND
 
@@ -65,18 +65,18 @@ _REASON_TEXTS = {
 class _Entry(NamedTuple):
     """A message in a filter."""
 
-    stamp: int  #: the stamp of the message (ns)
+    stamp: int  #: ns
     number: int  #: counts the messages in the order of their arrival
-    frame: str  #: the frame of the message
+    frame: str
     message: Any
-    arrival: int  #: the time of arrival (ns, on the monotonic clock)
+    arrival: int  #: ns, on the monotonic clock
     reason: Optional[FilterFailureReason] = None  #: why the message was dropped
 
 
 class _Requirement(NamedTuple):
     """The transforms that a message needs."""
 
-    targets: tuple[str, ...]  #: the target frames
+    targets: tuple[str, ...]
     tolerance: int  #: ns
 
 
@@ -84,12 +84,11 @@ class MessageFilter:
     """
     A filter that holds each message back until its transforms are available.
 
-    A message has the transforms that it needs when it can be transformed to every target frame at
-    the stamp of its header. With a tolerance, this must also be possible at the stamp plus the
-    tolerance. A message that does not have its transforms yet waits in a queue. It is passed on as
-    soon as it has them; other messages that wait do not hold it back. Messages that can be passed
-    on at the same moment are passed on in the order of their stamps. In the callbacks,
-    `buffer.transform` and `buffer.lookup_transform` therefore need no timeout.
+    A message has its transforms when it can be transformed to every target frame at the stamp of
+    its header and, with a tolerance, also at the stamp plus the tolerance. Otherwise it waits in a
+    queue, and is passed on as soon as it has them; other messages that wait do not hold it back.
+    Messages that can be passed on at the same moment are passed on in the order of their stamps.
+    In the callbacks, `buffer.transform` and `buffer.lookup_transform` therefore need no timeout.
 
     The callbacks are called by the executor that spins the node, in the default callback group of
     the node. When the clock of the node jumps back by 1 s or more, or switches between system time
@@ -99,56 +98,51 @@ class MessageFilter:
     The methods have the names of tf2_ros::MessageFilter, which exists in C++ only.
     """
 
-    def __init__(self, input: Any, buffer: MessageBufferCore,  # noqa: A002
+    def __init__(self, input: Any, buffer: BufferCore,  # noqa: A002
                  target_frames: Union[str, Iterable[str]], queue_size: int, node: Node, *,
                  tolerance: Union[Duration, int] = 0,
                  buffer_timeout: Union[Duration, int, None] = None) -> None:
         """
         Create the filter, and connect it to its input.
 
-        :param input: the source of the messages: a tuple (message type, topic, QoS), an object
-            with the method `registerCallback` (such as a Subscriber of message_filters), or None.
-            None: messages are only added by `add`. A message must have a `header`.
-        :param buffer: the buffer with the transforms: a Buffer or a MessageBufferCore.
-        :param target_frames: the name of the target frame, or the names of several target frames.
-            While there is no target frame, new messages are ignored, as in tf2, and messages that
-            wait go on waiting.
+        :param input: a tuple (message type, topic, QoS), an object with the method
+            `registerCallback` (such as a Subscriber of message_filters), or None: messages are
+            only added by `add`. A message must have a `header`.
+        :param target_frames: one or several names. While there is none, new messages are ignored,
+            as in tf2, and messages that wait go on waiting.
         :param queue_size: the largest number of messages that wait; 0: any number. If the queue is
             full, the message that has waited longest is dropped.
         :param node: the node that subscribes, and whose executor calls the callbacks.
         :param tolerance: a Duration, or an int (ns). If it is not 0, a message also needs its
             transforms at its stamp plus the tolerance.
         :param buffer_timeout: how long a message waits at most, on the wall clock: a Duration, or
-            an int (ns). None: there is no limit. While a message waits, the thread of the listener
-            does not pause. So set a timeout if some transforms may never come.
-        :raises TypeError: if an argument has a wrong type.
+            an int (ns); None: no limit. While a message waits, the thread of the listener does not
+            pause. So set a timeout if some transforms may never come.
         :raises ValueError: if a target frame has no name, or if the queue size or the timeout is
             negative.
         """
-        if not isinstance(buffer, MessageBufferCore):
-            raise TypeError('buffer must be a Buffer or MessageBufferCore of dummy_arm.tf, got '
-                            f'{buffer!r}')
         #: How many messages were dropped for each reason.
         self.dropped = dict.fromkeys(FilterFailureReason, 0)
-        self._buffer, self._node = buffer, node
-        self._timeout = None if buffer_timeout is None else nanoseconds_or_int(
-            buffer_timeout, 'buffer_timeout')
-        if self._timeout is not None and self._timeout < 0:
+        self._buffer, self._engine, self._node = buffer, engine_of(buffer), node
+        #: How long a message waits at most (ns); not used if there is no timer.
+        self._timeout = nanoseconds_or_int(
+            0 if buffer_timeout is None else buffer_timeout, 'buffer_timeout')
+        if self._timeout < 0:
             raise ValueError(f'buffer_timeout must not be negative, got {self._timeout} ns')
         self._requirement = _Requirement(
             _frame_names(target_frames), nanoseconds_or_int(tolerance, 'tolerance'))
         self._queue_size = _checked_size(queue_size)
         self._callbacks: list[tuple[Callable[..., object], tuple[Any, ...]]] = []
         self._failure_callbacks: list[Callable[[Any, FilterFailureReason], object]] = []
-        #: Guards the next four attributes. It is held for a short time only: no callback is called
-        #: and no other lock is taken meanwhile. It is reentrant because of signal handlers.
+        #: Guards the next four attributes. No callback is called and no other lock is taken while
+        #: it is held. Reentrant because a signal handler may add a message.
         self._lock = RLock()
-        #: The messages that wait, by their numbers; the oldest message first.
+        #: The messages that wait, by their numbers; the oldest first.
         self._waiting: dict[int, _Entry] = {}
-        #: A heap of the messages for which the callbacks are due.
+        #: A heap of the messages that are passed on or reported next.
         self._due: list[_Entry] = []
         self._numbers = count()
-        #: The generation of the buffer at the last check of all messages; -1: there was none yet.
+        #: The generation of the buffer at the last check of all messages.
         self._checked = -1
         self._log = ThrottledLog()
         self._log.write = node.get_logger().warning
@@ -159,12 +153,12 @@ class MessageFilter:
         self._guard = guard_condition(
             node, node.default_callback_group, self._end, self._call_back)
         try:
-            if self._timeout is not None:
+            if buffer_timeout is not None:
                 self._timer = node.create_timer(
                     1.0, self._on_timeout, node.default_callback_group,
                     Clock(clock_type=ClockType.STEADY_TIME), autostart=False)
             self._jump_handle = create_jump_handle(node.get_clock(), self)
-            buffer.add_waiter(self)
+            self._engine.add_waiter(self)
             if input is not None:
                 self.connectInput(input)
         except BaseException:
@@ -177,18 +171,12 @@ class MessageFilter:
         return bool(self._waiting)
 
     def unregister(self) -> None:
-        """
-        Drop all messages, and end the filter for good.
-
-        The callbacks are not called any more. Callbacks that are running at this moment in another
-        thread are not interrupted.
-        """
+        """Drop all messages, and end the filter for good; callbacks that are running go on."""
         self._node.destroy_guard_condition(self._guard)  # calls `_end`, but only once
 
     def _end(self) -> None:
-        """End the filter, because its guard condition is about to be destroyed."""
         self._has_ended = True
-        self._buffer.remove_waiter(self)
+        self._engine.remove_waiter(self)
         self._disconnect()
         if self._timer is not None:
             self._node.destroy_timer(self._timer)
@@ -201,7 +189,6 @@ class MessageFilter:
         Connect the filter to another input; messages of the previous input are ignored.
 
         :param input: as for the constructor, but not None.
-        :raises TypeError: if the input has a wrong type, or its messages have no header.
         :raises RuntimeError: if the filter has ended.
         """
         if self._has_ended:
@@ -232,25 +219,20 @@ class MessageFilter:
             self._subscription = None
 
     def _on_input(self, message: Any, connection: object) -> None:
-        """Add a message of the input that has made this connection."""
         if connection is self._connection:
             self.add(message)
 
     def _on_message(self, connection: object, message: Any) -> None:
-        """Add a message of the subscription; the executor calls this, so call back at once."""
         if connection is self._connection:
             self._put(message)
-            self._call_back()
+            self._call_back()  # at once, because the executor calls this method
 
     def add(self, message: Any) -> None:
         """
-        Add a message; any thread may call this method.
+        Add a message with a header; any thread may call this method.
 
         If messages are added faster than the executor can call the callbacks, they collect in
         memory: the size of the queue limits only the messages that wait for transforms.
-
-        :param message: a message with a header.
-        :raises TypeError: if the message has no header.
         """
         self._put(message)
         if self._due or self._timer is not None:
@@ -271,43 +253,35 @@ class MessageFilter:
             if not entry.frame:
                 self._drop(entry, FilterFailureReason.EmptyFrameID)
                 return
-        # The message is checked after it has been added to `_waiting`. So if transforms are
-        # inserted after this check, the check that follows the insertion finds the message.
+        # After the message was added: if transforms are inserted after this check, the check that
+        # follows the insertion finds the message.
         self._check_if_new([entry])
         if (oldest := self._oldest()) is None:
             return
         if oldest is entry:
-            self._buffer.wake_sources()  # so that the thread of the listener does not pause
+            self._engine.wake_sources()  # so that the thread of the listener does not pause
         elif (entry.arrival - oldest.arrival > _LONG_WAIT
                 and self._log.is_due('waiting', _WAIT_LOG_PERIOD)):
             self._log.write(
                 f"Messages wait for their transforms. The oldest, of frame "
-                f"'{logged(oldest.frame)}' at time {display_time(oldest.stamp)}, has waited for "
+                f"'{in_log(oldest.frame)}' at time {display_time(oldest.stamp)}, has waited for "
                 f'{(entry.arrival - oldest.arrival) / SECOND:.1f} s.{self._why_not(oldest)}')
         self._start_timer()
         self._shorten()
 
     def _oldest(self) -> Optional[_Entry]:
-        """Return the message that has waited longest; None if no message waits."""
+        """Return the message that has waited longest."""
         with self._lock:
             return next(iter(self._waiting.values()), None)
 
     def clear(self) -> None:
-        """
-        Drop all messages in the filter; no callback is called for them, not even a failure.
-
-        Callbacks that are being called at this moment for a message are called to the end.
-        """
+        """Drop all messages in the filter; no callback is called for them, not even a failure."""
         with self._lock:
             self._waiting.clear()
             self._due.clear()
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
-        """
-        Drop all messages, because the clock of the node has jumped back.
-
-        :param time_jump: the jump of the clock, as rclpy reports it; not used.
-        """
+        """Drop all messages, because the clock of the node has jumped back."""
         if self._waiting or self._due:
             self._node.get_logger().warning(
                 'Detected jump back in time. Clearing the message filter.')
@@ -316,70 +290,40 @@ class MessageFilter:
     # Settings
 
     def setTargetFrame(self, target_frame: str) -> None:  # noqa: N802
-        """
-        Set one target frame, also for the messages that wait.
-
-        :param target_frame: the name of the frame.
-        :raises TypeError: if the name is not a str.
-        :raises ValueError: if the name is empty.
-        """
+        """Set one target frame, also for the messages that wait."""
         self.setTargetFrames([target_frame])
 
     def setTargetFrames(self, target_frames: Union[str, Iterable[str]]) -> None:  # noqa: N802
-        """
-        Set the target frames, also for the messages that wait.
-
-        :param target_frames: as for the constructor.
-        :raises TypeError: as for the constructor.
-        :raises ValueError: if a target frame has no name.
-        """
+        """Set the target frames, as in the constructor, also for the messages that wait."""
         self._require(targets=_frame_names(target_frames))
 
     def setTolerance(self, tolerance: Union[Duration, int]) -> None:  # noqa: N802
-        """
-        Set the tolerance, also for the messages that wait.
-
-        :param tolerance: as for the constructor.
-        :raises TypeError: as for the constructor.
-        """
+        """Set the tolerance (a Duration, or ns), also for the messages that wait."""
         self._require(tolerance=nanoseconds_or_int(tolerance, 'tolerance'))
 
     def setQueueSize(self, queue_size: int) -> None:  # noqa: N802
-        """
-        Set the size of the queue; if too many messages wait, drop the oldest of them.
-
-        :param queue_size: as for the constructor.
-        :raises TypeError: if the size is not an integer.
-        :raises ValueError: if the size is negative.
-        """
+        """Set the largest number of messages that wait; 0: any number; drop surplus messages."""
         self._queue_size = _checked_size(queue_size)
         self._shorten()
         if self._due:
             self._trigger()
 
     def getQueueSize(self) -> int:  # noqa: N802
-        """
-        Return the size of the queue.
-
-        :returns: the largest number of messages that wait; 0: any number.
-        """
+        """Return the largest number of messages that wait; 0: any number."""
         return self._queue_size
 
     def _require(self, **changes: Any) -> None:
         """Change the requirement; messages that are due, but not passed on yet, wait again."""
         with self._lock:
-            requirement = self._requirement._replace(**changes)
-            ready = [entry for entry in self._due if entry.reason is None]
-            due = [entry for entry in self._due if entry.reason is not None]
-            heapify(due)
-            waiting = dict(sorted(
-                [*self._waiting.items(), *((entry.number, entry) for entry in ready)]))
-            # No call between these assignments, so that Ctrl-C cannot interrupt between them. The
-            # requirement comes last, because `_check_if_new` reads it before `_waiting`.
-            self._waiting, self._due, self._requirement = waiting, due, requirement
+            again = {entry.number: entry for entry in self._due if entry.reason is None}
+            self._due = [entry for entry in self._due if entry.reason is not None]
+            heapify(self._due)
+            self._waiting = dict(sorted({**self._waiting, **again}.items()))
+            # Last, because `_check_if_new` reads the requirement before `_waiting`.
+            self._requirement = self._requirement._replace(**changes)
             self._checked = -1
         self._check_if_new()
-        self._buffer.wake_sources()
+        self._engine.wake_sources()
         self._start_timer()
         self._shorten()
         self._trigger()
@@ -390,9 +334,7 @@ class MessageFilter:
         """
         Make the executor pass on the messages whose transforms are available.
 
-        The buffer calls this method after transforms have been inserted.
-
-        :returns: False, because the filter itself wakes the executor of its node.
+        The buffer calls this after insertions. The result tells it to wake no executor.
         """
         self._check_if_new()
         if self._due:
@@ -401,20 +343,17 @@ class MessageFilter:
 
     def _check_if_new(self, entries: Sequence[_Entry] = ()) -> None:
         """
-        Move the messages that are ready, or too old, from `_waiting` to `_due`.
+        Move messages that are ready, or too old, from `_waiting` to `_due`.
 
-        If the buffer or the requirement has changed since the last check, all messages that wait
-        are checked. So messages that become ready together are moved together.
-
-        :param entries: the messages that are checked in any case.
+        `entries` are checked in any case; all messages are, if the buffer or the requirement has
+        changed, so that messages that become ready together are moved together.
         """
-        with self._buffer.fetched():  # so that all lookups use the same data
+        with self._buffer.updated():  # so that all lookups use the same data
             requirement = self._requirement
-            generation = self._buffer.update()  # this nested call does not pull
+            generation = self._engine.update()
             if generation != self._checked:
-                # If another thread adds a message from now on, that thread checks the message with
-                # the data of this generation, or newer data. The messages are copied without
-                # `_lock`, because no other lock may be taken in this block.
+                # A message that another thread adds from now on is checked by that thread, with
+                # these data or newer ones. `_lock` must not be taken in this block.
                 entries = tuple(self._waiting.copy().values())
             if not entries:
                 return
@@ -434,8 +373,7 @@ class MessageFilter:
         """
         Return the messages whose transforms are available, and those that are too old.
 
-        All messages of the same frame are looked up in one call, because a full queue may be
-        checked a thousand times a second.
+        All messages of a frame share one lookup: a full queue may be checked often.
         """
         ready: list[_Entry] = []
         expired: list[_Entry] = []
@@ -444,21 +382,16 @@ class MessageFilter:
         frames: dict[str, list[_Entry]] = {}
         for entry in entries:
             frames.setdefault(entry.frame, []).append(entry)
-        shifts = {0, requirement.tolerance}
         for frame, group in frames.items():
-            is_ready, is_expired = [True] * len(group), [False] * len(group)
-            for target in requirement.targets:
-                for shift in shifts:
-                    times = [entry.stamp + shift for entry in group]
-                    available, earliest = self._buffer.availability(target, frame, times)
-                    for i, time in enumerate(times):
-                        if not available[i]:
-                            is_ready[i] = False
-                            is_expired[i] |= time != 0 and time < earliest
-            for entry, ready_now, expired_now in zip(group, is_ready, is_expired):
-                if ready_now:
+            answers = [
+                (shift, *self._engine.availability(
+                    target, frame, [entry.stamp + shift for entry in group]))
+                for target in requirement.targets for shift in {0, requirement.tolerance}]
+            for i, entry in enumerate(group):
+                if all(available[i] for _, available, _ in answers):
                     ready.append(entry)
-                elif expired_now:
+                elif any(not available[i] and 0 != entry.stamp + shift < earliest
+                         for shift, available, earliest in answers):
                     expired.append(entry)
         return ready, expired
 
@@ -469,7 +402,6 @@ class MessageFilter:
             heappush(self._due, entry._replace(reason=reason))
 
     def _shorten(self) -> None:
-        """Drop the oldest messages while the queue is too long."""
         with self._lock:
             while 0 < self._queue_size < len(self._waiting):
                 self._drop(next(iter(self._waiting.values())), FilterFailureReason.QueueFull)
@@ -478,8 +410,7 @@ class MessageFilter:
 
     def _start_timer(self) -> None:
         """Start the timer for the oldest message, if it is not running."""
-        timer = self._timer
-        if timer is None or self._timeout is None:
+        if (timer := self._timer) is None:
             return
         with suppress(InvalidHandle):  # if the filter is ended at this moment
             if timer.is_canceled() and (oldest := self._oldest()) is not None:
@@ -489,7 +420,7 @@ class MessageFilter:
 
     def _on_timeout(self) -> None:
         """Drop the messages whose timeout is over."""
-        if self._timer is None or self._timeout is None:
+        if self._timer is None:
             return
         with suppress(InvalidHandle):  # if the filter is ended at this moment
             self._timer.cancel()
@@ -508,11 +439,9 @@ class MessageFilter:
     def registerCallback(  # noqa: N802
             self, callback: Callable[..., object], *args: Any) -> None:
         """
-        Register a function that is called with each message that is passed on.
+        Register a function, or coroutine function, that is called with each message passed on.
 
-        :param callback: the function; it may be a coroutine function.
         :param args: further arguments of the function, after the message.
-        :raises TypeError: if the callback cannot be called.
         """
         _check_callable(callback)
         self._callbacks.append((callback, args))
@@ -520,24 +449,19 @@ class MessageFilter:
     def registerFailureCallback(  # noqa: N802
             self, callback: Callable[[Any, FilterFailureReason], object]) -> None:
         """
-        Register a function that is called with each message that is dropped.
+        Register a function that is called with each message that is dropped, and the reason.
 
-        If there is no such function, dropped messages are logged.
-
-        :param callback: the function; its arguments are the message and the reason. It may be a
-            coroutine function.
-        :raises TypeError: if the callback cannot be called.
+        It may be a coroutine function. Without such a function, dropped messages are logged.
         """
         _check_callable(callback)
         self._failure_callbacks.append(callback)
 
     def _trigger(self) -> None:
-        """Make the executor call `_call_back`."""
         with suppress(InvalidHandle, RCLError):  # if the filter is ended at this moment
             self._guard.trigger()
 
     def _call_back(self) -> None:
-        """Call the callbacks for the messages that are due now; the executor calls this."""
+        """Call the callbacks for the messages that are due; the executor calls this."""
         coroutines: list[Any] = []
         try:
             for _ in range(len(self._due)):
@@ -566,8 +490,7 @@ class MessageFilter:
         """
         Make the executor start coroutines in their order, and run them concurrently.
 
-        rclpy's executor runs its newest task first. So each task first creates the next one, which
-        starts when this task waits or ends.
+        rclpy's executor runs its newest task first. So each task first creates the next one.
         """
         executor, coroutine = self._node.executor, next(coroutines, None)
         if coroutine is None or executor is None:
@@ -580,12 +503,11 @@ class MessageFilter:
         executor.create_task(run)
 
     def _log_drop(self, entry: _Entry, reason: FilterFailureReason) -> None:
-        """Log that a message was dropped, at most once a second for each reason."""
         if not self._log.is_due(reason.name, _LOG_PERIOD):
             return
         why = '' if reason is FilterFailureReason.EmptyFrameID else self._why_not(entry)
         self._log.write(
-            f"Message Filter dropping message: frame '{logged(entry.frame)}' at time "
+            f"Message Filter dropping message: frame '{in_log(entry.frame)}' at time "
             f"{display_time(entry.stamp)} for reason '{_REASON_TEXTS[reason]}'. Messages dropped "
             f'for this reason: {self.dropped[reason]}.{why}')
 
@@ -599,13 +521,11 @@ class MessageFilter:
 
 
 def _check_callable(callback: object) -> None:
-    """Raise a TypeError if a callback cannot be called."""
     if not callable(callback):
         raise TypeError(f'a callback must be a function, got {callback!r}')
 
 
 def _frame_names(target_frames: Union[str, Iterable[str]]) -> tuple[str, ...]:
-    """Return the names of target frames, without leading slashes."""
     if not isinstance(target_frames, Iterable):
         raise TypeError(f'target_frames must be a name or several names, got {target_frames!r}')
     names = [target_frames] if isinstance(target_frames, str) else list(target_frames)
@@ -618,7 +538,6 @@ def _frame_names(target_frames: Union[str, Iterable[str]]) -> tuple[str, ...]:
 
 
 def _checked_size(queue_size: int) -> int:
-    """Return the size of a queue; raise an error if it is not an integer, or negative."""
     if not hasattr(queue_size, '__index__'):
         raise TypeError(f'queue_size must be an integer, got {queue_size!r}')
     if index(queue_size) < 0:

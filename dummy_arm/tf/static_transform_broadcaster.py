@@ -17,21 +17,17 @@ class StaticTransformBroadcaster:
     """
     A publisher of static transforms, with the API of tf2_ros.StaticTransformBroadcaster.
 
-    The broadcaster remembers the newest transform that it has sent for each child frame. Each
-    message contains all of these transforms. By default, the last message is latched: DDS keeps
-    this message for subscribers that are created later. If a TransformStamped object is modified
-    after it was sent, the change has no effect until the object is sent again.
+    Each message contains the newest transform that was sent for each child frame, as it was then.
+    By default, the last message is latched: DDS keeps it for subscribers that are created later.
     """
 
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None, *,
                  tf_static_topic: str = '/tf_static') -> None:
         """
-        Create the publisher.
+        Create the publisher; the remappings of the node apply.
 
-        :param node: the node that publishes; its remappings apply.
         :param qos: the QoS profile of the publisher. An int is the depth of a reliable, transient
             local profile. None means the same as the int 1.
-        :param tf_static_topic: the name of the topic.
         """
         self.pub_tf = create_publisher(
             node, tf_static_topic, profile(qos, 1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
@@ -43,12 +39,8 @@ class StaticTransformBroadcaster:
         """
         Send transforms, together with the newest transform of each other child frame.
 
-        If a transform is invalid, nothing is sent, and the transforms that were sent before stay
-        in effect.
-
-        :param transform: one transform, or an iterable of transforms.
-        :raises TypeError: if an element is not a TransformStamped.
-        :raises ValueError: if a transform is invalid; see `TransformBroadcaster.sendTransform`.
+        If a transform is invalid, an error is raised as by `TransformBroadcaster.sendTransform`,
+        nothing is sent, and the transforms that were sent before stay in effect.
         """
         transforms = as_list(transform)
         with explain_bad_fields(transforms), self._lock:

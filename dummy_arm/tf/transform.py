@@ -1,4 +1,4 @@
-"""The transforms and velocities that lookups of a `BufferCore` return."""
+"""The transforms and velocities that lookups of a `TransformBuffer` return."""
 
 from typing import Any, NamedTuple
 
@@ -23,11 +23,9 @@ class Transform(NamedTuple):
     """
     The pose of the frame `child_frame_id` in the frame `frame_id`.
 
-    The transform converts the coordinates of points from the child frame to `frame_id`. In the
-    result of a lookup, `frame_id` is the target frame and `child_frame_id` is the source frame.
-
-    `target_from_source` is a good name for a variable with the result of a lookup. Such names show
-    which transforms can be composed: `a_from_b @ b_from_c` is `a_from_c`.
+    It converts points from the child frame to `frame_id`. In the result of a lookup, `frame_id` is
+    the target frame and `child_frame_id` the source frame. `target_from_source` is a good name for
+    it: such names show that `a_from_b @ b_from_c` is `a_from_c`.
     """
 
     stamp: int  #: time (ns)
@@ -39,12 +37,9 @@ class Transform(NamedTuple):
     @classmethod
     def from_message(cls, message: Any) -> 'Transform':
         """
-        Create a transform from a message.
+        Create a transform from a geometry_msgs/TransformStamped, or an object with its fields.
 
-        :param message: a geometry_msgs/TransformStamped, or an object with the same fields.
-        :returns: the transform, with the unchanged values of the message.
-        :raises TypeError: if the stamp has neither the attribute `nanoseconds` nor the two
-            attributes `sec` and `nanosec`.
+        :raises TypeError: if the stamp has neither `nanoseconds` nor `sec` and `nanosec`.
         """
         stamp, transform = message.header.stamp, message.transform
         t, r = transform.translation, transform.rotation
@@ -52,12 +47,7 @@ class Transform(NamedTuple):
                    (t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
 
     def matrix(self) -> NDArray[np.float64]:
-        """
-        Return the transform as a matrix.
-
-        :returns: (4, 4) float64: the homogeneous matrix, which transforms column vectors
-            (x, y, z, 1) from the child frame to `frame_id`; x, y and z are in m.
-        """
+        """Return the homogeneous matrix, (4, 4) float64, of columns x, y, z, 1 (m)."""
         result = np.eye(4)
         result[:3, :3] = rotations.matrix(self.rotation)
         result[:3, 3] = self.translation
@@ -67,8 +57,7 @@ class Transform(NamedTuple):
         """
         Transform points from the child frame to `frame_id`.
 
-        :param points: (3,) or (n, 3): x, y, z (m) in the child frame.
-        :returns: float64 of the same shape: x, y, z (m) in `frame_id`.
+        :param points: (3,) or (n, 3): x, y, z (m); the result has the same shape, in float64.
         :raises ValueError: if the points have another shape.
         """
         points = np.asarray(points, dtype=np.float64)
@@ -78,23 +67,16 @@ class Transform(NamedTuple):
         return result
 
     def inverse(self) -> 'Transform':
-        """
-        Return the inverse transform.
-
-        :returns: the pose of `frame_id` in the child frame, with the same stamp.
-        """
+        """Return the pose of `frame_id` in the child frame, with the same stamp."""
         rotation = rotations.conjugate(self.rotation)
         x, y, z = (-(rotations.matrix(rotation) @ self.translation)).tolist()
         return Transform(self.stamp, self.child_frame_id, self.frame_id, (x, y, z), rotation)
 
     def __matmul__(self, other: 'Transform') -> 'Transform':
         """
-        Compose two transforms: a_from_b @ b_from_c is a_from_c.
+        Compose two transforms: a_from_b @ b_from_c is a_from_c, with the stamp of a_from_b.
 
-        :param other: the right transform (b_from_c).
-        :returns: the composed transform, with the stamp of the left transform.
-        :raises ValueError: if the child frame of the left transform is not the `frame_id` of the
-            right transform.
+        :raises ValueError: if the child frame of the left one is not the `frame_id` of the other.
         """
         if not isinstance(other, Transform):
             return NotImplemented

@@ -33,12 +33,10 @@ class TransformBroadcaster:
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None, *,
                  tf_topic: str = '/tf') -> None:
         """
-        Create the publisher.
+        Create the publisher; the remappings of the node apply.
 
-        :param node: the node that publishes; its remappings apply.
         :param qos: the QoS profile of the publisher. An int is the depth of a reliable, volatile
             profile. None means the same as the int 100.
-        :param tf_topic: the name of the topic.
         """
         self.pub_tf = create_publisher(node, tf_topic, profile(qos, 100))
 
@@ -47,7 +45,6 @@ class TransformBroadcaster:
         """
         Send one or several transforms in one message.
 
-        :param transform: one transform, or an iterable of transforms.
         :raises TypeError: if an element is not a TransformStamped.
         :raises ValueError: if a frame id is empty, contains a NUL character or is not valid
             Unicode; if a frame is its own parent; if a number is not finite; if a quaternion
@@ -63,7 +60,6 @@ class TransformBroadcaster:
         Prepare a message that is sent many times with the same frames, so that sending is fast.
 
         :param edges: n >= 1 pairs (frame_id, child_frame_id).
-        :returns: the prepared message; its method `send` takes the stamp and the poses.
         :raises TypeError: if an edge is not a pair of str.
         :raises ValueError: if there is no edge, or if the names of an edge are invalid; see
             `sendTransform`.
@@ -75,14 +71,7 @@ class PreparedTransforms:
     """A message on /tf whose frames stay the same; see `TransformBroadcaster.prepare`."""
 
     def __init__(self, publisher: Publisher, edges: Sequence[tuple[str, str]]) -> None:
-        """
-        Create a prepared message.
-
-        :param publisher: the publisher that sends the message; it must publish TFMessages.
-        :param edges: n >= 1 pairs (frame_id, child_frame_id).
-        :raises TypeError: see `TransformBroadcaster.prepare`.
-        :raises ValueError: see `TransformBroadcaster.prepare`.
-        """
+        """Create a message of a publisher; see `TransformBroadcaster.prepare`."""
         self.edges = tuple(edges)
         if not self.edges:
             raise ValueError('edges must contain at least one pair (frame_id, child_frame_id)')

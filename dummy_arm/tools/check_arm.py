@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from contextlib import suppress
 import csv
-from itertools import dropwhile
 import os
 from pathlib import Path
 import re
@@ -15,12 +14,13 @@ from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_parti
 from dummy_arm.cli.files import whole_file
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import wait
-from dummy_arm.grading.arm_check import check, Message, NOT_JUDGED, NOT_OK, OK, Report
+from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
-from dummy_arm.grading.grade import grade, NOT_RUN
 from dummy_arm.grading.observer import MOST, Observer, START
 from dummy_arm.grading.processes import processes, ros_domains, short_command
-from dummy_arm.grading.supervisor import DOMAINS, Grade
+from dummy_arm.grading.records import Grade, Message, NOT_JUDGED, NOT_OK, NOT_RUN, OK, Report
+from dummy_arm.grading.requirements import check
+from dummy_arm.grading.supervisor import DOMAINS
 from dummy_arm.inspection.terminal import padded, wrapped
 from dummy_arm.tf.bag import messages
 from dummy_arm.tf.formatting import comma_list, visible
@@ -41,16 +41,8 @@ _SHOWN = 6
 
 
 def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[str],
-               feedback: Optional[str], resume: bool, ros_args: Sequence[str]) -> int:
-    """
-    Grade programs; print a line for each, in the order of `files`.
-
-    :param table: the path of the CSV file; None: write none.
-    :param feedback: the path of a directory for the reports; None: write none.
-    :param resume: keep the rows of the table that is there.
-    :returns: the exit code.
-    :raises CommandError: if a file cannot be written, or if Ctrl-C or SIGTERM was received.
-    """
+               feedback: Optional[str], resume: bool) -> int:
+    """Grade programs; print a line for each, in the order of `files`. Return the exit code."""
     names = [visible(file) for file in files]
     rows = {name: [name, NOT_RUN, ''] for name in names}
     if table and resume:
@@ -69,9 +61,7 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
     if table:
         _write_table(table, rows.values())
     print_lines(False)
-    # Without the files, whose names need not be valid Unicode.
-    ros_args = [ros_args[0], *dropwhile(lambda argument: argument != '--ros-args', ros_args)]
-    grades = grade(to_run, seconds, jobs, ros_args, feedback is not None)
+    grades = grade(to_run, seconds, jobs)
     try:
         for result in grades:
             name = visible(result.file)
@@ -107,11 +97,6 @@ def _head() -> list[str]:
 
 
 def _write_table(path: str, rows: Iterable[list[str]]) -> None:
-    """
-    Write a table in CSV, with a column for each requirement and each good practice.
-
-    :raises CommandError: if the file cannot be written.
-    """
     head = _head()
     table = [[*row, *[''] * (len(head) - len(row))] for row in (head, *rows)]
     # Without a byte-order mark, spreadsheets assume the encoding of the country.
@@ -121,11 +106,7 @@ def _write_table(path: str, rows: Iterable[list[str]]) -> None:
 
 
 def _read_table(path: str) -> dict[str, list[str]]:
-    """
-    Return the rows of a table, by the name of the file.
-
-    :raises CommandError: if it cannot be read, or is not a table that this command has written.
-    """
+    """Return the rows of a table that this command has written, by the name of the file."""
     try:
         with open(path, newline='', encoding='utf-8-sig') as file:
             head, *rows = csv.reader(file)
@@ -141,11 +122,7 @@ def _read_table(path: str) -> dict[str, list[str]]:
 
 
 def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> None:
-    """
-    Write the whole report of a hand-in; its path in the directory is that of the hand-in.
-
-    :raises CommandError: if the file cannot be written.
-    """
+    """Write the whole report of a hand-in; its path in the directory is that of the hand-in."""
     folder = os.path.commonpath([os.path.dirname(os.path.abspath(file)) for file in files])
     path = directory / f'{os.path.relpath(result.file, folder)}.txt'
     lines = [result.line]
@@ -165,11 +142,6 @@ def _write_feedback(directory: Path, files: Sequence[str], result: Grade) -> Non
 
 
 def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> Report:
-    """
-    Observe the arm that is running.
-
-    :raises CommandError: if nothing is received, or if Ctrl-C or SIGTERM was received.
-    """
     from dummy_arm.cli.node import spinning_node
     with spinning_node('check_arm', ros_args, namespace) as node:
         observer = Observer(node)
@@ -178,8 +150,8 @@ def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> R
                 wait(seconds, 'observing the arm', lambda: observer.poll() and False)
             elif not observer.messages:
                 raise CommandError(f'no transform was received within {START:g} s. '
-                                   f'{observer.why_no_frames()}{_other_domains(node)}')
-            if hint := observer.wrong_type_hint():
+                                   f'{observer.listener.why_no_frames()}{_other_domains(node)}')
+            if hint := observer.listener.wrong_type_hint():
                 print(f'check_arm: warning: {visible(hint)}', file=sys.stderr)
             return observer.report()
         except KeyboardInterrupt:
@@ -197,12 +169,6 @@ def _other_domains(node: 'Node') -> str:
 
 
 def _check_bag(bag: str, namespace: str, partial: bool) -> Report:
-    """
-    Judge the arm in a bag.
-
-    :raises UsageError: if the path is empty.
-    :raises CommandError: if the bag cannot be read, or if Ctrl-C or SIGTERM was received.
-    """
     found: list[Message] = []
     count = 0
     try:
@@ -223,12 +189,7 @@ def _check_bag(bag: str, namespace: str, partial: bool) -> Report:
 
 
 def format_report(report: Report) -> list[str]:
-    """
-    Return the table of a report.
-
-    :param report: the report.
-    :returns: the lines, with the verdict first.
-    """
+    """Return the lines of the table of a report, with the verdict first."""
     rows = [*report.lines, *report.advice]
     widths = [max(len(row[i]) for row in rows) for i in (2, 0)]
     lines: list[str] = []
@@ -250,73 +211,55 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None, bag: Opt
             namespace: str = '', partial: bool = False, frames: Sequence[str] = (),
             table: Optional[str] = None, resume: bool = False, feedback: Optional[str] = None,
             jobs: Optional[int] = None, *, ros_args: Sequence[str] = ()) -> int:
-    """
-    Judge the arm that is running, an arm in a bag, programs, or a drawing.
-
-    :param files: programs to run and to judge; none: see the other arguments.
-    :param seconds: how long to observe each arm (s); None: 25 s.
-    :param bag: path of a bag; None: no bag.
-    :param namespace: namespace of the topics `tf` and `tf_static`; '': none.
-    :param partial: with a bag: read as much as possible of a damaged bag.
-    :param frames: paths of drawings (.pdf) or graphs (.gv) of view_frames.
-    :param table: path of a table in CSV with a row for each program; None: no table.
-    :param resume: run only the programs that are `not run` in the table that is there.
-    :param feedback: path of a directory for the report of each program; None: no reports.
-    :param jobs: the number of programs that run at the same time; None: the number of cores.
-    :param ros_args: the command line, with the name of the command; ROS reads what follows
-        `--ros-args`.
-    :returns: the exit code: 0 if everything is as required, otherwise 1.
-    :raises UsageError: if an argument is out of range, or arguments do not go together.
-    :raises CommandError: if nothing can be judged, if a file cannot be read or written, or if
-        Ctrl-C or SIGTERM was received.
-    """
-    if sum((bool(files), bag is not None, bool(frames))) > 1:
-        raise UsageError('give files of programs, or --bag, or --frames, or none of them to check '
-                         'the arm that is running')
-    if seconds is not None and (bag is not None or frames):
-        raise UsageError('--time is for an arm that is running: leave it out with --bag and '
-                         '--frames')
-    if namespace and (files or frames):
-        raise UsageError('--namespace is for --bag and for the arm that is running')
+    """Judge programs, drawings, an arm in a bag, or the arm that is running; see `--help`."""
+    duration = DEFAULT_TIME if seconds is None else seconds
     check_partial(bag, partial)
-    if not files and (table is not None or feedback is not None or jobs is not None):
-        raise UsageError('--csv, --feedback and --jobs need the files of programs')
-    if resume and table is None:
-        raise UsageError('--resume needs --csv')
+    for is_wrong, text in (
+            (sum((bool(files), bag is not None, bool(frames))) > 1,
+             'give files of programs, or --bag, or --frames, or none of them to check the arm '
+             'that is running'),
+            (seconds is not None and (bag is not None or frames),
+             '--time is for an arm that is running: leave it out with --bag and --frames'),
+            (namespace and (files or frames),
+             '--namespace is for --bag and for the arm that is running'),
+            (files and '--ros-args' in ros_args, '--ros-args is for the arm that is running'),
+            (not files and (table is not None or feedback is not None or jobs is not None),
+             '--csv, --feedback and --jobs need the files of programs'),
+            (resume and table is None, '--resume needs --csv'),
+            (table is not None and (table in files or not table.endswith('.csv')),
+             f'--csv needs the name of a file that ends in .csv, got {table!r}'),
+            (not 1.0 <= duration <= _LONGEST,
+             f'--time must be at least 1 s, and at most {_LONGEST:g} s, got {duration:g}'),
+            (jobs is not None and not 1 <= jobs <= len(DOMAINS),
+             f'--jobs must be at least 1, and at most {len(DOMAINS)}, got {jobs}')):
+        if is_wrong:
+            raise UsageError(text)
     if twice := [name for name, count in Counter(map(visible, files)).items() if count > 1]:
         raise UsageError(f'{twice[0]} is given twice')
-    if jobs is not None and not 1 <= jobs <= len(DOMAINS):
-        raise UsageError(f'--jobs must be at least 1, and at most {len(DOMAINS)}, got {jobs}')
-    seconds = DEFAULT_TIME if seconds is None else seconds
-    if not 1.0 <= seconds <= _LONGEST:
-        raise UsageError(f'--time must be at least 1 s, and at most {_LONGEST:g} s, got '
-                         f'{seconds:g}')
-    if table is not None and (table in files or not table.endswith('.csv')):
-        raise UsageError(f'--csv needs the name of a file that ends in .csv, got {table!r}')
     if frames:
-        if others := [name for name in frames
-                      if Path(name).suffix.lower() not in ('.pdf', '.gv')]:
-            raise UsageError(f'{others[0]!r} must end in .pdf or .gv')
-        faults = {name: fault_of_drawing(Path(name)) for name in frames}
-        for name, fault in faults.items():
-            print(Grade(name, None, fault, NOT_OK if fault else OK).line)
-        return 1 if any(faults.values()) else 0
+        return _check_drawings(frames)
     if files:
-        default = min(os.cpu_count() or 1, len(DOMAINS))
-        return _grade_all(files, seconds, jobs or default, table, feedback, resume, ros_args)
-    report = (_check_running(seconds, namespace, ros_args) if bag is None
+        jobs = jobs or min(os.cpu_count() or 1, len(DOMAINS))
+        return _grade_all(files, duration, jobs, table, feedback, resume)
+    report = (_check_running(duration, namespace, ros_args) if bag is None
               else _check_bag(bag, namespace, partial))
     print('\n'.join(format_report(report)))
     return 0 if report.passed else 1
 
 
-def main(args: Optional[Sequence[str]] = None) -> int:
-    """
-    Run the command; see `--help`.
+def _check_drawings(paths: Sequence[str]) -> int:
+    """Print a line for each drawing; return the exit code."""
+    for path in paths:
+        if Path(path).suffix.lower() not in ('.pdf', '.gv'):
+            raise UsageError(f'{path!r} must end in .pdf or .gv')
+    faults = {path: fault_of_drawing(Path(path)) for path in paths}
+    for path, fault in faults.items():
+        print(Grade(path, None, fault, NOT_OK if fault else OK).line)
+    return 1 if any(faults.values()) else 0
 
-    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code.
-    """
+
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the command; see `--help`. Return the exit code."""
     parser = Parser(
         'check_arm', 'Check whether an arm meets the requirements of the final task of the lab. '
         'Without arguments, the arm that is running is observed. With files, each file is run as '

@@ -11,9 +11,6 @@ parameter `rotation` selects the orientation of moving_frame:
   the pitch angle is the parameter `pitch`, and the yaw angle is the angle on the circle plus the
   parameter `yaw`. If all three parameters are 0 (the default), the rotation is the same as for
   quaternion.
-
-The function `run` parses the command line. The function `run_node` creates and spins the node, and
-destroys it at Ctrl-C.
 """
 
 from collections.abc import Sequence
@@ -44,11 +41,6 @@ class DynamicTfPublisher(Node):
     """A node that publishes map -> moving_frame ten times a second."""
 
     def __init__(self) -> None:
-        """
-        Create the node and start publishing.
-
-        :raises UsageError: if the value of a parameter is invalid.
-        """
         super().__init__('dynamic_tf_publisher')
         # Without dynamic typing, ROS would reject roll:=1, because 1 is an integer.
         any_type = ParameterDescriptor(dynamic_typing=True)
@@ -66,12 +58,7 @@ class DynamicTfPublisher(Node):
                                f'{self.get_parameter("rotation").value}')
 
     def check(self, parameters: list[Parameter]) -> SetParametersResult:
-        """
-        Accept or reject new values of parameters, before they are set.
-
-        :param parameters: the parameters with their new values.
-        :returns: whether all values are accepted, and if not, the reasons.
-        """
+        """Accept or reject new values of parameters, before they are set."""
         reasons = [reason for parameter in parameters if (reason := problem(parameter))]
         return SetParametersResult(successful=not reasons, reason='; '.join(reasons))
 
@@ -108,12 +95,7 @@ class DynamicTfPublisher(Node):
 
 
 def problem(parameter: Parameter) -> Optional[str]:
-    """
-    Check the value of a parameter.
-
-    :param parameter: the parameter with its value.
-    :returns: why the value is invalid; None if it is valid.
-    """
+    """Return why the value of a parameter is invalid; None if it is valid."""
     value = parameter.value
     if parameter.name == 'rotation' and value not in ROTATIONS:
         return f'rotation must be one of {", ".join(ROTATIONS)}, got {value!r}'
@@ -124,23 +106,12 @@ def problem(parameter: Parameter) -> Optional[str]:
 
 
 def command(namespace: str = '', *, ros_args: Sequence[str] = ()) -> int:
-    """
-    Run the node until Ctrl-C or SIGTERM.
-
-    :param namespace: the namespace of the node and of the topic `tf`; '': none.
-    :param ros_args: the command line, with the name of the command.
-    :returns: the exit code.
-    """
+    """Run the node until Ctrl-C or SIGTERM."""
     return run_node(DynamicTfPublisher, ros_args, namespace)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """
-    Run the command; see `--help`.
-
-    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code.
-    """
+    """Run the command; see `--help`."""
     parser = Parser(
         'dynamic_tf_publisher', 'Publish map -> moving_frame on /tf, ten times a second, until '
         'Ctrl-C.\nThe frame moves around map on a circle of radius 1 m.',

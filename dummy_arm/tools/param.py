@@ -32,13 +32,6 @@ class Parameters:
     """The parameters of another node."""
 
     def __init__(self, node: Node, remote: str) -> None:
-        """
-        Wait until the other node and its parameter services are discovered.
-
-        :param node: the local node, which calls the services.
-        :param remote: the fully qualified name of the other node.
-        :raises CommandError: if the other node or its parameter services are not found in time.
-        """
         self._remote = remote
         own = node.get_fully_qualified_name()
 
@@ -57,23 +50,11 @@ class Parameters:
             raise CommandError(f'{remote} has no parameter services')
 
     def names(self) -> list[str]:
-        """
-        Return the names of all parameters.
-
-        :returns: the names, sorted.
-        :raises CommandError: if the node does not respond.
-        """
+        """Return the names of all parameters."""
         return sorted(self._response(lambda: self._client.list_parameters()).result.names)
 
     def get(self, names: list[str]) -> list[ParameterValue]:
-        """
-        Return the values of parameters.
-
-        :param names: the names of the parameters.
-        :returns: their values, in the order of `names`.
-        :raises CommandError: if one of the names is not a parameter of the node, or if the node
-            does not respond.
-        """
+        """Return the values of parameters."""
         values = list(self._response(lambda: self._client.get_parameters(names)).values)
         if len(values) < len(names) or any(
                 value.type == ParameterType.PARAMETER_NOT_SET for value in values):
@@ -85,15 +66,7 @@ class Parameters:
         return values
 
     def set(self, name: str, text: str) -> None:
-        """
-        Set a parameter.
-
-        :param name: name of the parameter.
-        :param text: the value, as YAML; see `read`.
-        :raises UsageError: if the text is not a valid parameter value.
-        :raises CommandError: if there is no such parameter, if the node refuses the value, or if
-            the node does not respond.
-        """
+        """Set a parameter."""
         (current,) = self.get([name])
         message = parameter(name, text, current.type)
         (result,) = self._response(lambda: self._client.set_parameters([message])).results
@@ -113,15 +86,7 @@ class Parameters:
 
 
 def parameter(name: str, text: str, current_type: int) -> Any:
-    """
-    Create the message that sets a parameter.
-
-    :param name: name of the parameter.
-    :param text: the value, as YAML; see `read`.
-    :param current_type: type of the current value; see `read`.
-    :returns: the message, an rcl_interfaces/msg/Parameter.
-    :raises UsageError: if the text is not a valid parameter value.
-    """
+    """Create the message that sets a parameter."""
     try:
         return Parameter(name, value=read(text, current_type)).to_parameter_msg()
     except (ArgumentTypeError, OverflowError, TypeError, ValueError, YAMLError) as error:
@@ -137,16 +102,6 @@ def read(text: str, current_type: int) -> Any:
     the result is the text itself. If the current value is a DOUBLE or a DOUBLE_ARRAY, integers in
     the text become floats. A number with an exponent but no point, such as 1e-3, becomes a float,
     although PyYAML reads such a number as text.
-
-    :param text: the text.
-    :param current_type: type of the current value, a constant of rcl_interfaces/msg/ParameterType.
-    :returns: the value.
-    :raises OverflowError: if an integer does not fit into int64.
-    :raises argparse.ArgumentTypeError: for a DOUBLE: if the text is an integer that `number` does
-        not accept, such as 0x10. For a DOUBLE_ARRAY: if the text is a list, and an element of this
-        list is not a number.
-    :raises ValueError: if the text has the form of a YAML date, but no such date exists.
-    :raises yaml.YAMLError: if the text is not valid YAML.
     """
     if current_type == ParameterType.PARAMETER_STRING:
         return text
@@ -178,18 +133,7 @@ def _value_text(value: ParameterValue) -> str:
 
 def command(node: str, name: Optional[str] = None, value: Optional[str] = None, *,
             ros_args: Sequence[str] = ()) -> int:
-    """
-    Print the parameters of a node, or set one parameter and print its new value.
-
-    :param node: name of the node, with its namespace.
-    :param name: name of the parameter; None: all parameters are printed.
-    :param value: the new value, as YAML; None: the value is not changed.
-    :param ros_args: the command line, with the name of the command.
-    :returns: the exit code, which is 0.
-    :raises UsageError: if the text `value` is not a valid parameter value.
-    :raises CommandError: if there is no such node or parameter, if the node refuses the value, or
-        if the node does not respond.
-    """
+    """Print the parameters of a node, or set one parameter and print its new value."""
     with spinning_node('param', ros_args) as local_node:
         parameters = Parameters(local_node, f'/{node.removeprefix("/")}')
         if name is None:
@@ -204,12 +148,7 @@ def command(node: str, name: Optional[str] = None, value: Optional[str] = None, 
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """
-    Run the command; see `--help`.
-
-    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code.
-    """
+    """Run the command; see `--help`."""
     parser = Parser(
         'param', 'List the parameters of a running node, print one, or set one.',
         'examples: param dummy_arm\n          param dummy_arm rate\n'

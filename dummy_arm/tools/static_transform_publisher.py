@@ -38,15 +38,6 @@ class StaticTransformPublisher(Node):
 
     def __init__(self, translation: Sequence[float], rotation: Sequence[float], frame_id: str,
                  child_frame_id: str, is_old_style: bool = False) -> None:
-        """
-        Create the node and publish the transform.
-
-        :param translation: x, y, z (m).
-        :param rotation: quaternion x, y, z, w of length 1.
-        :param frame_id: the parent frame.
-        :param child_frame_id: the child frame.
-        :param is_old_style: whether to warn that old-style arguments are deprecated.
-        """
         # As in tf2, the end of the name is random, so that several of these nodes can run at once.
         tail = ''.join(secrets.choice(_CHARACTERS) for _ in range(16))
         super().__init__(f'static_transform_publisher_{tail}')
@@ -80,21 +71,7 @@ def _listed(values: Sequence[float]) -> str:
 def command(translation: Sequence[float], rotation: Sequence[float], frame_id: str,
             child_frame_id: str, namespace: str = '', *, is_old_style: bool = False,
             ros_args: Sequence[str] = ()) -> int:
-    """
-    Publish the pose of a child frame in its parent frame, until Ctrl-C or SIGTERM.
-
-    :param translation: x, y, z (m).
-    :param rotation: quaternion x, y, z, w. Its length must be close to 1; the quaternion is
-        scaled to length 1 before it is published.
-    :param frame_id: the parent frame.
-    :param child_frame_id: the child frame.
-    :param namespace: the namespace of the node and of the topic `tf_static`; '': none.
-    :param is_old_style: whether to warn that old-style arguments are deprecated.
-    :param ros_args: the command line, with the name of the command.
-    :returns: the exit code.
-    :raises UsageError: if a frame has no name, if the two frames are the same, or if the length of
-        the quaternion is not close to 1.
-    """
+    """Publish the pose of a child frame in its parent frame, until Ctrl-C or SIGTERM."""
     for name, what in (frame_id, 'Frame id'), (child_frame_id, 'Child frame id'):
         if not name.removeprefix('/'):
             raise UsageError(f'{what} must not be empty')
@@ -116,20 +93,7 @@ def command(translation: Sequence[float], rotation: Sequence[float], frame_id: s
 def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Optional[str],
                      child_frame_id: Optional[str], namespace: str, **flags: Optional[float]
                      ) -> int:
-    """
-    Call `command` with the values of the flags or of the old-style arguments.
-
-    :param old_style: the old-style arguments, which have no flags; empty if there are none.
-    :param ros_args: the command line, with the name of the command.
-    :param frame_id: the parent frame; None: the flag is not given.
-    :param child_frame_id: the child frame; None: the flag is not given.
-    :param namespace: as for `command`.
-    :param flags: the values of the other flags: x, y and z (m); qx, qy, qz and qw; roll, pitch and
-        yaw (rad). None: the flag is not given.
-    :returns: the exit code.
-    :raises UsageError: if an argument is missing, if an old-style argument is not a number, if two
-        arguments exclude each other, or in the cases of `command`.
-    """
+    """Call `command` with the values of the flags or of the old-style arguments."""
     given = [name for name, value in flags.items() if value is not None]
     if old_style:
         if given or frame_id is not None or child_frame_id is not None:
@@ -163,12 +127,8 @@ def run_with_options(old_style: list[str], ros_args: Sequence[str], frame_id: Op
                    child_frame_id, namespace, is_old_style=bool(old_style), ros_args=ros_args)
 
 
-def make_parser() -> Parser:
-    """
-    Create the parser of the command line.
-
-    :returns: the parser.
-    """
+def main(args: Optional[Sequence[str]] = None) -> int:
+    """Run the command; see `--help`."""
     parser = Parser(
         'static_transform_publisher', 'Publish a static transform on /tf_static until '
         'Ctrl-C. Angles are in radians.',
@@ -184,14 +144,4 @@ def make_parser() -> Parser:
     parser.add_argument('--child-frame-id', help='the child frame, whose pose is published')
     add_namespace_option(parser, 'publish on', 'tf_static')
     parser.add_argument('old_style', nargs='*', help=argparse.SUPPRESS)
-    return parser
-
-
-def main(args: Optional[Sequence[str]] = None) -> int:
-    """
-    Run the command; see `--help`.
-
-    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code.
-    """
-    return run(make_parser(), run_with_options, args)
+    return run(parser, run_with_options, args)

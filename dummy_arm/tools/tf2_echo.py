@@ -11,7 +11,7 @@ from dummy_arm.cli.parser import CommandError, number, Parser, run, seconds, Usa
 from dummy_arm.cli.signals import sleep
 from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import Transform, TransformException
-from dummy_arm.tf.formatting import logged, SECOND, visible_lines
+from dummy_arm.tf.formatting import in_log, SECOND, visible_lines
 from dummy_arm.tf.rotations import euler_from_quaternion
 
 RATE = 1.0  # Hz
@@ -26,12 +26,7 @@ def format_transform(transform: Transform, precision: int = PRECISION) -> str:
     """
     Format a transform like tf2_echo of tf2_ros.
 
-    Unlike in tf2_ros, nanoseconds have leading zeros, the angles are correct at gimbal lock, and a
-    zero never has a minus sign.
-
-    :param transform: the transform.
-    :param precision: the number of digits after the point.
-    :returns: the text, which has several lines.
+    But nanoseconds have leading zeros, angles are right at gimbal lock, and zero has no minus.
     """
     roll_pitch_yaw = euler_from_quaternion(transform.rotation)
     lines = [
@@ -57,29 +52,7 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
     """
     Print the pose of the target frame in the source frame.
 
-    Compared with `lookup_transform`, the names of the two frames are swapped: the transform takes
-    data from `target_frame` to `source_frame`.
-
-    :param source_frame: the frame in which the pose is expressed.
-    :param target_frame: the frame whose pose is printed.
-    :param echo_rate: the rate (Hz) at which the transform is printed, if it is given as a
-        positional argument.
-    :param rate: the same rate (Hz), if it is given by the option `--rate`. At most one of
-        `echo_rate` and `rate` may be set. If both are None, the rate is 1 Hz.
-    :param time: time of the transform (ns); 0: the latest time for which every edge on the path
-        has data.
-    :param precision: the number of digits after the point, from 0 to 17.
-    :param once: True: print the transform once, then end.
-    :param bag: path of the bag to read; None: subscribe to /tf and /tf_static. With a bag, the
-        transform is printed only once.
-    :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
-    :param partial: True: if the bag is damaged, read its undamaged parts.
-    :param ros_args: the command line, with the name of the command; ROS reads what follows
-        `--ros-args`.
-    :returns: the exit code.
-    :raises UsageError: if the name of a frame is empty, if a number is out of range, if both
-        rates are given, or if a rate is given with a bag; also in the cases of `read_bag`.
-    :raises CommandError: if the bag cannot be read, or if the bag does not contain the transform.
+    Compared with `lookup_transform`, the names of the two frames are swapped.
     """
     source_frame, target_frame = (name.removeprefix('/') for name in (source_frame, target_frame))
     if not source_frame or not target_frame:
@@ -115,7 +88,7 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
         buffer = frame_listener.buffer
         while why := frame_listener.why_no_transform(source_frame, target_frame, time):
             node.get_logger().info(
-                f'Waiting for transform {logged(source_frame)} ->  {logged(target_frame)}: '
+                f'Waiting for transform {in_log(source_frame)} ->  {in_log(target_frame)}: '
                 f'{visible_lines(why)}')
             next_log = monotonic() + _LOG_PERIOD
             while monotonic() < next_log and not buffer.can_transform(
@@ -136,13 +109,6 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
 
 
 def digits(text: str) -> int:
-    """
-    Convert a command-line argument to a number of digits.
-
-    :param text: the number.
-    :returns: the number. This function does not check that the number is in the allowed range.
-    :raises argparse.ArgumentTypeError: if the text is not a whole number.
-    """
     value = number(text)
     if value != int(value):
         raise ArgumentTypeError(f'{text!r} is not a whole number')
@@ -150,12 +116,7 @@ def digits(text: str) -> int:
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """
-    Run the command; see `--help`.
-
-    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code.
-    """
+    """Run the command with some arguments, or those of the command line."""
     parser = Parser(
         'tf2_echo', 'Repeatedly print the transform to get data from target_frame into '
         'source_frame: the pose of target_frame in source_frame.',

@@ -1,6 +1,6 @@
 """The command `tf_trajectory`: write or draw the pose of a frame in another one over time."""
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack, suppress
 from io import BytesIO
 from math import pi, tau
@@ -29,11 +29,12 @@ from dummy_arm.cli.parser import (
 )
 from dummy_arm.cli.progress import listen, progress
 from dummy_arm.cli.signals import check_signals, forget_signals
-from dummy_arm.tf import BufferCore, TransformException
+from dummy_arm.inspection.terminal import is_terminal
+from dummy_arm.tf import TransformBuffer, TransformException
 from dummy_arm.tf.formatting import SECOND, shortened, visible
 
 if TYPE_CHECKING:
-    from dummy_arm.tf import MessageBufferCore
+    from dummy_arm.tf import BufferCore
 
 #: The files that can be written.
 TABLES, DRAWINGS = ('.csv', '.tum', '.npz'), ('.png', '.svg', '.pdf')
@@ -59,71 +60,50 @@ TWIST = ('vx_m_s', 'vy_m_s', 'vz_m_s', 'wx_rad_s', 'wy_rad_s', 'wz_rad_s')
 ARRAYS = {'positions': slice(0, 3), 'quaternions': slice(3, 7), 'rpy': slice(7, 10),
           'linear': slice(10, 13), 'angular': slice(13, 16)}
 
-#: The buffer of a bag, or of a listener.
-AnyBuffer = Union[BufferCore, 'MessageBufferCore']
-#: Stamps, (n,) int64 (ns), and values, (n, 10) or, with a twist, (n, 16) float64; see `POSE` and
-#: `TWIST`.
+AnyBuffer = Union[TransformBuffer, 'BufferCore']
+#: Stamps, (n,) int64 (ns), and values, (n, 10) or, with a twist, (n, 16) float64.
 Rows = tuple[NDArray[np.int64], NDArray[np.float64]]
 
 
 class Trajectory:
-    """The poses of a source frame in a target frame at many times, looked up part by part."""
+    """The poses of a source frame in a target frame at increasing times (ns)."""
 
     def __init__(self, buffer: AnyBuffer, target: str, source: str, times: NDArray[np.int64],
-                 has_twist: bool) -> None:
-        """
-        Create a trajectory; nothing is looked up yet.
-
-        :param buffer: the buffer with the transforms.
-        :param target: the frame in which the poses are expressed.
-        :param source: the frame whose poses are looked up.
-        :param times: (n,) times (ns), in increasing order.
-        :param has_twist: True: look up the velocities, too.
-        """
+                 has_twist: bool, has_bar: bool = True) -> None:
         self.target, self.source, self.times, self.has_twist = target, source, times, has_twist
-        self._buffer = buffer
+        self._buffer, self._has_bar = buffer, has_bar
         #: The number of rows so far, and the stamps of the first and the last of them (ns).
         self.count = self.begin = self.end = 0
         #: The number of times left out so far, the first of them (ns), and why it was left out.
         self.left_out = self.first_left_out = 0
         self.reason = ''
-        #: Called with the number of times that have been looked up.
-        self.on_progress: Callable[[float], object] = lambda done: None
 
     def parts(self) -> Iterator[Rows]:
         """
-        Look up the poses, and count the rows.
+        Look up the poses part by part; times without a transform have rows of NaN.
 
-        :returns: an iterator over parts of the rows. There is a row for each time. If it is left
-            out, because there is no transform at this time, its values are NaN.
-        :raises CommandError: if all rows are left out.
-        :raises KeyboardInterrupt: if Ctrl-C or SIGTERM was received; see `dummy_arm.cli.signals`.
+        :raises CommandError: if no time has a transform.
         """
-        for begin in range(0, len(self.times), _PART):
-            check_signals()
-            times = self.times[begin:begin + _PART]
-            yield self._part(times)
-            self.on_progress(begin + len(times))
+        with progress(len(self.times), desc='looking up', disable=None if self._has_bar else True,
+                      bar_format='{desc} {bar} {n} of {total} rows') as show_progress:
+            for begin in range(0, len(self.times), _PART):
+                check_signals()
+                times = self.times[begin:begin + _PART]
+                yield self._part(times)
+                show_progress(begin + len(times))
         if not self.count:
             raise CommandError(f'no row has a transform{" and a velocity" * self.has_twist}; the '
                                f'first of {self.left_out}, at {_seconds(self.first_left_out)} s: '
                                f'{self.reason}')
 
     def rows(self) -> Iterator[Rows]:
-        """
-        Look up the poses, and count the rows.
-
-        :returns: an iterator over parts of the rows, without those that are left out.
-        :raises CommandError: as `parts`.
-        :raises KeyboardInterrupt: as `parts`.
-        """
+        """Look up the poses as `parts`, without the rows of NaN."""
         for stamps, values in self.parts():
             known = ~np.isnan(values[:, 0])
             if known.any():
                 yield stamps[known], values[known]
 
     def _part(self, times: NDArray[np.int64]) -> Rows:
-        """Look up the poses at some times."""
         positions, quaternions, known = self._buffer.lookup_transforms(
             self.target, self.source, times)
         known &= times != 0  # these are the latest poses
@@ -166,10 +146,10 @@ class Trajectory:
 
 def roll_pitch_yaw(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
     """
-    Convert rotations to roll, pitch and yaw, as `euler_from_quaternion` of rotations does.
+    Convert many quaternions as `euler_from_quaternion` converts one.
 
-    :param quaternions: (n, 4) float64: x, y, z, w, of length 1 or NaN.
-    :returns: (n, 3) float64: the angles about the fixed axes x, y and z (rad).
+    :param quaternions: (n, 4): x, y, z, w, of length 1 or NaN.
+    :returns: (n, 3): the angles about the fixed axes x, y and z (rad).
     """
     x, y, z, w = quaternions.T
     a, b, c, d = w - y, x + z, w + y, z - x
@@ -191,25 +171,11 @@ def command(target_frame: str, source_frame: str, output: Optional[str] = None,
     """
     Write or draw the poses of the source frame in the target frame over time.
 
-    :param target_frame: the frame in which the poses are expressed.
-    :param source_frame: the frame whose poses are looked up.
     :param output: path of the file. Its ending gives the format; see `TABLES` and `DRAWINGS`.
         None: print the table in CSV.
     :param every: the interval between two rows (s), counted from the first stamp; None: a row for
         each stamp of the dynamic transforms between the two frames.
-    :param twist: True: write or draw the velocities, too.
     :param seconds: how long to listen (s); None: 5 s.
-    :param bag: path of the bag to read; None: listen.
-    :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
-    :param partial: True: if the bag is damaged, read its undamaged parts.
-    :param ros_args: the command line, with the name of the command; ROS reads what follows
-        `--ros-args`.
-    :returns: the exit code.
-    :raises UsageError: if the name of a frame is empty, if the format is unknown or has no place
-        for velocities, if a number is out of range, or if `seconds` is set together with `bag`;
-        also in the cases of `read_bag`.
-    :raises CommandError: if there is no trajectory, if the bag cannot be read, if matplotlib is
-        missing, or if the file cannot be written.
     """
     target, source = (name.removeprefix('/') for name in (target_frame, source_frame))
     if not target or not source:
@@ -226,19 +192,20 @@ def command(target_frame: str, source_frame: str, output: Optional[str] = None,
     times = _times(buffer, target, source, every)
     is_drawing = path is not None and path.suffix.lower() in DRAWINGS
     step = -(-len(times) // MAX_DRAWN) if is_drawing else 1
-    trajectory = Trajectory(buffer, target, source, times[::step], twist)
-    with ExitStack() as stack:
-        if path is not None or not sys.stdout.isatty():  # no bar within a table in the terminal
-            trajectory.on_progress = stack.enter_context(progress(
-                len(trajectory.times), desc='looking up',
-                bar_format='{desc} {bar} {n} of {total} rows'))
-        if path is None:
-            _write_csv(sys.stdout, trajectory.rows(), twist)
-        else:
-            part = stack.enter_context(whole_file(path))
+    # There is no bar within a table on the terminal.
+    trajectory = Trajectory(buffer, target, source, times[::step], twist,
+                            has_bar=path is not None or not is_terminal())
+    if path is None:
+        _write_csv(sys.stdout, trajectory.rows(), twist)
+    else:
+        with whole_file(path) as part:
             _write(part, path.suffix.lower(), trajectory, step)
             check_signals()
-    some = f', of {len(times)} rows one of {step}' if step > 1 else ''
+    _print_summary(trajectory, path, f', of {len(times)} rows one of {step}' * (step > 1))
+    return 0
+
+
+def _print_summary(trajectory: Trajectory, path: Optional[Path], some: str) -> None:
     rows = '1 row' if trajectory.count == 1 else f'{trajectory.count} rows'
     summary = (f'{rows} from {_seconds(trajectory.begin)} s to {_seconds(trajectory.end)} s'
                f'{some}')
@@ -246,22 +213,16 @@ def command(target_frame: str, source_frame: str, output: Optional[str] = None,
         print(f'tf_trajectory: {summary}', file=sys.stderr)
     else:
         print(f'wrote {visible(str(path))}: {summary}')
-    if trajectory.left_out:
-        left_out, all_rows = trajectory.left_out, len(trajectory.times)
-        print(f'tf_trajectory: {left_out} of {all_rows} rows {"are" if left_out > 1 else "is"} '
-              f'left out, without a transform{" or a velocity" if twist else ""}; the first, at '
-              f'{_seconds(trajectory.first_left_out)} s: {visible(trajectory.reason)}',
+    if left_out := trajectory.left_out:
+        velocity = ' or a velocity' if trajectory.has_twist else ''
+        print(f'tf_trajectory: {left_out} of {len(trajectory.times)} rows '
+              f'{"are" if left_out > 1 else "is"} left out, without a transform{velocity}; the '
+              f'first, at {_seconds(trajectory.first_left_out)} s: {visible(trajectory.reason)}',
               file=sys.stderr)
-    return 0
 
 
 def _output_path(output: str, twist: bool) -> Path:
-    """
-    Check that a file can be written, and return its path.
-
-    :raises UsageError: if the ending is unknown, or if the format has no place for velocities.
-    :raises CommandError: if the file cannot be written, or if matplotlib is needed and missing.
-    """
+    """Return the path of a file, after a check that it can be written in its format."""
     path = Path(output)
     ending = path.suffix.lower()
     if ending not in (*TABLES, *DRAWINGS) or output.endswith('/'):
@@ -284,12 +245,8 @@ def _output_path(output: str, twist: bool) -> Path:
 
 
 def _record(target: str, source: str, seconds: float, namespace: str, ros_args: Sequence[str]
-            ) -> 'MessageBufferCore':
-    """
-    Listen for some time, or until Ctrl-C or SIGTERM; return a buffer with what was received.
-
-    :raises CommandError: if nothing that was received connects the two frames.
-    """
+            ) -> 'BufferCore':
+    """Listen for some time, or until Ctrl-C or SIGTERM; the two frames must be connected then."""
     from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
     with spinning_node('tf_trajectory', ros_args, namespace) as node:
@@ -306,12 +263,7 @@ def _record(target: str, source: str, seconds: float, namespace: str, ros_args: 
 
 def _times(buffer: AnyBuffer, target: str, source: str, every: Optional[float]
            ) -> NDArray[np.int64]:
-    """
-    Return the times (ns) of the rows: the stamps, or with `every` (s) times at equal distances.
-
-    :raises UsageError: if there would be more than `MAX_ROWS` times at equal distances.
-    :raises CommandError: if nothing connects the two frames, or if they do not move.
-    """
+    """Return the times (ns) of the rows: the stamps, or times at equal distances `every` (s)."""
     try:
         stamps = buffer.path_stamps(target, source)
     except TransformException as error:
@@ -343,14 +295,7 @@ def _seconds(stamp: int) -> str:
 
 
 def _write(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
-    """
-    Write a trajectory to a file.
-
-    :param path: path of the file.
-    :param ending: its format; see `TABLES` and `DRAWINGS`.
-    :param trajectory: the trajectory.
-    :param step: the part of all rows that is drawn, for the title of a drawing: one of `step`.
-    """
+    """Write a file; for the title of a drawing, one of `step` rows is drawn."""
     if ending in DRAWINGS:
         _draw(path, ending, trajectory, step)
     elif ending == '.npz':
@@ -364,7 +309,6 @@ def _write(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
 
 
 def _write_csv(file: TextIO, rows: Iterable[Rows], has_twist: bool) -> None:
-    """Write a header and a line for each row; floats are written so that no bit is lost."""
     header = ','.join(('stamp_ns', *POSE, *(TWIST if has_twist else ()))) + '\n'
     for stamps, values in rows:
         file.write(header + ''.join(
@@ -374,7 +318,6 @@ def _write_csv(file: TextIO, rows: Iterable[Rows], has_twist: bool) -> None:
 
 
 def _write_tum(file: TextIO, rows: Iterable[Rows]) -> None:
-    """Write a line for each row: time (s), x, y, z (m) and the quaternion x, y, z, w."""
     for stamps, values in rows:
         file.write(''.join(
             f'{_seconds(stamp)} {" ".join(map(repr, row))}\n'
@@ -404,55 +347,20 @@ def _write_npz(path: Path, rows: Iterable[Rows], has_twist: bool) -> None:
 
 
 def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
-    """
-    Draw positions, angles and velocities over time, and the path from above.
-
-    :raises CommandError: if a number is larger than `LARGEST_DRAWN`.
-    """
+    """Draw positions, angles and velocities over time, and the path from above."""
     from matplotlib.figure import Figure
     stamps, values = (np.concatenate(each) for each in zip(*trajectory.parts()))
-    if (too_large := np.argwhere(abs(values) > LARGEST_DRAWN)).size:
-        row, column = too_large[0]
-        raise CommandError(
-            f'the pose of {trajectory.source!r} in {trajectory.target!r} is too large to draw: '
-            f'{(*POSE, *TWIST)[column]} is {values[row, column]:g} at {_seconds(stamps[row])} s, '
-            f'and the limit is {LARGEST_DRAWN:g}. Write a table ({", ".join(TABLES)})')
-    times = (stamps - trajectory.begin) / SECOND
-    x, y, _ = values[:, ARRAYS['positions']].T
-    panels = [('position (m)', 'xyz', values[:, ARRAYS['positions']]),
-              ('angle (°)', ('roll', 'pitch', 'yaw'), np.degrees(values[:, ARRAYS['rpy']]))]
-    if trajectory.has_twist:
-        panels += [('velocity (m/s)', 'xyz', values[:, ARRAYS['linear']]),
-                   ('angular velocity\n(rad/s)', 'xyz', values[:, ARRAYS['angular']])]
-    style: dict[str, Any] = {'linewidth': 1.2, 'marker': '.' if trajectory.count < 100 else ''}
-    figure = Figure(figsize=(11.0, 1.0 + 2.1 * len(panels)), layout='constrained')
-    grid = figure.add_gridspec(len(panels), 2, width_ratios=(3, 2))
-    first: Any = None
-    for i, (label, names, columns) in enumerate(panels):
-        axes = figure.add_subplot(grid[i, 0], sharex=first)
-        first = first or axes
-        for name, column in zip(names, columns.T):
-            if i == 1:
-                axes.plot(*_without_jumps(times, column), label=name, **style)
-            else:
-                axes.plot(times, column, label=name, **style)
-        axes.set_ylabel(label)
-        axes.legend(loc='center left', bbox_to_anchor=(1.0, 0.5), frameon=False)
-        axes.tick_params(labelbottom=i == len(panels) - 1)
-        axes.ticklabel_format(useOffset=False)
-        axes.grid(alpha=0.3)
-    axes.set_xlabel(f'time (s), from {_seconds(trajectory.begin)} s')
+    _check_drawable(trajectory, stamps, values)
+    style = {'linewidth': 1.2, 'marker': '.' if trajectory.count < 100 else ''}
+    panels = 4 if trajectory.has_twist else 2
+    figure = Figure(figsize=(11.0, 1.0 + 2.1 * panels), layout='constrained')
+    grid = figure.add_gridspec(panels, 2, width_ratios=(3, 2))
+    rows = [figure.add_subplot(grid[0, 0])]
+    rows += [figure.add_subplot(grid[i, 0], sharex=rows[0]) for i in range(1, panels)]
+    _plot_over_time(rows, (stamps - trajectory.begin) / SECOND, values, style)
+    rows[-1].set_xlabel(f'time (s), from {_seconds(trajectory.begin)} s')
     figure.align_ylabels()
-    above = figure.add_subplot(grid[:, 1])
-    above.plot(x, y, color='black', **style)
-    for i, marker, color, label in ((0, 'o', 'tab:green', 'start'), (-1, 's', 'tab:red', 'end')):
-        row = np.flatnonzero(~np.isnan(x))[i]
-        above.plot(x[row], y[row], marker, color=color, label=label)
-    above.set_aspect('equal', adjustable='datalim')
-    above.set(xlabel='x (m)', ylabel='y (m)', title='path from above')
-    above.ticklabel_format(useOffset=False)
-    above.legend()
-    above.grid(alpha=0.3)
+    _plot_path(figure.add_subplot(grid[:, 1]), values[:, 0], values[:, 1], style)
     some = f', one of {step} rows' if step > 1 else ''
     figure.suptitle(f'{shortened(trajectory.source)} in {shortened(trajectory.target)}{some}',
                     parse_math=False)
@@ -464,26 +372,56 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     path.write_bytes(drawing.getvalue())
 
 
+def _check_drawable(trajectory: Trajectory, stamps: NDArray[np.int64],
+                    values: NDArray[np.float64]) -> None:
+    if (too_large := np.argwhere(abs(values) > LARGEST_DRAWN)).size:
+        row, column = too_large[0]
+        raise CommandError(
+            f'the pose of {trajectory.source!r} in {trajectory.target!r} is too large to draw: '
+            f'{(*POSE, *TWIST)[column]} is {values[row, column]:g} at {_seconds(stamps[row])} s, '
+            f'and the limit is {LARGEST_DRAWN:g}. Write a table ({", ".join(TABLES)})')
+
+
+def _plot_over_time(rows: list[Any], times: NDArray[np.float64], values: NDArray[np.float64],
+                    style: dict[str, Any]) -> None:
+    """Plot three columns of values in each of the axes, which share the time (s)."""
+    for axes, (label, names, array) in zip(rows, (
+            ('position (m)', 'xyz', 'positions'), ('angle (°)', ('roll', 'pitch', 'yaw'), 'rpy'),
+            ('velocity (m/s)', 'xyz', 'linear'),
+            ('angular velocity\n(rad/s)', 'xyz', 'angular'))):
+        for name, column in zip(names, values[:, ARRAYS[array]].T):
+            x, y = (_without_jumps(times, np.degrees(column)) if array == 'rpy' else
+                    (times, column))
+            axes.plot(x, y, label=name, **style)
+        axes.set_ylabel(label)
+        axes.legend(loc='center left', bbox_to_anchor=(1.0, 0.5), frameon=False)
+        axes.tick_params(labelbottom=axes is rows[-1])
+        axes.ticklabel_format(useOffset=False)
+        axes.grid(alpha=0.3)
+
+
+def _plot_path(axes: Any, x: NDArray[np.float64], y: NDArray[np.float64], style: dict[str, Any]
+               ) -> None:
+    axes.plot(x, y, color='black', **style)
+    for i, marker, color, label in ((0, 'o', 'tab:green', 'start'), (-1, 's', 'tab:red', 'end')):
+        row = np.flatnonzero(~np.isnan(x))[i]
+        axes.plot(x[row], y[row], marker, color=color, label=label)
+    axes.set_aspect('equal', adjustable='datalim')
+    axes.set(xlabel='x (m)', ylabel='y (m)', title='path from above')
+    axes.ticklabel_format(useOffset=False)
+    axes.legend()
+    axes.grid(alpha=0.3)
+
+
 def _without_jumps(times: NDArray[np.float64], angles: NDArray[np.float64]
                    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """
-    Break the line of an angle where it jumps from 180 to -180 degrees, or back.
-
-    :param times: (n,) times (s).
-    :param angles: (n,) angles (degrees).
-    :returns: times and angles, with NaN between two angles that differ by more than 180 degrees.
-    """
+    """Insert NaN where an angle jumps from 180 to -180 degrees, or back."""
     jumps = np.flatnonzero(abs(np.diff(angles)) > 180.0) + 1
     return np.insert(times, jumps, np.nan), np.insert(angles, jumps, np.nan)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """
-    Run the command; see `--help`.
-
-    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code.
-    """
+    """Run the command; see `--help`."""
     parser = Parser(
         'tf_trajectory', 'Write or draw the pose of source_frame in target_frame over time: a row '
         'for each stamp of the dynamic transforms between the two frames.',

@@ -28,27 +28,17 @@ from dummy_arm.tf.formatting import display_time, in_seconds, shortened, suggest
 if TYPE_CHECKING:
     from dummy_arm.inspection.frame_listener import FrameListener
 
-#: The formats of drawings.
 FORMATS = ('.pdf', '.svg', '.png')
-#: File name endings that are refused. A name with any other ending that is not in `FORMATS` gets
-#: the additional ending .pdf: `v1.2` becomes `v1.2.pdf`.
+#: Endings that are refused. To a name with another one, .pdf is added: `v1.2` is `v1.2.pdf`.
 OTHER_FORMATS = ('.dot', '.eps', '.gif', '.gv', '.jpeg', '.jpg', '.ps', '.txt')
-#: The largest number of frames in a drawing. A drawing of more frames is not legible, and can
-#: take minutes to compute.
+#: A drawing of more frames is not legible, and can take minutes.
 MAX_FRAMES = 2000
 #: The interval at which --watch prints the tree (s).
 _REFRESH = 1.0
 
 
 def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> list[str]:
-    """
-    Draw the trees of frames as text, with rates, ages and publishers.
-
-    :param forest: the frames.
-    :param now: the time to which ages are relative (ns).
-    :param max_lines: the largest number of lines to return; None: return all lines.
-    :returns: the lines.
-    """
+    """Draw trees as text, with rates, ages at a time (ns) and publishers."""
     rows = []
     for branches, name, frame in islice(forest.lines(), max_lines):
         rate = age = ''
@@ -67,29 +57,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
             watch: bool = False, bag: Optional[str] = None, namespace: str = '',
             partial: bool = False, root: Optional[str] = None, *,
             ros_args: Sequence[str] = ()) -> int:
-    """
-    Listen to transforms for some time, or read a bag; then draw the tree of frames.
-
-    :param output: path of the drawing. The ending of the path gives the format: .pdf, .svg or
-        .png; for other endings, see `output_path`. The graph is also written, in the DOT language,
-        to a .gv file of the same name in the same directory.
-    :param wait_time: how long to listen (s), from the first transform on; None: 5 s.
-    :param text: True: print the tree instead of drawing it.
-    :param watch: True: print the tree every second, until Ctrl-C.
-    :param bag: path of the bag to read; None: listen. With a bag, ages are relative to the newest
-        transform of the bag.
-    :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
-    :param partial: True: if the bag is damaged, read its undamaged parts.
-    :param root: draw or print only this frame and its descendants; None: all frames.
-    :param ros_args: the command line, with the name of the command; ROS reads what follows
-        `--ros-args`.
-    :returns: the exit code.
-    :raises UsageError: if `wait_time` is out of range, if `output` is not a valid file name, if
-        `root` is empty, or if `watch` or `wait_time` is set together with `bag`; also in the
-        cases of `read_bag`.
-    :raises CommandError: if no transform was received, if the bag cannot be read, if the root does
-        not exist, if the tree cannot be drawn, or if a file cannot be written.
-    """
+    """Listen to transforms for some time, or read a bag; then draw the tree of frames."""
     if bag is not None and (watch or wait_time is not None):
         raise UsageError(
             '--watch and --wait-time (-t) are for listening: leave them out with --bag')
@@ -120,12 +88,7 @@ def command(output: str = 'frames', wait_time: Optional[float] = None, text: boo
 
 def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence[str],
             namespace: str) -> tuple[list[Frame], int]:
-    """
-    Listen for some time; return the frames, and the time of the node's clock (ns).
-
-    :param seconds: how long to listen (s), from the first transform on.
-    :param watch: True: print the tree every second, until Ctrl-C, and do not return.
-    """
+    """Return the frames, and the time of the node's clock (ns); with `watch`, do not return."""
     from dummy_arm.cli.node import spinning_node
     from dummy_arm.inspection.frame_listener import FrameListener
     with spinning_node('view_frames', ros_args, namespace) as node:
@@ -145,7 +108,6 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
 
 
 def _show(frame_listener: 'FrameListener', root: Optional[str]) -> None:
-    """Show the current tree in the terminal."""
     # The time first: reading and arranging 100,000 frames takes long, and would add to the ages.
     now, frames = frame_listener.now(), frame_listener.frames()
     if not frames:
@@ -162,11 +124,6 @@ def _show(frame_listener: 'FrameListener', root: Optional[str]) -> None:
 
 
 def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
-    """
-    Return the trees of all frames; if a root is given, return only the tree of this root.
-
-    :raises CommandError: if the root does not exist.
-    """
     forest = Forest(frames)
     if root is None:
         return forest
@@ -176,16 +133,7 @@ def _forest(frames: list[Frame], root: Optional[str]) -> Forest:
 
 
 def output_path(output: str) -> Path:
-    """
-    Return the path of the drawing, with its ending.
-
-    :param output: the path. If it does not end in .pdf, .svg or .png, .pdf is appended.
-    :returns: the path with its ending.
-    :raises UsageError: if `output` is not the name of a file, or if its ending is in
-        `OTHER_FORMATS`.
-    :raises CommandError: if the path is a directory, or if the directory of the file is not
-        writable.
-    """
+    """Return the path of the drawing, with its ending; check that it can be written."""
     path = Path(output)
     if path.name in ('', '..') or output.endswith('/'):
         raise UsageError(f'{output!r} is not a file name')
@@ -199,16 +147,7 @@ def output_path(output: str) -> Path:
 
 
 def save(forest: Forest, now: int, path: Path) -> None:
-    """
-    Draw frames to a file, and write their graph to a .gv file of the same name.
-
-    The .gv file is written even if the frames cannot be drawn.
-
-    :param forest: the frames.
-    :param now: the time that is shown as the time of recording (ns).
-    :param path: the path of the drawing; it ends in .pdf, .svg or .png.
-    :raises CommandError: if the frames cannot be drawn, or a file cannot be written.
-    """
+    """Draw frames to a file, and write a .gv file, also if they cannot be drawn."""
     dot, dot_path = as_dot(forest, now), path.with_suffix('.gv')
     try:
         if (count := len(forest.names)) > MAX_FRAMES:
@@ -229,11 +168,6 @@ def _summary(forest: Forest) -> str:
 
 
 def _span(forest: Forest, now: int) -> str:
-    """
-    Return a line with the times of the oldest and the newest dynamic transform.
-
-    :param now: the time to which ages are relative (ns).
-    """
     dynamic = [frame for frame in forest.frames.values() if not frame.is_static]
     if not dynamic:
         return 'all transforms are static'
@@ -244,24 +178,13 @@ def _span(forest: Forest, now: int) -> str:
 
 
 def write(path: Path, data: bytes) -> None:
-    """
-    Write a file completely, or leave it unchanged.
-
-    :param path: path of the file.
-    :param data: the new content of the file.
-    :raises CommandError: if the file cannot be written.
-    """
+    """Write a file completely, or leave it unchanged."""
     with whole_file(path) as part:
         part.write_bytes(data)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """
-    Run the command; see `--help`.
-
-    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code.
-    """
+    """Run the command with some arguments, or those of the command line."""
     parser = Parser(
         'view_frames', 'Listen to /tf and /tf_static, or read a bag, and draw the tree of frames '
         'to frames.pdf (and frames.gv).',

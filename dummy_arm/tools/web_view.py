@@ -12,7 +12,7 @@ from dummy_arm.cli.parser import Parser, run
 from dummy_arm.cli.signals import sleep
 
 if TYPE_CHECKING:
-    from dummy_arm.view.source import Source
+    from dummy_arm.view.feed import Feed
 
 HOST = '127.0.0.1'
 _LAST_PORT = 65535
@@ -26,37 +26,23 @@ _REST = 2.0
 
 def command(host: str = HOST, port: Optional[int] = None, bag: Optional[str] = None,
             namespace: str = '', partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
-    """
-    Show the frames on a web page, until Ctrl-C.
-
-    :param host: the address at which the page is served.
-    :param port: the port of the page; None: 8080, or the next free port if 8080 is in use.
-    :param bag: path of the bag to play; None: show /tf and /tf_static.
-    :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
-    :param partial: True: if the bag is damaged, read its undamaged parts.
-    :param ros_args: the command line, with the name of the command; ROS reads what follows
-        `--ros-args`.
-    :returns: the exit code.
-    :raises UsageError: if `host` is not an address of this machine; see also `read_bag`.
-    :raises CommandError: if the bag cannot be read, if the port is in use, if the port needs root
-        privileges, or if viser cannot be used.
-    """
+    """Show the frames on a web page, until Ctrl-C."""
     if buffer := read_bag(bag, namespace, partial):
-        from dummy_arm.view.source import BagSource
-        _show(BagSource(buffer, Path(bag or '').name), host, port)
+        from dummy_arm.view.feed import BagFeed
+        _show(BagFeed(buffer, Path(bag or '').name), host, port)
     else:
         from dummy_arm.cli.node import spinning_node
-        from dummy_arm.view.source import LiveSource
+        from dummy_arm.view.feed import LiveFeed
         with spinning_node('web_view', ros_args, namespace) as node:
-            _show(LiveSource(node), host, port)
+            _show(LiveFeed(node), host, port)
     return 0
 
 
-def _show(source: 'Source', host: str, port: Optional[int]) -> None:
+def _show(feed: 'Feed', host: str, port: Optional[int]) -> None:
     from dummy_arm.view.server import serve
     from dummy_arm.view.view import View
     with serve(host, port) as server:
-        view = View(source, server)
+        view = View(feed, server)
         while True:
             start = monotonic()
             view.update()
@@ -66,25 +52,14 @@ def _show(source: 'Source', host: str, port: Optional[int]) -> None:
 
 
 def port_number(text: str) -> int:
-    """
-    Convert a command-line argument to a port.
-
-    :param text: the number of the port.
-    :returns: the port.
-    :raises argparse.ArgumentTypeError: if the text is not a number from 1 to 65535.
-    """
+    """Convert a command-line argument to a port."""
     if not (re.fullmatch('[0-9]{1,5}', text) and 1 <= int(text) <= _LAST_PORT):
         raise ArgumentTypeError(f'a port must be a number from 1 to {_LAST_PORT}, got {text!r}')
     return int(text)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
-    """
-    Run the command; see `--help`.
-
-    :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :returns: the exit code.
-    """
+    """Run the command; see `--help`."""
     parser = Parser(
         'web_view', 'Show the frames of /tf and /tf_static, or of a bag, on a page in the '
         'browser.',

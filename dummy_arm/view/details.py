@@ -11,9 +11,9 @@ from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import comma_list, SECOND, visible
 from dummy_arm.tf.rotations import euler_from_quaternion
+from dummy_arm.view.feed import Feed
+from dummy_arm.view.placement import MAX_FRAMES, Placement, REACH
 from dummy_arm.view.rods import TIMEOUT
-from dummy_arm.view.snapshot import MAX_FRAMES, REACH, Snapshot
-from dummy_arm.view.source import Source
 
 #: If a frame has had no new stamp for more than this time (s), its rate is not shown.
 _SILENT = 1.0
@@ -23,86 +23,72 @@ _STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
           'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
 
 
-def overview(snapshot: Snapshot, source: Source, fixed: str = '') -> str:
-    """
-    Return the overview: the number of frames that are shown, and every problem.
-
-    :param snapshot: the frames, including frames that have timed out.
-    :param source: the source of the frames.
-    :param fixed: the fixed frame that a viewer has chosen; '' if none was chosen.
-    :returns: HTML.
-    """
-    timed_out = [name for name, age in zip(snapshot.names, snapshot.ages.tolist())
+def overview(placement: Placement, feed: Feed, fixed: str = '') -> str:
+    """Return in HTML how many frames are shown, and every problem."""
+    timed_out = [name for name, age in zip(placement.names, placement.ages.tolist())
                  if age >= TIMEOUT]
-    alive = len(snapshot.names) - len(timed_out)
-    name = _text(source.name)
-    lines = [f'{name}: {alive} frame{"" if alive == 1 else "s"}' if snapshot.names else
-             f'{name}: no frames yet. {_text(source.why_no_frames())}']
-    if snapshot.names and (hint := source.topics_hint()):
+    alive = len(placement.names) - len(timed_out)
+    name = _text(feed.name)
+    lines = [f'{name}: {alive} frame{"" if alive == 1 else "s"}' if placement.names else
+             f'{name}: no frames yet. {_text(feed.why_no_frames())}']
+    if placement.names and (hint := feed.topics_hint()):
         lines.append(_text(hint))
     if timed_out:
         lines.append(f'not shown, because no new transform has arrived for {TIMEOUT:g} s on the '
                      f'path to: {comma_list(timed_out, _MAX_NAMES, _text)}')
-    if snapshot.gone:
-        lines.append(f'{snapshot.gone} frame{"" if snapshot.gone == 1 else "s"} without an update '
-                     'for a minute: not shown')
-    if snapshot.left_out:
-        total = len(snapshot.names) + len(snapshot.not_finite) + len(snapshot.left_out)
+    if placement.gone:
+        lines.append(f'{placement.gone} frame{"" if placement.gone == 1 else "s"} without an '
+                     'update for a minute: not shown')
+    if placement.left_out:
+        total = len(placement.names) + len(placement.not_finite) + len(placement.left_out)
         lines.append(f'only {MAX_FRAMES} of {total} frames are shown, not: '
-                     f'{comma_list(snapshot.left_out, _MAX_NAMES, _text)}')
-    if fixed not in ('', snapshot.fixed):
+                     f'{comma_list(placement.left_out, _MAX_NAMES, _text)}')
+    if fixed not in ('', placement.fixed):
         lines.append(f'the fixed frame {_text(fixed)} is not available' + (
-            f'; instead of it: {_text(snapshot.fixed)}' if snapshot.fixed else ''))
-    if len(snapshot.trees) > 1:
-        others = [name for name in snapshot.trees if name != snapshot.fixed]
-        lines.append(f'not connected to {_text(snapshot.fixed)}: '
+            f'; instead of it: {_text(placement.fixed)}' if placement.fixed else ''))
+    if len(placement.trees) > 1:
+        others = [name for name in placement.trees if name != placement.fixed]
+        lines.append(f'not connected to {_text(placement.fixed)}: '
                      f'{comma_list(others, _MAX_NAMES, _text)}')
-    if far := [name for name in snapshot.far if name not in {*timed_out}]:
+    if far := [name for name in placement.far if name not in {*timed_out}]:
         lines.append(f'more than {REACH:,.0f} m away, drawn at that distance: '
                      f'{comma_list(far, _MAX_NAMES, _text)}')
-    if snapshot.not_finite:
+    if placement.not_finite:
         lines.append('not shown, since the translation is not finite: '
-                     f'{comma_list(snapshot.not_finite, _MAX_NAMES, _text)}')
-    lines += [f'in a loop: {" → ".join(map(_text, [*loop, loop[0]]))}' for loop in snapshot.loops]
+                     f'{comma_list(placement.not_finite, _MAX_NAMES, _text)}')
+    lines += [f'in a loop: {" → ".join(map(_text, [*loop, loop[0]]))}' for loop in placement.loops]
     return f'<div style="{_STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
 
 
-def details(snapshot: Snapshot, name: str, source: Source) -> str:
-    """
-    Return the details of one frame: its poses, its rate, its delay and its publisher.
-
-    :param snapshot: the frames, including frames that have timed out.
-    :param name: the name of the frame; '' if no frame is selected.
-    :param source: the source of the frames.
-    :returns: HTML: a table if the snapshot has the frame; if not, one sentence.
-    """
-    if name not in snapshot.names:
+def details(placement: Placement, name: str, feed: Feed) -> str:
+    """Return in HTML a table of one frame, or a sentence if it is not available."""
+    if name not in placement.names:
         text = f'{_text(name)} is not available.' if name else 'Click a frame, or choose one.'
         return f'<div style="{_STYLE}" data-text="details">{text}</div>'
-    i = snapshot.names.index(name)
-    frame = snapshot.frames.get(name)
-    target, _ = snapshot.anchor_of(name)
+    i = placement.names.index(name)
+    frame = placement.frames.get(name)
+    target, _ = placement.anchor_of(name)
     rows = ''
     if frame is None:
         rows += _title('parent', '', 'no parent: this is a root')
     else:
         rows += _title('parent', frame.parent, 'pose in the parent')
-        translations, rotations, known = source.buffer.lookup_transforms(
+        translations, rotations, known = feed.buffer.lookup_transforms(
             frame.parent, name, [frame.latest])
-        if known[0]:  # the buffer may have dropped the sample since the snapshot
+        if known[0]:  # the buffer may have dropped the sample since the placement
             rows += _pose('parent', frame.latest, translations[0], rotations[0])
     if frame is None or frame.parent != target:
-        rows += _title('fixed', target, 'pose in the fixed frame' if target == snapshot.fixed else
+        rows += _title('fixed', target, 'pose in the fixed frame' if target == placement.fixed else
                        'pose in the root')
-        rows += _pose('fixed', snapshot.stamps[i], snapshot.poses[i, :3], snapshot.poses[i, 3:])
+        rows += _pose('fixed', placement.stamps[i], placement.poses[i, :3], placement.poses[i, 3:])
     if frame is not None:
-        rows += _published(frame, snapshot.silences[name], source)
+        rows += _published(frame, placement.silences[name], feed)
     return f'<table style="{_STYLE}" data-text="details">{rows}</table>'
 
 
-def _published(frame: Frame, silence: float, source: Source) -> str:
+def _published(frame: Frame, silence: float, feed: Feed) -> str:
     """Return the rows with the rate, the delay and the publisher of a frame."""
-    publication = source.publication(frame)
+    publication = feed.publication(frame)
     rows = _title('', '', 'published')
     if frame.is_static:
         rows += _row('rate', 'rate', 'static')

@@ -7,8 +7,8 @@ from typing import Any, Optional
 
 import viser
 
+from dummy_arm.view.placement import Placement
 from dummy_arm.view.scene import NAMES_AT_ONCE
-from dummy_arm.view.snapshot import Snapshot
 
 _NONE = '(none)'
 #: The smallest and the largest length of an axis (m).
@@ -29,13 +29,6 @@ class FrameChoice:
     """
 
     def __init__(self, gui: viser.GuiApi, label: str, hint: str) -> None:
-        """
-        Create the dropdown, without frames.
-
-        :param gui: the panel of viser to which the dropdown is added.
-        :param label: the label of the dropdown.
-        :param hint: the text that the page shows when the pointer is on the dropdown.
-        """
         self._dropdown = gui.add_dropdown(label, (_NONE,), hint=hint)
         self._dropdown.on_update(self._on_update)
         self._chosen: Optional[str] = None
@@ -52,33 +45,21 @@ class FrameChoice:
 
     @property
     def chosen(self) -> str:
-        """The frame that a viewer has chosen; '' if no frame is chosen."""
+        """The frame that a viewer has chosen; '' if there is none."""
         return self._chosen or ''
 
     def choose(self, name: str) -> None:
-        """
-        Choose a frame, as if a viewer had selected it in the dropdown.
-
-        :param name: the name of the frame, or the entry '(none)'.
-        """
+        """Choose a frame, as if a viewer had selected it in the dropdown."""
         self._chosen = '' if name == _NONE else name
 
     def set_options(self, names: Iterable[str]) -> None:
-        """
-        Set the frames of the dropdown; the chosen frame stays, since it may be published again.
-
-        :param names: the names of the frames.
-        """
+        """Set the frames; the chosen one stays, since it may be published again."""
         options = (_NONE, *sorted({*names, self.chosen} - {''}))
         if options != self._dropdown.options:
             self._dropdown.options = options
 
     def propose(self, proposal: str) -> None:
-        """
-        Set the proposal, and show the frame that is chosen or proposed.
-
-        :param proposal: the frame to use until a viewer chooses one; '' for none.
-        """
+        """Set the proposal, and show the frame that is chosen or proposed."""
         self._proposal = proposal
         shown = self.name or _NONE
         if self._dropdown.value != shown and shown in self._dropdown.options:
@@ -90,18 +71,8 @@ class Panel:
 
     def __init__(self, gui: viser.GuiApi, length: float,
                  look_at_all: Callable[[viser.ClientHandle], Awaitable[object]]) -> None:
-        """
-        Create the controls.
-
-        :param gui: the panel of viser.
-        :param length: the largest value of the time slider (s); 0: the slider is hidden.
-        :param look_at_all: a coroutine function that moves the camera of a client so that all
-            frames are visible.
-        """
-        #: The frames of the dropdowns, and the earliest time of their next change (s, monotonic
-        #: clock).
-        self._options: list[str] = []
-        self._next_options = 0.0
+        self._options: list[str] = []  # of the dropdowns
+        self._next_options = 0.0  # when they may change again (s, monotonic clock)
         self._overview = gui.add_html('')
         self._pause = gui.add_checkbox('Pause', False)
         self._requested_time: deque[float] = deque(maxlen=1)
@@ -137,64 +108,44 @@ class Panel:
 
     @property
     def is_paused(self) -> bool:
-        """Whether the view is paused."""
         return bool(self._pause.value)
 
     @property
     def size(self) -> float:
-        """The length of an axis (m)."""
         return _within(self._size.value, *_SIZES)
 
     @property
     def with_names(self) -> bool:
-        """Whether the names of the frames are shown."""
         return bool(self._names.value)
 
     def take_requested_time(self) -> Optional[float]:
-        """
-        Return the time that a viewer has set with the time slider since the last call.
-
-        :returns: seconds after the start of the bag. If the slider was set more than once, this is
-            the last value; if it was not set, None.
-        """
+        """Return what a viewer has set the time slider to since the last call (s), or None."""
         return self._requested_time.popleft() if self._requested_time else None
 
     def show_time(self, position: float) -> None:
-        """
-        Set the time slider.
-
-        :param position: seconds after the start of the bag.
-        """
+        """Set the time slider to seconds after the start of the bag."""
         self._time.value = round(position, 2)
 
-    def set_frames(self, snapshot: Snapshot, names: list[str], now: float) -> None:
+    def set_frames(self, placement: Placement, names: list[str], now: float) -> None:
         """
-        Set the proposals and frames of the dropdowns, and the checkbox 'Show names'.
+        Set the dropdowns and the checkbox 'Show names'.
 
-        Until a viewer uses the checkbox, it is ticked if the snapshot has at most `NAMES_AT_ONCE`
-        frames.
-
-        :param snapshot: the frames that are shown.
-        :param names: the names of the frames that a viewer can choose.
-        :param now: the time (s, monotonic clock).
+        Until a viewer uses the checkbox, it is ticked if there are at most `NAMES_AT_ONCE` frames.
         """
         choices = self.fixed, self.trail, self.selected
         if names != self._options and now >= self._next_options:
             self._options, self._next_options = names, now + len(names) * _OPTION_PERIOD
             for choice in choices:
                 choice.set_options(names)
-        for choice, name in zip(choices, (snapshot.fixed, snapshot.deepest, snapshot.deepest)):
+        for choice, name in zip(choices, (placement.fixed, placement.deepest, placement.deepest)):
             choice.propose(name)
-        few = len(snapshot.names) <= NAMES_AT_ONCE
+        if self._size.value != self.size:  # a viewer has sent NaN, or another wrong number
+            self._size.value = self.size
+        few = len(placement.names) <= NAMES_AT_ONCE
         self._names.value = few if self._names_chosen is None else self._names_chosen
 
     def show_texts(self, overview: str, details: str) -> None:
-        """
-        Show the overview and the details.
-
-        :param overview: the text about all frames, as HTML.
-        :param details: the text about the selected frame, as HTML.
-        """
+        """Show two texts in HTML."""
         self._overview.content, self._details.content = overview, details
 
 

@@ -6,20 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dummy_arm.tf.rotations import quaternion_multiply
-from dummy_arm.view.snapshot import Snapshot
+from dummy_arm.view.placement import Placement
 
-#: A frame whose age is at least this (s) is not drawn. In rviz2, the setting "Frame Timeout" has
-#: the same default.
+#: A frame of this age (s) is not drawn, as by default in rviz2 ("Frame Timeout").
 TIMEOUT = 15.0
 _HALF = np.sqrt(0.5)
-#: For each axis of a frame: the quaternion (x, y, z, w) that rotates the z axis onto this axis,
-#: and the colour (red, green, blue) of this axis.
+#: For each axis: the quaternion (x, y, z, w) that rotates z onto it, and its colour.
 _AXES = (
     ((0.0, _HALF, 0.0, _HALF), (200, 0, 0)),
     ((-_HALF, 0.0, 0.0, _HALF), (0, 130, 0)),
     ((0.0, 0.0, 0.0, 1.0), (0, 40, 210)))
-#: For each axis: a (4, 4) matrix. For each quaternion `q`, `q @ matrix` is the quaternion product
-#: of `q` and the quaternion of the axis.
+#: For each axis a matrix (4, 4): `q @ matrix` is the product of `q` and the axis's quaternion.
 _TURNS = [np.array([quaternion_multiply(unit, turn) for unit in np.eye(4)]) for turn, _ in _AXES]
 _LINE = (205, 135, 0)
 _GREY = 178
@@ -28,12 +25,9 @@ _AXIS_RADIUS, _LINE_RADIUS = 0.05, 0.025  # fractions of the length of an axis
 
 class Rods(NamedTuple):
     """
-    The poses, scales and colours of cylinders.
+    Cylinders of radius 1 and length 1 along z, to be scaled and placed.
 
-    An unscaled cylinder has radius 1, and length 1 along z.
-
-    For n frames, there are 4 n cylinders in four groups of n: the x axes, the y axes, the z axes,
-    and the lines to the parents.
+    For n frames: n x axes, n y axes, n z axes, and n lines to the parents.
     """
 
     positions: NDArray[np.float32]  #: (4 n, 3): x, y, z (m) of the end at the frame's origin
@@ -42,25 +36,18 @@ class Rods(NamedTuple):
     colors: NDArray[np.uint8]  #: (4 n, 3): red, green, blue
 
 
-def rods(snapshot: Snapshot, size: float, selected: str = '') -> Rods:
-    """
-    Compute the rods of all frames.
-
-    :param snapshot: the frames.
-    :param size: the length of an axis (m).
-    :param selected: the name of a frame whose axes are drawn thicker; '' for none.
-    :returns: the rods. The order in each of the four groups is that of `snapshot.names`.
-    """
-    count = len(snapshot.names)
-    translations, rotations = snapshot.points, snapshot.poses[:, 3:]
+def rods(placement: Placement, size: float, selected: str = '') -> Rods:
+    """Compute the rods of all frames."""
+    count = len(placement.names)
+    translations, rotations = placement.points, placement.poses[:, 3:]
     turns = [rotations @ turn for turn in _TURNS]
-    colourfulness, thickness = fading(snapshot.ages)
+    colourfulness, thickness = fading(placement.ages)
     line_radii = thickness * size * _LINE_RADIUS
     axis_radii = thickness * size * _AXIS_RADIUS
-    if selected in snapshot.names:
-        axis_radii[snapshot.names.index(selected)] *= 1.7
+    if selected in placement.names:
+        axis_radii[placement.names.index(selected)] *= 1.7
     axes = np.column_stack([axis_radii, axis_radii, np.full(count, size)])
-    parents = np.array(snapshot.parents, np.intp)
+    parents = np.array(placement.parents, np.intp)
     to_parents = np.where(parents[:, None] < 0, 0.0, translations[parents] - translations)
     lengths = np.linalg.norm(to_parents, axis=1)
     lines = np.column_stack([line_radii, line_radii, lengths])
@@ -76,15 +63,10 @@ def rods(snapshot: Snapshot, size: float, selected: str = '') -> Rods:
 
 def fading(ages: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """
-    Compute how much frames have faded.
+    Return the colourfulness, from 1 to 0 (grey), and the thickness, from 1 to 0 (timed out).
 
-    In the first third of `TIMEOUT`, a frame does not change. In the second third, it turns grey.
-    In the last third, it gets thinner until it disappears. (rviz2 makes a frame transparent
-    instead. With transparency, the browser would have to create all rods again at each update.)
-
-    :param ages: (n,): the ages of the frames (s), as in `Snapshot`.
-    :returns: two arrays (n,): the colourfulness of the frames, from 1 (full colour) to 0 (grey),
-        and their thickness, from 1 (full) to 0 (timed out).
+    In the second third of `TIMEOUT`, a frame turns grey; in the last third, it gets thinner. (With
+    transparency, as in rviz2, the browser would create all rods again at each update.)
     """
     thirds = ages / (TIMEOUT / 3)
     return np.clip(2.0 - thirds, 0.0, 1.0), np.clip(3.0 - thirds, 0.0, 1.0)

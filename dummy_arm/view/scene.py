@@ -1,6 +1,7 @@
 """The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
 
 from collections.abc import Iterable
+from contextlib import suppress
 from itertools import islice
 from threading import Lock
 from typing import Optional
@@ -11,12 +12,11 @@ import trimesh
 import viser
 
 from dummy_arm.tf.formatting import visible
+from dummy_arm.view.placement import Placement
 from dummy_arm.view.rods import Rods, rods, TIMEOUT
-from dummy_arm.view.server import Server
-from dummy_arm.view.snapshot import Snapshot
+from dummy_arm.view.viser_private import Server
 
-#: The largest number of names that one update moves. If more names are shown, the next update
-#: moves the next names, and so on.
+#: One update moves at most this many names; the next update moves the next ones.
 NAMES_AT_ONCE = 50
 _LONGEST_NAME = 40  # characters
 _SIDES = 8  # of a cylinder
@@ -31,15 +31,14 @@ _NEAR = 0.34
 _SMALLEST_VIEW = 0.5
 #: The direction from the middle of the sphere to the camera.
 _DIRECTION = np.array([0.55, -0.7, 0.45])
-#: The camera sees as far as this many metres or this many radii of the sphere, whichever is more.
+#: The camera sees this many metres or radii of the sphere, whichever is more.
 _FAR = 1000.0
 #: The vertical field of view of the camera (rad).
 _ANGLE = 0.8
 #: The distance of the camera from the middle of the sphere, in radii of the sphere.
 _DISTANCE = 4.4
-#: The camera is shifted to the right, because the panel covers the right side of the page. The
-#: shift is this fraction of the horizontal distance between the camera and the middle of the
-#: sphere.
+#: The camera is shifted to the right by this fraction of its horizontal distance, because the
+#: panel covers the right side of the page.
 _ASIDE = 0.14
 
 
@@ -47,72 +46,50 @@ class Scene:
     """The three-dimensional view of the frames; all viewers share one scene."""
 
     def __init__(self, server: Server) -> None:
-        """
-        Create the scene with a grid and no frames.
-
-        :param server: the server of the page.
-        """
         self._scene, self._server = server.scene, server
         self._scene.add_line_segments('/grid', _grid(), _GRID_COLOUR, thickness=1.0,
                                       thickness_units='screen')
         self._rods: Optional[viser.BatchedMeshHandle] = None
         self._trail: Optional[viser.LineSegmentsHandle] = None
-        #: The labels that are shown, by the name of their frame, and the labels that are not used.
+        #: The labels that are shown, by the name of their frame, and those that are not used.
         self._labels: dict[str, viser.LabelHandle] = {}
         self._free_labels: list[viser.LabelHandle] = []
         self._next_label = 0
-        #: The names of the frames in the order of the rods, so that `_click` can find the name
-        #: by the index of the clicked rod.
+        #: In the order of the rods, so that `_click` finds the frame of a rod.
         self._frame_names: list[str] = []
         self._clicked = ''
         self._lock = Lock()
 
-    def show(self, snapshot: Snapshot, size: float, selected: str, with_names: bool,
+    def show(self, placement: Placement, size: float, selected: str, with_names: bool,
              trail: NDArray[np.float64]) -> None:
-        """
-        Show the frames of a snapshot in place of the frames that were shown before.
-
-        :param snapshot: the frames.
-        :param size: the length of an axis (m).
-        :param selected: the frame whose axes are drawn thicker; '' for none.
-        :param with_names: whether the names of the frames are shown.
-        :param trail: (m, 2, 3): the start and the end of each line of the trail, x, y, z (m).
-        """
+        """Show frames with axes of a length (m), and a trail of lines (m, 2, 3): x, y, z (m)."""
         with self._server.atomic():
             with self._lock:
-                self._frame_names = snapshot.names
-            self._show_rods(rods(snapshot, size, selected))
-            self._show_names(snapshot, size, with_names)
+                self._frame_names = placement.names
+            self._show_rods(rods(placement, size, selected))
+            self._show_names(placement, size, with_names)
             self._show_trail(trail)
 
     def take_click(self) -> str:
-        """
-        Return the frame that a viewer has clicked since the last call.
-
-        :returns: the name of the frame; '' if no frame was clicked.
-        """
+        """Return the frame that a viewer has clicked since the last call, or ''."""
         with self._lock:
             clicked, self._clicked = self._clicked, ''
         return clicked
 
-    def look_at(self, snapshot: Snapshot, clients: Iterable[viser.ClientHandle]) -> None:
-        """
-        Move cameras so that all frames are visible.
-
-        The initial camera, to which viewers can reset their cameras, is moved as well. Frames that
-        have timed out are ignored. If no frame is left, no camera is moved.
-
-        :param snapshot: the frames.
-        :param clients: the clients whose cameras are moved.
-        """
-        points = snapshot.points[snapshot.ages < TIMEOUT]
+    def look_at(self, placement: Placement, clients: Iterable[viser.ClientHandle]) -> None:
+        """Move cameras, and the one to which viewers can reset theirs, so that all is visible."""
+        points = placement.points[placement.ages < TIMEOUT]
         if not len(points):
             return
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
         radius = max(_SMALLEST_VIEW, np.linalg.norm(points - middle, axis=1).max())
         away = _DIRECTION / np.linalg.norm(_DIRECTION) * radius * _DISTANCE
         middle += np.cross((0.0, 0.0, 1.0), away) * _ASIDE
-        self._server.turn_cameras(clients, middle + away, middle, _ANGLE, max(_FAR, _FAR * radius))
+        for each in [self._server.initial_camera, *(client.camera for client in clients)]:
+            # viser fails if the client has sent an invalid pose.
+            with suppress(Exception), np.errstate(all='ignore'):
+                each.position, each.look_at = middle + away, middle
+                each.fov, each.far = _ANGLE, max(_FAR, _FAR * radius)
 
     def _show_rods(self, new: Rods) -> None:
         if not len(new.positions):
@@ -136,13 +113,13 @@ class Scene:
 
     async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedMeshHandle]') -> None:
         with self._lock:
-            if event.instance_index is not None and self._frame_names:
+            if isinstance(event.instance_index, int) and self._frame_names:
                 self._clicked = self._frame_names[event.instance_index % len(self._frame_names)]
 
-    def _show_names(self, snapshot: Snapshot, size: float, with_names: bool) -> None:
-        texts = _texts(snapshot, size) if with_names else []
+    def _show_names(self, placement: Placement, size: float, with_names: bool) -> None:
+        texts = _texts(placement, size) if with_names else []
         shown = {name: (text, position) for name, text, position in zip(
-            snapshot.names, texts, snapshot.points) if text}
+            placement.names, texts, placement.points) if text}
         for name in self._labels.keys() - shown.keys():
             label = self._labels.pop(name)
             label.visible = False
@@ -178,10 +155,9 @@ class Scene:
 
 def _grid() -> NDArray[np.float64]:
     """
-    Return the n lines of a grid in the x-y plane: (n, 2, 3), two ends for each line, x, y, z (m).
+    Return the lines of a grid: (n, 2, 3), two ends, x, y, z (m).
 
-    viser's own grid is not used: on a computer without a GPU, it would take most of the time for
-    drawing the page.
+    Without a GPU, drawing viser's own grid would take most of the time.
     """
     half = _GRID / 2
     places = np.arange(-half, half + _CELL / 2, _CELL)
@@ -189,19 +165,14 @@ def _grid() -> NDArray[np.float64]:
     return np.concatenate([along_y, along_y[..., [1, 0, 2]]])
 
 
-def _texts(snapshot: Snapshot, size: float) -> list[str]:
-    """
-    Return the text of the label of each frame; '' if the frame has timed out.
-
-    If a static frame is near its parent, the text of this frame is '', and the label of the parent
-    shows both names.
-    """
+def _texts(placement: Placement, size: float) -> list[str]:
+    """Return the text of each label; '' if the frame has timed out, or shares its parent's."""
     texts = ['' if age >= TIMEOUT else _cut(visible(name))
-             for name, age in zip(snapshot.names, snapshot.ages.tolist())]
+             for name, age in zip(placement.names, placement.ages.tolist())]
     label_of = list(range(len(texts)))
-    for i, (name, parent) in enumerate(zip(snapshot.names, snapshot.parents)):
-        if (parent >= 0 and snapshot.frames[name].is_static and texts[i] and texts[parent]
-                and np.linalg.norm(snapshot.points[i] - snapshot.points[parent]) < _NEAR * size):
+    for i, (name, parent) in enumerate(zip(placement.names, placement.parents)):
+        if (parent >= 0 and placement.frames[name].is_static and texts[i] and texts[parent]
+                and np.linalg.norm(placement.points[i] - placement.points[parent]) < _NEAR * size):
             label_of[i] = parent
     for i, text in enumerate(texts):
         if label_of[i] != i:

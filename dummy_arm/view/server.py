@@ -1,107 +1,33 @@
-"""The server of the page: it refuses requests of other pages, and drops unexpected messages."""
+"""The server of the page: its address, and the requests of other pages, which it refuses."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 import errno
+from functools import partial
 from ipaddress import ip_address
-from math import isfinite
 import os
 import socket
-from typing import Any, Optional, TYPE_CHECKING, Union
+from typing import Optional, TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from dummy_arm.cli.parser import CommandError, UsageError
-from dummy_arm.view.viser_private import (
-    GuardedServer,
-    GuiUpdateMessage,
-    message_of,
-    SceneNodeClickMessage,
-    ViewerCameraMessage,
-)
+from dummy_arm.view.viser_private import Server
 
 if TYPE_CHECKING:
     from websockets import Headers
 
-#: If no port is given, this port is tried first.
-PORT = 8080
-#: If no port is given, at most this many ports are tried.
-_MAX_PORTS = 100
+#: The ports that are tried if no port is given.
+PORTS = range(8080, 8180)
 #: The port of an http URL that does not name a port.
 _HTTP_PORT = 80
-#: The messages that the page needs to send: a change in the panel, the pose of the camera, and a
-#: click. The pose is needed, because viser registers a client when its first pose arrives. All
-#: other messages are dropped.
-_MESSAGES = GuiUpdateMessage, ViewerCameraMessage, SceneNodeClickMessage
-
-
-class Server(GuardedServer):
-    """
-    A server whose viewers can only look at the scene and use the panel.
-
-    Pages of other servers cannot connect to it; see the function `why_refused`.
-    """
-
-    def __init__(self, listening: socket.socket) -> None:
-        """
-        Start the server.
-
-        :param listening: the listening socket that the server uses.
-        :raises CommandError: if requests cannot be checked with this version of viser.
-        """
-        self._is_loopback = ip_address(listening.getsockname()[0]).is_loopback
-        super().__init__(listening)
-
-    def why_refused(self, headers: 'Headers') -> str:
-        """
-        Return why a request is refused.
-
-        :param headers: the headers of the request.
-        :returns: one line; '' if the request is accepted.
-        """
-        return why_refused(headers, self._is_loopback)
-
-    def accepts(self, data: Union[bytes, str]) -> bool:
-        """
-        Return True if the page needs to send such a message, and the values in it are valid.
-
-        :param data: the message as received.
-        :returns: True if the message is passed on to viser; False if it is dropped.
-        """
-        message = message_of(data, _MESSAGES)
-        if isinstance(message, ViewerCameraMessage):
-            return all(map(isfinite, (
-                *message.wxyz, *message.position, *message.look_at, *message.up_direction,
-                message.fov, message.near, message.far)))
-        if isinstance(message, GuiUpdateMessage):
-            return self._can_set(message.uuid, message.updates)
-        return message is not None
-
-    def _can_set(self, uuid: str, updates: dict[str, Any]) -> bool:
-        """Return True if an update sets only the value of a control, and the value is allowed."""
-        control = self.control(uuid)
-        if control is None or updates.keys() != {'value'}:
-            return False
-        value = updates['value']
-        if isinstance(control.value, float):
-            return type(value) in (int, float) and isfinite(value)
-        return type(value) is type(control.value) and value in getattr(
-            control, 'options', (value,))
 
 
 @contextmanager
 def serve(host: str, port: Optional[int] = None) -> Iterator[Server]:
-    """
-    Context manager: print the URL of a page, and serve the page until the block ends.
-
-    :param host: a host name or address of this machine.
-    :param port: from 1 to 65535; None: the first free port from 8080 to 8179.
-    :returns: the server.
-    :raises UsageError: if the host is not known, or is not an address of this machine.
-    :raises CommandError: if the given port is in use or needs root; if no port is given, and none
-        is free; or if requests cannot be checked with this version of viser.
-    """
+    """Context manager: print the URL of a page, and serve the page until the block ends."""
     listening = _listening_socket(host, port)
-    server = Server(listening)
+    server = Server(listening, partial(
+        why_refused, is_loopback=ip_address(listening.getsockname()[0]).is_loopback))
     try:
         server.gui.configure_theme(show_share_button=False)
         print('\n'.join(address_lines(*listening.getsockname()[:2])))
@@ -121,10 +47,6 @@ def why_refused(headers: 'Headers', is_loopback: bool) -> str:
     With DNS rebinding, a foreign name resolves to this machine, and both headers have that name.
     Therefore, if `is_loopback` is True, a request is also refused if its `Host` is neither
     localhost nor a loopback address.
-
-    :param headers: the headers of the request.
-    :param is_loopback: whether the server can be reached from this machine only.
-    :returns: one line; '' if the request is accepted.
     """
     hosts, origins = headers.get_all('Host'), headers.get_all('Origin')
     if len(hosts) != 1 or len(origins) > 1:
@@ -144,11 +66,7 @@ def why_refused(headers: 'Headers', is_loopback: bool) -> str:
 
 
 def _origin(url: str) -> tuple[str, str, int]:
-    """
-    Return the scheme and the host name of an origin, both in lower case, and its port.
-
-    :raises ValueError: if the URL is malformed, or has more parts than these three.
-    """
+    """Return scheme, host name (both in lower case) and port; ValueError for any other URL."""
     parts = urlsplit(url)
     if not parts.hostname or parts.username is not None or url.lower() != (
             f'{parts.scheme}://{parts.netloc}'.lower()):
@@ -164,14 +82,7 @@ def _is_of_this_machine(name: str) -> bool:
 
 
 def address_lines(address: str, port: int) -> list[str]:
-    """
-    Return the lines that are printed about the address of the page.
-
-    :param address: the IP address at which the page is served.
-    :param port: the port at which the page is served.
-    :returns: a line with the URL to open. If `address` is not a loopback address, a second line
-        says who can use the page.
-    """
+    """Return a line with the URL to open, and perhaps one that says who else can use the page."""
     ip = ip_address(address)
     place = 'localhost' if ip.is_unspecified else f'[{ip}]' if ip.version == 6 else str(ip)
     lines = [f'look at http://{place}:{port}']
@@ -182,9 +93,8 @@ def address_lines(address: str, port: int) -> list[str]:
 
 
 def _listening_socket(host: str, port: Optional[int]) -> socket.socket:
-    """Open the socket for `serve` at a port; if `port` is None, at the first free port."""
     family, address = _address(host)
-    ports = range(PORT, PORT + _MAX_PORTS) if port is None else (port,)
+    ports = PORTS if port is None else (port,)
     for each in ports:
         try:
             return socket.create_server((address, each), family=family)

@@ -13,7 +13,7 @@ import pytest
 import yaml
 
 from dummy_arm.arm import Arm
-from dummy_arm.tf import BufferCore
+from dummy_arm.tf import TransformBuffer
 
 LAUNCH, RVIZ = 'launch/dummy_arm.launch.py', 'rviz/dummy_arm.rviz'
 #: The classes of rviz_default_plugins and rviz_common of Jazzy that the configuration uses.
@@ -66,7 +66,7 @@ def test_the_camera_of_rviz_sees_the_whole_arm():
     arm = Arm()
     points = []
     for phases in np.random.default_rng(1).uniform(-np.pi, np.pi, (300, 3)):
-        buffer = BufferCore()
+        buffer = TransformBuffer()
         for parent, child, pose in zip(arm.frames, arm.frames[1:], arm.poses(phases).tolist()):
             buffer.insert(1, parent, child, (*pose,))
         (placed,) = buffer.lookup_all(['base_link'])

@@ -89,7 +89,7 @@ class Own(TransformListener):
     def static_callback(self, data):
         received.append(data)
         has_received.set()
-own = Own(Buffer(node=node), node)
+own = Own(Buffer(node=node), node, spin_thread=True)
 assert has_received.wait(WAIT.nanoseconds / 1e9)
 assert type(received[0]) is TFMessage
 assert received[0].transforms[0] == stamped('map', 'tool', x=2.0)

@@ -261,7 +261,7 @@ def test_ctrl_c_at_random_times(start, show):
     """
     After thousands of KeyboardInterrupts, the buffer answers right, and its listener goes on.
 
-    They hit lookups, waits, insertions, blocks of `fetched` and futures.
+    They hit lookups, waits, insertions, blocks of `updated` and futures.
     """
     seed = random.randrange(10**6)
     show(f'seed {seed}')

@@ -18,6 +18,8 @@ def test_python_runs(start, bag_of_a_walk, block, request):  # noqa: F811
     if 'end_effector' in block.code:
         start(*ARM).line_with('t = 0')
         begin = 'geometry_msgs.msg.Vector3('
+    if 'dummy_arm.grading' in block.code:
+        begin = 'lab/dummy_arm.py: ok'
     process = start('-c', block.code, cwd=bag_of_a_walk)
     if 'rclpy.spin(' in block.code:
         ros = request.getfixturevalue('ros')

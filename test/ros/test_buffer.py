@@ -27,12 +27,13 @@ from ros_node import eventually, run_in_thread
 
 from dummy_arm.tf import (
     Buffer,
+    BufferCore,
     ConnectivityException,
     LookupException,
-    MessageBufferCore,
     TFMessage,
     TimeoutException,
 )
+from dummy_arm.tf._core.engine import engine_of
 
 T = Time(seconds=100)
 SOON, LONG = Duration(seconds=0.05), Duration(seconds=TIMEOUT)
@@ -53,7 +54,7 @@ def new_threads(before):
 def feed(buffer, *transforms):
     """Insert transforms in another thread as soon as the buffer has waiters; return the thread."""
     def run():
-        eventually(lambda: buffer.has_waiters)
+        eventually(lambda: engine_of(buffer).has_waiters)
         for transform in transforms:
             buffer.set_transform(transform, 'test')
 
@@ -126,9 +127,9 @@ def test_the_cache_time():
         Buffer(Duration(seconds=-1))
 
 
-@pytest.mark.parametrize('kind', [Buffer, MessageBufferCore])
+@pytest.mark.parametrize('kind', [Buffer, BufferCore])
 def test_the_limits_of_memory(kind):
-    """Both limits of a BufferCore are arguments."""
+    """Both limits of a TransformBuffer are arguments."""
     buffer = kind(Duration(seconds=1000), max_frames=3, max_samples=50)
     for child in 'abcd':
         buffer.set_transform(stamped(child=child), 'test')
@@ -263,7 +264,7 @@ def test_a_lookup_waits_no_longer_than_its_timeout():
 
     buffer = Buffer()
     buffer.set_transform(stamped('map', 'base'), 'test')
-    buffer.add_source(LateSource(serialize_message(TFMessage(transforms=[stamped('other')]))))
+    engine_of(buffer).add_source(LateSource(serialize_message(TFMessage(transforms=[stamped('other')]))))
     with pytest.raises(ConnectivityException):
         buffer.lookup_transform('map', 'tool', T, timeout=SOON)
 
@@ -282,7 +283,7 @@ def test_a_wait_ends_when_ros_is_shut_down(domain_id, with_node):
         return True
 
     def shut_down():
-        eventually(lambda: buffer.has_waiters)
+        eventually(lambda: engine_of(buffer).has_waiters)
         context.try_shutdown()
 
     shutting_down = threading.Thread(target=shut_down)
@@ -315,7 +316,7 @@ def test_a_coroutine_waits_for_what_is_not_there():
         with pytest.raises(StopIteration) as done:
             coroutine.send(None)
         assert done.value.value == stamped()
-    assert not buffer.has_waiters
+    assert not engine_of(buffer).has_waiters
 
 
 def test_a_future_times_out():
@@ -327,7 +328,7 @@ def test_a_future_times_out():
             r"^Timed out after 0\.05 s, waiting for the transform from 'tool' to 'map': "
             '"map" passed to lookupTransform argument target_frame does not exist')):
         future.result()
-    assert not buffer.has_waiters
+    assert not engine_of(buffer).has_waiters
     full = buffer.wait_for_transform_full_async('map', T, 'tool', T, 'map', timeout=LONG)
     buffer.set_transform(stamped(), 'test')
     assert full.result() == stamped()
@@ -341,24 +342,24 @@ def test_an_abandoned_wait_leaves_nothing_behind(ros, quick_gc, abandon):
     if abandon == 'close':
         coroutine = buffer.lookup_transform_async('map', 'tool', T, timeout=LONG)
         coroutine.send(None)
-        assert buffer.has_waiters
+        assert engine_of(buffer).has_waiters
         coroutine.close()
         del coroutine
     else:
         waiting = buffer.wait_for_transform_async('map', 'tool', T, timeout=LONG)
-        assert buffer.has_waiters
+        assert engine_of(buffer).has_waiters
         if abandon == 'stop spinning':
             ros.executor.spin_until_future_complete(waiting, 0.05)
             ros.executor.spin_once(timeout_sec=0.0)  # else the executor holds the future
         if abandon == 'cancel':
             waiting.add_done_callback(lambda _: None)
             waiting.cancel()
-            assert not buffer.has_waiters
+            assert not engine_of(buffer).has_waiters
             buffer.set_transform(stamped(), 'test')
             assert waiting.cancelled()
         del waiting
     gc.collect()
-    assert not buffer.has_waiters
+    assert not engine_of(buffer).has_waiters
     eventually(lambda: not new_threads(before))
     gone = weakref.ref(buffer)
     del buffer
@@ -439,7 +440,7 @@ def test_ended_waits_are_not_kept_for_their_deadlines():
 def test_a_callback_that_exits_does_not_keep_other_futures_from_their_end():
     """The others are completed, both by timeouts and by an insertion."""
     buffer = Buffer()
-    with buffer.fetched():  # no future times out in this block
+    with buffer.updated():  # no future times out in this block
         futures = [buffer.wait_for_transform_async('map', 'tool', T, timeout=SOON)
                    for _ in range(3)]
         for future in futures:
@@ -475,7 +476,7 @@ def test_a_finalizer_may_cancel_a_wait(quick_gc):
     finally:
         gc.set_threshold(*thresholds)
     gc.collect()
-    assert not buffer.has_waiters
+    assert not engine_of(buffer).has_waiters
 
 
 def test_a_callback_may_use_the_buffer():
@@ -589,11 +590,11 @@ def test_a_clock_may_jump_when_the_buffer_is_gone(ros, quick_gc):
 
 def test_the_buffer_of_tf2_py():
     """
-    MessageBufferCore takes messages and the times of rclpy.
+    BufferCore takes messages and the times of rclpy.
 
     It has no node, no method that waits, and no `transform`.
     """
-    buffer = MessageBufferCore(Duration(seconds=5))
+    buffer = BufferCore(Duration(seconds=5))
     buffer.set_transform(stamped(), 'me')
     buffer.set_transform_static(stamped('tool', 'tip', x=1.0), 'me')
     assert buffer.lookup_transform_core('map', 'tool', T) == stamped()

@@ -21,6 +21,7 @@ import pytest
 from rclpy.action.client import ActionClient
 
 import dummy_arm.tf
+from dummy_arm.tf import Buffer
 import dummy_arm.tf.geometry
 
 pytest.importorskip('_dummy_arm_tf2', reason='dummy-arm-tf2, of compat, is not installed')
@@ -106,10 +107,20 @@ def test_a_class_has_the_methods_of_the_real_one(module):
                         and (not member.startswith('_') or name == 'BufferCore')]
 
 
+def test_a_buffer_shows_what_tf2_and_the_reference_have():
+    """Nothing of the engine is an attribute of a buffer."""
+    names = {name for name in dir(Buffer()) if not name.startswith('_')}
+    real = {*API['tf2_ros']['Buffer'], *API['tf2_ros']['BufferInterface'],
+            *API['tf2_py']['BufferCore']}
+    assert names - real == {
+        'chain', 'clock', 'dump', 'frame_names', 'frames', 'insert', 'jump_handle', 'lookup_all',
+        'lookup_transforms', 'lookup_twist', 'path_stamps', 'registration', 'updated', 'why_not'}
+
+
 def test_they_are_re_exports():
     """There is one implementation: classes of both names are the same."""
     assert tf2_ros.Buffer is dummy_arm.tf.Buffer
-    assert tf2_ros.BufferCore is tf2_py.BufferCore is dummy_arm.tf.MessageBufferCore
+    assert tf2_ros.BufferCore is tf2_py.BufferCore is dummy_arm.tf.BufferCore
     assert tf2_ros.LookupException is tf2_py.LookupException is dummy_arm.tf.LookupException
     assert tf2_msgs.msg.TFMessage is tf2_ros.TFMessage is dummy_arm.tf.TFMessage
     assert tf2_geometry_msgs.do_transform_pose is dummy_arm.tf.geometry.do_transform_pose

@@ -13,6 +13,7 @@ from ros_node import stamped
 
 from dummy_arm.cli.fast_dds import destroy
 from dummy_arm.tf import Buffer, TransformBroadcaster, TransformException, TransformListener
+from dummy_arm.tf._core.engine import engine_of
 
 LATEST = Time()
 WAIT = Duration(seconds=TIMEOUT)
@@ -69,7 +70,7 @@ def test_two_contexts(domain_id, is_elsewhere, ended):
     for thread in waiting:
         thread.start()
     stays = 1 - ended
-    while not (buffers[0].has_waiters and buffers[1].has_waiters):
+    while not all(engine_of(buffer).has_waiters for buffer in buffers):
         time.sleep(0.01)
     contexts[ended].shutdown()
     waiting[ended].join()

@@ -25,7 +25,6 @@ from std_msgs.msg import Empty
 
 from dummy_arm.tf import (
     Buffer,
-    BufferCore,
     FilterFailureReason,
     MessageFilter,
     TFMessage,
@@ -33,6 +32,7 @@ from dummy_arm.tf import (
     TransformException,
     TransformListener,
 )
+from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._ros.rclpy_private import guard_condition
 
 S = 10**9
@@ -300,7 +300,7 @@ def test_a_message_that_is_added_during_a_check(ros, monkeypatch):
     """The check of another thread does not hide the message, though it is the last check."""
     setup = Setup(ros)
     setup.add(point(9 * S, 'other'))  # so that there is something to check
-    availability = setup.buffer.availability
+    availability = engine_of(setup.buffer).availability
     thread = threading.Thread(target=setup.add, args=(point(3 * S),))
 
     def add_meanwhile(*arguments):
@@ -309,28 +309,28 @@ def test_a_message_that_is_added_during_a_check(ros, monkeypatch):
         thread.join(0.1)  # the thread waits for the buffer, which is locked during the check
         return availability(*arguments)
 
-    monkeypatch.setattr(setup.buffer, 'availability', add_meanwhile)
+    monkeypatch.setattr(engine_of(setup.buffer), 'availability', add_meanwhile)
     setup.insert(3 * S)
     thread.join()
     assert setup.stamps() == [3 * S]
 
 
-def test_a_message_that_pulls_transforms(ros, monkeypatch):
-    """If its check pulls the transforms of older messages, these are passed on first."""
+def test_a_message_whose_check_inserts_transforms(ros, monkeypatch):
+    """If they are those of older messages, these are passed on first."""
     setup = Setup(ros)
     setup.insert(1 * S)
     setup.add(point(2 * S), point(3 * S))
     assert setup.stamps() == []
     transforms = [stamped('map', 'laser', stamp * S) for stamp in (2, 5)]
     data = serialize_message(TFMessage(transforms=transforms))
-    fetched = setup.buffer.fetched
+    updated = setup.buffer.updated
 
     def arrive():  # at the last moment before the check
         monkeypatch.undo()
-        setup.buffer.add_source(ArrivedMessages(data))
-        return fetched()
+        engine_of(setup.buffer).add_source(ArrivedMessages(data))
+        return updated()
 
-    monkeypatch.setattr(setup.buffer, 'fetched', arrive)
+    monkeypatch.setattr(setup.buffer, 'updated', arrive)
     setup.add(point(4 * S))
     assert setup.stamps() == [2 * S, 3 * S, 4 * S]
 
@@ -540,7 +540,7 @@ def test_it_ends(ros, by_node):
         setup.filter.unregister()
         assert not [*node.subscriptions, *node.timers]
         setup.filter.unregister()
-    assert not setup.buffer.has_waiters
+    assert not engine_of(setup.buffer).has_waiters
     setup.insert(1 * S)
     setup.add(point(1 * S))
     assert setup.stamps() == []
@@ -564,7 +564,7 @@ def test_messages_of_a_node_that_ends(ros):
     setup = Setup(ros, node=node, buffer=Buffer(), buffer_timeout=Duration(seconds=100))
     node.destroy_node()
     assert added
-    assert not setup.buffer.has_waiters
+    assert not engine_of(setup.buffer).has_waiters
 
 
 def test_the_node_keeps_the_filter_alive(ros):
@@ -650,7 +650,7 @@ def test_wrong_arguments(ros):
             ('tolerance', 0.1, TypeError, 'tolerance must have sec and nanosec'),
             ('buffer_timeout', -1, ValueError, 'buffer_timeout must not be negative, got -1 ns'),
             ('buffer_timeout', 0.1, TypeError, 'buffer_timeout must have sec and nanosec'),
-            ('buffer', BufferCore(), TypeError, 'buffer must be a Buffer or MessageBufferCore'),
+            ('buffer', 'map', TypeError, 'buffer'),
             ('input', 'points', TypeError, 'input must be a tuple'),
             ('input', (PointStamped, 'points'), TypeError, 'input must be a tuple'),
             ('input', (Empty, 'points', 10), TypeError, 'have a header, but Empty has none')):

@@ -51,6 +51,19 @@ def publisher_of(listener, name):
     return {frame.name: frame.authority for frame in listener.frames()}.get(name, UNKNOWN)
 
 
+def test_callbacks_cannot_be_overridden(ros):
+    """Messages without gids would be of no use; nothing is left in the node."""
+    class Own(PublisherListener):
+        def callback(self, data):
+            pass
+
+    before = [*ros.node.subscriptions], [*ros.node.guards]
+    for create in lambda: Own(Buffer(), ros.node), lambda: PublisherListener(object(), ros.node):
+        with pytest.raises(TypeError, match='a PublisherListener needs a buffer'):
+            create()
+    assert ([*ros.node.subscriptions], [*ros.node.guards]) == before
+
+
 def test_each_transform_is_of_the_node_that_sent_it(ros, listener):
     """The publisher is known while several nodes publish, and after it has ended."""
     other = Node('other', context=ros.context, namespace='/robot')
@@ -239,7 +252,7 @@ def test_bytes_are_those_that_rclpy_takes(ros, listener):
     taker = Taker(subscription.handle, ReceivedMessage.of)
 
     def all_taken():
-        taker.take(1000, taken)
+        taken.extend(taker.take(1000))
         return len(taken) == len(raw) == len(messages)
 
     ros.until(all_taken)
@@ -267,7 +280,7 @@ def test_listeners_in_threads_of_their_own_do_not_mix_up_messages(ros):
     def take(subscription, messages):
         taker = Taker(subscription.handle, ReceivedMessage.of)
         while len(messages) < number:
-            taker.take(1000, messages)
+            messages += taker.take(1000)
 
     threads = [threading.Thread(target=take, args=both) for both in zip(subscriptions, taken)]
     interval = sys.getswitchinterval()

@@ -245,13 +245,12 @@ def test_rcl_reports_the_gid_of_a_message(strings, ros):
     assert rcl_take() is not None
     messages: list[tuple[bytes, str, int]] = []
     taker = Taker(subscription.handle, lambda data, gid, received: (data, gid, received))
-    taker.take(10, messages)
-    assert not messages
+    assert not taker.take(10)
     for text in 'one', 'two', 'three':
         publisher.publish(String(data=text))
 
     def has_all():
-        taker.take(2, messages)
+        messages.extend(taker.take(2))
         return len(messages) == 3
 
     ros.until(has_all)

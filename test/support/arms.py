@@ -387,7 +387,7 @@ RIGHT = {
     'model': Arm(),
     'cosine with offset': changed(angle=lambda self, joint, t: radians(self.limits[joint - 1]) * (
         0.2 + 0.7 * cos(self.speeds[joint - 1] * t))),
-    'faster rate': changed(hertz=200),
+    'faster rate': changed(hertz=100),
     'slow rate': changed(hertz=10),
     'changing sign of the quaternion': changed(row=lambda self, edge, now: Arm.row(
         self, edge, now)._replace(pose=(*Arm.positions[edge], *(

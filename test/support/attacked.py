@@ -38,6 +38,7 @@ from dummy_arm.tf import (
     TransformException,
     TransformListener,
 )
+from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._ros.transform_stamped import message_of
 
@@ -189,7 +190,7 @@ class Interrupted:
 
     def block(self):
         """Look up twice in one state of the buffer."""
-        with self.buffer.fetched():
+        with self.buffer.updated():
             first, second = self.check('sent', LATEST), self.check('sent', LATEST)
         if first.header.stamp != second.header.stamp:
             self.problems.append('the data changed in a block')
@@ -243,7 +244,7 @@ class Interrupted:
 
     def end(self):
         """Check that the buffer and its listener work, and end all."""
-        assert not self.buffer.is_held()
+        assert not engine_of(self.buffer).is_held()
         answers: list[object] = []
         thread = threading.Thread(target=lambda: answers.append(self.check('sent', LATEST)))
         thread.start()
@@ -264,7 +265,7 @@ class Interrupted:
         self.has_sent.set()
         self.sender.join()
         gc.collect()
-        assert not self.buffer.has_waiters
+        assert not engine_of(self.buffer).has_waiters
         assert not self.problems, self.problems[:3]
 
     def until(self, condition, problem):

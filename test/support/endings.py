@@ -25,6 +25,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.time import Time
 
 from dummy_arm.tf import Buffer, LookupException, TransformBroadcaster, TransformListener
+from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._ros.rclpy_private import RCLError
 
 STILL = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
@@ -156,7 +157,7 @@ def by_lookup():
     ending = Ending()
 
     def report_ready():
-        while not ending.buffer.has_waiters:
+        while not engine_of(ending.buffer).has_waiters:
             time.sleep(0.001)
         print('ready', flush=True)
 

@@ -25,12 +25,13 @@ import bags
 from environment import DATA
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
-from dummy_arm.tf import BufferCore, TransformException
+from dummy_arm.tf import TransformBuffer, TransformException
 from dummy_arm.tf._core import insertion
+from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire import cdr, ros1
 from dummy_arm.tf._wire.cdr import MalformedMessage
-from dummy_arm.tf._wire.streams import Encoding, MessageReader
+from dummy_arm.tf._wire.layouts import Encoding, MessageReader
 from dummy_arm.tf.bag import BagError, BagMessage, messages, read
 
 S = 10**9
@@ -283,7 +284,8 @@ def check_streams(data: bytes) -> None:
     source = Input(data)
     encoding: Encoding = source.choice((cdr, ros1))
     cache_time, many = source.choice(_CACHES), source.choice((insertion._MANY, 1, 3))
-    fast, slow, errors = BufferCore(cache_time), BufferCore(cache_time), list[Exception]()
+    fast, slow = TransformBuffer(cache_time), TransformBuffer(cache_time)
+    errors = list[Exception]()
     reader = MessageReader(errors.append, encoding)
     before, insertion._MANY = insertion._MANY, many
     pending: list[bytes] = []
@@ -328,11 +330,12 @@ def check_streams(data: bytes) -> None:
         insertion._MANY = before
 
 
-def _insert_both(fast: BufferCore, slow: BufferCore, reader: MessageReader, encoding: Encoding,
+def _insert_both(fast: TransformBuffer, slow: TransformBuffer, reader: MessageReader,
+                 encoding: Encoding,
                  pending: list[bytes], errors: list[Exception], is_static: bool) -> None:
     """Insert messages into both buffers."""
     errors.clear()
-    fast.insert_batches(reader.read(pending, 'node', is_static))
+    engine_of(fast).insert_batches(reader.read(pending, 'node', is_static))
     malformed = []
     for message in pending:
         try:
@@ -349,12 +352,12 @@ def _insert_both(fast: BufferCore, slow: BufferCore, reader: MessageReader, enco
     assert sorted(map(str, fast.frames())) == sorted(map(str, slow.frames()))
 
 
-def _state(buffer: BufferCore) -> dict[str, str]:
+def _state(buffer: TransformBuffer) -> dict[str, str]:
     """Return all data of a buffer, as texts, since a NaN is not equal to itself."""
     return {name: str(known) for name, known in buffer.dump().items()}
 
 
-def _compare_answers(fast: BufferCore, slow: BufferCore, now: int) -> None:
+def _compare_answers(fast: TransformBuffer, slow: TransformBuffer, now: int) -> None:
     """Compare what two buffers answer; the texts of errors list frames, in their order."""
     with_text = [*fast.dump()] == [*slow.dump()]
     for target, source in ('map', 'b'), ('d', 'a'), ('c', 'map'), ('e', 'nobody'):
@@ -363,7 +366,7 @@ def _compare_answers(fast: BufferCore, slow: BufferCore, now: int) -> None:
             assert answers[0] == answers[1]
 
 
-def _answer(buffer: BufferCore, target: str, source: str, time: int, with_text: bool) -> str:
+def _answer(buffer: TransformBuffer, target: str, source: str, time: int, with_text: bool) -> str:
     try:
         return repr(buffer.lookup_transform(target, source, max(0, time)))
     except TransformException as error:

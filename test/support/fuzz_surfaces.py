@@ -33,17 +33,17 @@ from fuzz_messages import folder, Input, logged_texts, S, T
 
 from dummy_arm.inspection.forest import Forest
 from dummy_arm.inspection.graph import as_dot
-from dummy_arm.inspection.traffic import Stream, Summary
-from dummy_arm.tf import BufferCore, TransformException
+from dummy_arm.inspection.traffic import NodeTraffic, Summary
+from dummy_arm.tf import TransformBuffer, TransformException
 from dummy_arm.tf._core.frames import as_dot as frames_as_dot
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf.formatting import visible, visible_lines
-from dummy_arm.tools.tf2_monitor import format_streams
+from dummy_arm.tools.tf2_monitor import format_traffic
 from dummy_arm.tools.view_frames import format_tree
 from dummy_arm.view.details import details, overview
-from dummy_arm.view.snapshot import FrameWatcher
-from dummy_arm.view.source import BagSource
+from dummy_arm.view.feed import BagFeed
+from dummy_arm.view.placement import FrameWatcher
 
 #: A line of a terminal may have this many characters: some names, abbreviated and then escaped.
 _LONGEST_LINE = 8000
@@ -182,7 +182,7 @@ def check_names(data: bytes) -> None:
     source = Input(data)
     rows = _rows(source)
     authority = source.text()
-    buffer = BufferCore(2**63 - 1)
+    buffer = TransformBuffer(2**63 - 1)
     with logged_texts() as records:
         for row in rows:
             buffer.insert(*row, authority, source.integer(3) == 0)
@@ -197,13 +197,14 @@ def check_names(data: bytes) -> None:
         _check_page(buffer, frames, authority, source.choice([*names, 'no']))
     forest = Forest(frames)
     check_lines('\n'.join(format_tree(forest, T)))
-    check_lines('\n'.join(format_streams([
-        Stream(name, authority, i % 2 == 0, i % 3 == 0, Summary(1.0, 0.0, 0.0) if i else None, 1.0)
+    check_lines('\n'.join(format_traffic([
+        NodeTraffic(name, authority, i % 2 == 0, i % 3 == 0,
+                    Summary(1.0, 0.0, 0.0) if i else None, 1.0)
         for i, name in enumerate([*names, *names, ''])])))
     _check_commands(rows, ends, source.integer(3))
 
 
-def _check_errors(buffer: BufferCore, names: list[str], ends: tuple[str, str]) -> None:
+def _check_errors(buffer: TransformBuffer, names: list[str], ends: tuple[str, str]) -> None:
     """Check the errors of lookups, and the texts of tf2_echo and tf2_monitor about them."""
     for target, frame in ends, ('map', 'nobody'), (ends[0], f'{ends[1]}x'):
         for stamp in 0, T + S // 2, T + 20 * S:
@@ -234,13 +235,13 @@ def _offline_listener() -> Any:
         from dummy_arm.inspection.frame_listener import FrameListener
     except ImportError:
         return None
-    from dummy_arm.tf import MessageBufferCore
+    from dummy_arm.tf import BufferCore
 
     class Offline(FrameListener):
         """A listener without a node, whose frames have all arrived."""
 
-        def __init__(self, buffer: BufferCore) -> None:
-            self.buffer: Any = MessageBufferCore()
+        def __init__(self, buffer: TransformBuffer) -> None:
+            self.buffer: Any = BufferCore()
             for frame in buffer.frames():
                 self.buffer.insert(frame.latest, frame.parent, frame.name, bags.STILL,
                                    frame.authority, frame.is_static)
@@ -258,7 +259,7 @@ def _offline_listener() -> Any:
     return Offline
 
 
-def _check_graphs(buffer: BufferCore, frames: Any, names: list[str]) -> None:
+def _check_graphs(buffer: TransformBuffer, frames: Any, names: list[str]) -> None:
     """Read the YAML and the graphs with other libraries: they have the same names."""
     known = _yaml_reader()(buffer.all_frames_as_yaml())
     assert known.keys() == {frame.name for frame in frames}
@@ -317,23 +318,23 @@ class _Page(HTMLParser):
         self.text += data
 
 
-def _check_page(buffer: BufferCore, frames: Any, authority: str, selected: str) -> None:
+def _check_page(buffer: TransformBuffer, frames: Any, authority: str, selected: str) -> None:
     """Check the texts of the panel of the page, and the labels."""
-    shown = BagSource(buffer, authority or 'bag')
-    snapshot = FrameWatcher(buffer).snapshot('')
-    for text in (overview(snapshot, shown, selected),
-                 *(details(snapshot, name, shown) for name in [*snapshot.names[:3], selected])):
+    feed = BagFeed(buffer, authority or 'bag')
+    placement = FrameWatcher(buffer).placement('')
+    for text in (overview(placement, feed, selected),
+                 *(details(placement, name, feed) for name in [*placement.names[:3], selected])):
         check_lines(text, 60_000)
         page = _Page()
         page.feed(text)
         page.close()
-    for name in snapshot.names[:3]:
+    for name in placement.names[:3]:
         page = _Page()
-        page.feed(details(snapshot, name, shown))
+        page.feed(details(placement, name, feed))
         page.close()
-        if name in snapshot.frames:
-            assert visible(snapshot.frames[name].parent) in page.text
-            assert visible(snapshot.frames[name].authority) in page.text
+        if name in placement.frames:
+            assert visible(placement.frames[name].parent) in page.text
+            assert visible(placement.frames[name].authority) in page.text
 
 
 def _check_commands(rows: list[Row], ends: tuple[str, str], number: int) -> None:
@@ -382,8 +383,8 @@ class _Server:
         import viser
         import viser._messages as viser_messages
 
-        from dummy_arm.view.server import Server
         from dummy_arm.view.view import View
+        from dummy_arm.view.viser_private import Server
         self.faults: list[str] = []
         self._before = threading.excepthook
         threading.excepthook = lambda args: self.faults.append(f'a thread died: {args}')
@@ -392,13 +393,13 @@ class _Server:
             f'{record.name}: {record.getMessage()} {record.exc_info}')
         logging.getLogger().addHandler(self._handler)
         listening = socket.create_server(('127.0.0.1', 0))
-        self.server = Server(listening)
+        self.server = Server(listening, lambda headers: '')
         self.port = self.server.get_port()
-        buffer = BufferCore(2**63 - 1)
+        buffer = TransformBuffer(2**63 - 1)
         for i, name in enumerate(('arm', 'tool', '\x1b[2J', '<b>')):
             for stamp in T, T + S:
                 buffer.insert(stamp, 'map', name, (float(i), *bags.STILL[1:]), 'node')
-        self.view = View(BagSource(buffer, 'bag'), self.server)
+        self.view = View(BagFeed(buffer, 'bag'), self.server)
         self.view.update()
         self.protocol = f'viser-v{viser.__version__}'
         self.types = sorted(
@@ -420,8 +421,8 @@ class _Server:
                 'ray_direction': [0.0, 0.0, 1.0], 'screen_pos': [0.5, 0.5], 'modifier': None,
                 'owner': ''}}
         self.values = {uuid: self.control(uuid).value for uuid in self.uuids}
-        #: The client that sends, and another one, which must not suffer.
-        self.sending, self.other = self.client(), self.client()
+        #: A client that sends nothing, and must not suffer.
+        self.other = self.client()
         self.threads = {*threading.enumerate()}
 
     def client(self) -> Any:
@@ -430,36 +431,43 @@ class _Server:
         return connect(f'ws://127.0.0.1:{self.port}', subprotocols=[self.protocol], proxy=None,
                        max_size=None, max_queue=None, close_timeout=0.1, ping_interval=None)
 
-    def check(self) -> None:
-        """Check that the connections stay open, and that one client sees what another has done."""
+    def check(self, sending: Any) -> None:
+        """Check that the page goes on, and has ended at most the connection of one client."""
         import msgspec
-        for client in self.sending, self.other:
-            with suppress(TimeoutError):
-                while True:
-                    client.recv(timeout=0)
+        from websockets.exceptions import ConnectionClosed
+        with suppress(TimeoutError):
+            while True:
+                self.other.recv(timeout=0)
         value = 0.5 if self.control(self.slider).value != 0.5 else 1.0
-        self.sending.send(msgspec.msgpack.encode({
-            'type': 'GuiUpdateMessage', 'uuid': self.slider, 'updates': {'value': value}}))
+        message = msgspec.msgpack.encode({
+            'type': 'GuiUpdateMessage', 'uuid': self.slider, 'updates': {'value': value}})
         end = time.monotonic() + 20
-        while self.control(self.slider).value != value:
-            assert time.monotonic() < end, 'a valid message has no effect'
-            time.sleep(0.0005)
+        try:
+            sending.send(message)
+            while self.control(self.slider).value != value:
+                assert time.monotonic() < end, 'a valid message has no effect'
+                with suppress(TimeoutError):
+                    sending.recv(timeout=0.0005)
+        except ConnectionClosed:
+            with self.client() as fresh:
+                fresh.send(message)
+                while self.control(self.slider).value != value:
+                    assert time.monotonic() < end, 'a valid message of another has no effect'
+                    time.sleep(0.0005)
         self.view.update()
         assert self.other.recv(timeout=20)  # the axes have got another length
-        for uuid, first in self.values.items():
-            control = self.control(uuid)
-            assert type(control.value) in ((int, float) if isinstance(first, float) else (
-                type(first),)), (control.label, control.value)
-            assert not isinstance(first, float) or math.isfinite(control.value), control.label
-            assert control.value in getattr(control, 'options', [control.value]), control.label
+        while wrong := [control.label for uuid, first in self.values.items()
+                        if type((control := self.control(uuid)).value) is not type(first)
+                        or (isinstance(first, float) and not math.isfinite(control.value))]:
+            assert time.monotonic() < end, f'no update corrects the value of {wrong}'
+            self.view.update()
 
     def control(self, uuid: str) -> Any:
         """Return a control of the panel."""
-        return self.server.control(uuid)
+        return self.server.gui._gui_input_handle_from_uuid[uuid]
 
     def close(self) -> None:
         """Stop to serve."""
-        self.sending.close()
         self.other.close()
         self.server.stop()
         threading.excepthook = self._before
@@ -526,7 +534,7 @@ def _message(source: Input, served: Any) -> Any:
 def check_websocket(data: bytes) -> None:
     """Send messages to the page: it serves its clients after that, and prints nothing."""
     import msgspec
-    from websockets.exceptions import WebSocketException
+    from websockets.exceptions import ConnectionClosed, WebSocketException
     source, served = Input(data), page()
     served.faults.clear()
     with redirect_stdout(io.StringIO()) as output, redirect_stderr(output):
@@ -538,18 +546,16 @@ def check_websocket(data: bytes) -> None:
             with suppress(WebSocketException, OSError), served.client() as client:
                 client.socket.sendall(source.raw(2000))
                 client.socket.shutdown(socket.SHUT_WR)
-        try:
-            for _ in range(32):
-                if not source or kind < 2:
-                    break
-                form = source.integer(7)
-                served.sending.send(source.raw(500) if form == 0 else source.text(255).encode(
-                    'utf-8', 'replace').decode() if form == 1 else
-                    msgspec.msgpack.encode(_message(source, served)))
-            served.check()
-        except WebSocketException:
-            served.sending, served.other = served.client(), served.client()
-            raise
+        with suppress(ConnectionClosed), served.client() as sending:
+            with suppress(ConnectionClosed):
+                for _ in range(32):
+                    if not source or kind < 2:
+                        break
+                    form = source.integer(7)
+                    sending.send(source.raw(500) if form == 0 else source.text(255).encode(
+                        'utf-8', 'replace').decode() if form == 1 else
+                        msgspec.msgpack.encode(_message(source, served)))
+            served.check(sending)
     faults = [*served.faults, *filter(None, [output.getvalue()])]
     assert not faults, '\n'.join(faults)
     dead = [thread.name for thread in served.threads if not thread.is_alive()]

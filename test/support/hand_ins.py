@@ -79,6 +79,17 @@ def attack(code):
             return [pid for pid in ancestors(os.getpid())
                     if b'e.check_arm()' in command_line(pid)][-1]
 
+
+        def kill_by_name(name, top, spared):
+            # End what has this name in its command line, below a process, but not below another.
+            for pid in map(int, filter(str.isdigit, os.listdir('/proc'))):
+                try:
+                    found = [pid, *ancestors(pid)]
+                    if name in command_line(pid) and top in found and spared not in found:
+                        os.kill(pid, signal.SIGTERM)
+                except OSError:
+                    pass
+
         """) + dedent(code)
 
 
@@ -212,12 +223,7 @@ HOSTILE = {
         top = check_arm()
         signal.signal(signal.SIGTERM, signal.SIG_IGN)
         if os.fork() == 0:
-            for pid in map(int, filter(str.isdigit, os.listdir('/proc'))):
-                try:
-                    if top in (pid, *ancestors(pid)) and b'dummy_arm' in command_line(pid):
-                        os.kill(pid, signal.SIGTERM)
-                except OSError:
-                    pass
+            kill_by_name(b'dummy_arm', top, 0)
             os._exit(0)
         os.wait()
         """) + program(), 'not ok', r'(?i)\bsignal|\bSIG[A-Z]'),
@@ -227,13 +233,7 @@ HOSTILE = {
         if os.fork() == 0:
             signal.alarm(90)
             while True:
-                for pid in map(int, filter(str.isdigit, os.listdir('/proc'))):
-                    try:
-                        if (b'/dummy_arm.py' in command_line(pid)
-                                and own not in (found := [pid, *ancestors(pid)]) and top in found):
-                            os.kill(pid, signal.SIGTERM)
-                    except OSError:
-                        pass
+                kill_by_name(b'/dummy_arm.py', top, own)
                 time.sleep(1)
         """) + program(), 'ok', ''),
     'kills_supervisor.py': HandIn(attack("""

@@ -11,7 +11,7 @@ from dummy_arm.tf._bag.context import Stream
 from dummy_arm.tf._core.pose import BatchOrRows, Row
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.cdr import Fields
-from dummy_arm.tf._wire.streams import MessageReader
+from dummy_arm.tf._wire.layouts import MessageReader
 from dummy_arm.tf.bag import BagMessage
 
 
@@ -38,11 +38,16 @@ class ArrivedMessages:
         self._batches = MessageReader(fail_on_error).read(messages, 'sent', False)
 
     def take(self) -> list[BatchOrRows]:
-        """Return the decoded messages; the buffer clears this list when it has inserted them."""
-        return self._batches
+        """Return the decoded messages once."""
+        batches, self._batches = self._batches, []
+        return batches
 
     def wake(self) -> None:
         """Do nothing, since no thread waits for messages."""
+
+    def is_alive(self) -> bool:
+        """Return True: the source stays."""
+        return True
 
 
 def recorded(time: int, data: bytes, is_static: bool = False, publisher: str = '',

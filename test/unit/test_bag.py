@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 import pytest
 
 from dummy_arm.cli.bag_options import read_bag
-from dummy_arm.tf import bag, BufferCore, Transform
+from dummy_arm.tf import bag, Transform, TransformBuffer
 from dummy_arm.tf.bag import BagError, read
 
 bags = pytest.importorskip('bags')
@@ -273,7 +273,7 @@ def test_a_bag_has_no_limit_of_samples_unless_asked(tmp_path, logs):
 def of_rosbags(path):
     """Read a bag by rosbags' reader, and insert its transforms one by one in that order."""
     from rosbags.highlevel import AnyReader
-    buffer = BufferCore(2**62)
+    buffer = TransformBuffer(2**62)
     with AnyReader([path]) as reader:
         for connection, _, data in reader.messages(
                 [each for each in reader.connections if each.msgtype == bags.TF]):

@@ -16,10 +16,10 @@ from processes import TIMEOUT, tool_without_ros
 import pytest
 
 from dummy_arm.cli.signals import record_signals
-from dummy_arm.grading.arm_check import FRAMES, NOT_JUDGED, NOT_OK
+from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
-from dummy_arm.grading.grade import grade
-from dummy_arm.grading.supervisor import Grade
+from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK
+from dummy_arm.grading.requirements import FRAMES
 from dummy_arm.tf.formatting import visible
 from dummy_arm.tools.check_arm import main
 

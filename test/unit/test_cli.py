@@ -421,8 +421,8 @@ def test_a_bar_is_shown_on_a_terminal(monkeypatch, clock, stderr, has_tqdm):
         assert stderr.text == ''
 
 
-def test_a_bar_is_drawn_where_it_changes(monkeypatch, clock):
-    """It is never more than full."""
+def test_a_bar_is_never_more_than_full(monkeypatch, clock):
+    """It is closed at the end."""
     bars: list[object] = []
     steps = []
 
@@ -443,9 +443,9 @@ def test_a_bar_is_drawn_where_it_changes(monkeypatch, clock):
     monkeypatch.setitem(sys.modules, 'tqdm', SimpleNamespace(tqdm=Bar))
     monkeypatch.setattr(sys, 'stderr', Stderr(True))
     with progress.progress(10.0, desc='reading') as show:
-        for done in 0.0, 2.0, 2.0, 5.0:
+        for done in 2.0, 5.0:
             show(done)
-    assert bars == [Bar(total=10.0, leave=False, desc='reading', n=5.0), 'closed']
+    assert bars == [Bar(total=10.0, leave=False, disable=None, desc='reading', n=5.0), 'closed']
     assert steps == [2.0, 3.0]
     clock.late = 0.03
     progress.wait(3.0, 'waiting')

@@ -12,15 +12,16 @@ from hypothesis import strategies as st
 from messages import fail_on_error
 import pytest
 
-from dummy_arm.tf import BufferCore, TransformException
+from dummy_arm.tf import TransformBuffer, TransformException
 from dummy_arm.tf._core import texts
+from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.frames import as_string, Frame
 from dummy_arm.tf._core.history import History
-from dummy_arm.tf._core.pose import Batch, Row
-from dummy_arm.tf._core.texts import abbreviated, logged, visible, visible_lines
+from dummy_arm.tf._core.pose import Row
+from dummy_arm.tf._core.texts import abbreviated, in_log, visible, visible_lines
 from dummy_arm.tf._core.tree import FrameTree
 from dummy_arm.tf._wire import cdr, ros1
-from dummy_arm.tf._wire.streams import MessageReader
+from dummy_arm.tf._wire.layouts import MessageReader
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -41,14 +42,14 @@ def by_calls(buffer, stamps, children, parent='map'):
 
 def by_messages(buffer, stamps, children, parent='map'):
     """Insert the same transforms as messages, one for each stamp, with all children."""
-    buffer.insert_batches(MessageReader(fail_on_error).read(
+    engine_of(buffer).insert_batches(MessageReader(fail_on_error).read(
         [cdr.pack([Row(stamp, parent, child, pose(x)) for child in children])
          for x, stamp in enumerate(stamps)], 'default_authority', False))
 
 
 def by_a_message(buffer, stamps, children, parent='map'):
     """Insert the same transforms as a single message."""
-    buffer.insert_batches(MessageReader(fail_on_error).read(
+    engine_of(buffer).insert_batches(MessageReader(fail_on_error).read(
         [cdr.pack([Row(stamp, parent, child, pose(x))
                    for x, stamp in enumerate(stamps) for child in children])],
         'default_authority', False))
@@ -98,7 +99,7 @@ def test_ever_new_parents_of_a_child_take_linear_time(step):
 
 def test_a_parent_that_expired_is_forgotten():
     """When one parent is left, the history has a single parent again; lookups use it."""
-    buffer = BufferCore(S)
+    buffer = TransformBuffer(S)
     for i in range(100):
         buffer.insert(T + i * S // 100, 'odd' if i % 2 else 'even', 'child', pose(i))
     assert set(buffer.dump()['child']['parents']) == {'odd', 'even'}
@@ -112,7 +113,7 @@ def test_a_parent_that_expired_is_forgotten():
 @pytest.mark.parametrize('insert', INSERTERS)
 def test_a_frame_keeps_10000_samples_per_second_of_cache_time(insert, logs):
     """The newest samples are kept, and the limit is logged once for all frames."""
-    buffer = BufferCore(S // 20)
+    buffer = TransformBuffer(S // 20)
     stamps = [T + i for i in range(1200)]
     insert(buffer, stamps, ['a', 'b'])
     assert lengths(buffer) == {'a': 500, 'b': 500}
@@ -129,7 +130,7 @@ def test_a_frame_keeps_10000_samples_per_second_of_cache_time(insert, logs):
 @pytest.mark.parametrize('insert', INSERTERS)
 def test_what_is_dropped_is_freed(insert):
     """After many rounds, the memory holds little more than the samples that are kept."""
-    buffer = BufferCore(S // 20)
+    buffer = TransformBuffer(S // 20)
     for round_ in range(5):
         insert(buffer, [T + round_ * 1000 + i for i in range(1000)], ['a', 'b', 'c'])
         if round_ == 2:
@@ -144,7 +145,7 @@ def test_what_is_dropped_is_freed(insert):
 
 def test_a_frame_with_many_parents_keeps_as_many_parents_as_samples():
     """The parents of samples that exceed the limit are dropped with them."""
-    buffer = BufferCore(S // 20)
+    buffer = TransformBuffer(S // 20)
     for i in range(3000):
         buffer.insert(T + i, f'parent_{i % 700}', 'child', pose(i))
     known = buffer.dump()['child']
@@ -155,7 +156,7 @@ def test_a_frame_with_many_parents_keeps_as_many_parents_as_samples():
 
 def test_usual_rates_are_kept_as_long_as_the_cache_time(logs):
     """The limit of samples does not affect them, here 100 Hz."""
-    buffer = BufferCore(60 * S)
+    buffer = TransformBuffer(60 * S)
     by_messages(buffer, [T + i * S // 100 for i in range(6001)], ['tool'])
     assert lengths(buffer) == {'tool': 6001}
     assert not logs
@@ -164,7 +165,7 @@ def test_usual_rates_are_kept_as_long_as_the_cache_time(logs):
 @pytest.mark.parametrize('insert', INSERTERS)
 def test_the_frame_that_gets_a_sample_drops_its_oldest(insert, logs):
     """This happens when the buffer has `max_samples` samples, and is logged once."""
-    buffer = BufferCore(max_samples=10)
+    buffer = TransformBuffer(max_samples=10)
     insert(buffer, [T + i for i in range(5)], ['a'])
     insert(buffer, [T + i for i in range(5)], ['b'])
     assert not logs
@@ -183,7 +184,7 @@ def test_the_frame_that_gets_a_sample_drops_its_oldest(insert, logs):
 @pytest.mark.parametrize('insert', INSERTERS)
 def test_a_new_frame_has_a_place_in_a_full_buffer(insert):
     """One sample of the new frame is kept, always the newest."""
-    buffer = BufferCore(max_samples=10)
+    buffer = TransformBuffer(max_samples=10)
     insert(buffer, [T + i for i in range(10)], ['a'])
     insert(buffer, [T, T + 5], ['new'])
     assert lengths(buffer) == {'a': 10, 'new': 1}
@@ -193,7 +194,7 @@ def test_a_new_frame_has_a_place_in_a_full_buffer(insert):
 @pytest.mark.parametrize('insert', INSERTERS)
 def test_a_buffer_is_full_no_longer_when_samples_have_expired(insert):
     """Expired samples of one frame make room for samples of another frame."""
-    buffer = BufferCore(S, max_samples=10)
+    buffer = TransformBuffer(S, max_samples=10)
     insert(buffer, [T + i for i in range(8)], ['a'])
     insert(buffer, [T + i for i in range(2)], ['b'])
     insert(buffer, [T + 10 * S, T + 10 * S + 1], ['a'])
@@ -204,7 +205,7 @@ def test_a_buffer_is_full_no_longer_when_samples_have_expired(insert):
 @pytest.mark.parametrize('insert', INSERTERS)
 def test_a_buffer_that_is_not_full_keeps_all(insert, logs):
     """Expired samples do not count, however many have been inserted."""
-    buffer = BufferCore(S, max_samples=1000)
+    buffer = TransformBuffer(S, max_samples=1000)
     children = [f'frame_{i}' for i in range(20)]
     for second in range(20):
         insert(buffer, [T + second * S + i * S // 10 for i in range(10)], children)
@@ -222,7 +223,7 @@ samples = st.lists(st.tuples(
 @given(samples)
 def test_a_buffer_has_no_more_samples_than_allowed(inserted):
     """One sample of each frame, the newest, is allowed in addition."""
-    buffer = BufferCore(S, max_samples=20)
+    buffer = TransformBuffer(S, max_samples=20)
     newest: dict[str, int] = {}
     for insert, begin, number, children in inserted:
         insert(buffer, [T + begin * 1000 + i for i in range(number)], children)
@@ -235,13 +236,13 @@ def test_a_buffer_has_no_more_samples_than_allowed(inserted):
 
 def test_no_limit_of_samples():
     """With max_samples=None, neither the buffer nor a frame has a limit."""
-    buffer = BufferCore(S // 20, max_samples=None)
+    buffer = TransformBuffer(S // 20, max_samples=None)
     by_messages(buffer, [T + i for i in range(1200)], ['a'])
     assert lengths(buffer) == {'a': 1200}
     for wrong in 0, -1:
         with pytest.raises(ValueError, match=f'max_samples must be at least 1, or None, got '
                                              f'{wrong}'):
-            BufferCore(max_samples=wrong)
+            TransformBuffer(max_samples=wrong)
 
 
 LONG = [('x' * 1024, True), ('x' * 1025, False), ('é' * 512, True), ('é' * 513, False),
@@ -253,7 +254,7 @@ def test_a_name_may_have_1024_bytes(name, is_accepted, logs):
     """The limit counts bytes of UTF-8; a leading slash does not count."""
     for is_static, number in product((False, True), (0, 1)):
         edge = (f'/{name}', 'tool') if number else ('map', f'/{name}')
-        buffer = BufferCore()
+        buffer = TransformBuffer()
         logs.clear()
         assert buffer.insert(T, *edge, STILL, 'somebody', is_static) is is_accepted
         assert bool(buffer.frames()) is is_accepted
@@ -269,13 +270,11 @@ def test_a_name_may_have_1024_bytes(name, is_accepted, logs):
 
 @pytest.mark.parametrize('form', [cdr, ros1])
 def test_names_of_messages_that_are_too_long_are_not_kept(form, logs):
-    """They are kept neither as frames nor in the layout of a stream."""
-    buffer, reader = BufferCore(), MessageReader(fail_on_error, form)
+    """They are refused in messages with a known layout, too."""
+    buffer, reader = TransformBuffer(), MessageReader(fail_on_error, form)
     rows = [Row(T, 'map', 'x' * 1_000_000, STILL), Row(T, 'map', 'tool', STILL)]
     data = cdr.pack(rows) if form is cdr else packed_for_ros1(rows)
-    read = reader.read([data] * 3, 'default_authority', False)
-    assert not any(isinstance(batch, Batch) for batch in read)
-    buffer.insert_batches(read)
+    engine_of(buffer).insert_batches(reader.read([data] * 3, 'default_authority', False))
     assert lengths(buffer) == {'tool': 1}
     (text,) = logged_texts(logs)
     assert 'has 1000000 bytes' in text
@@ -310,7 +309,7 @@ NAN = (math.nan, *STILL[1:])
     ('TF_FULL_BUFFER', 'map', HOSTILE, STILL, None)])
 def test_a_log_line_escapes_and_cuts_names(cause, parent, child, bad, stamp, logs):
     """Names of others cannot control the terminal; the only line break is that of tf2's text."""
-    buffer = BufferCore(S // 50, max_frames=2, max_samples=150 if 'FULL' in cause else 1000)
+    buffer = TransformBuffer(S // 50, max_frames=2, max_samples=150 if 'FULL' in cause else 1000)
     buffer.insert(T, 'map', HOSTILE, STILL)
     for i in range(300):
         buffer.insert(T + i if stamp is None else stamp, parent, child, bad, HOSTILE)
@@ -327,9 +326,9 @@ def test_texts():
     assert visible('tool') == 'tool'
     assert visible('a\tb\x1b[31m\udcff\u200b√') == r'a\tb\x1b[31m\udcff\u200b√'
     assert visible_lines('a\x00\nb\x7f') == '\n'.join((r'a\x00', r'b\x7f'))
-    assert abbreviated('x' * 100) == logged('x' * 100) == 'x' * 100
+    assert abbreviated('x' * 100) == in_log('x' * 100) == 'x' * 100
     assert abbreviated('left_front_wheel', 11) == 'left...heel'
-    assert logged(f'begin{"x" * 3000}end') == (
+    assert in_log(f'begin{"x" * 3000}end') == (
         f'begin{"x" * 44}...{"x" * 45}end (3008 characters)')
 
 
@@ -357,7 +356,7 @@ def error_text(buffer, name):
 
 def test_near_names_are_searched_among_1000(compared):
     """A comparison of the unknown name with a hundred thousand names would take seconds."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     for i in range(3000):
         buffer.insert(T, 'map', f'frame_{i}', STILL, is_static=True)
     assert error_text(buffer, 'fr').endswith(
@@ -369,7 +368,7 @@ def test_near_names_are_searched_among_1000(compared):
 
 def test_long_names_are_neither_compared_nor_shown_in_full(compared):
     """A comparison of two long names takes milliseconds."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     for i in range(10):
         buffer.insert(T, 'map', f'{"x" * 500}{i}', STILL, is_static=True)
     text = error_text(buffer, 'tool')
@@ -387,13 +386,13 @@ class Watched:
 
     def __call__(self, *arguments):
         """Record whether the lock is held, and call the wrapped function."""
-        self.held.append(self.buffer.is_held())
+        self.held.append(engine_of(self.buffer).is_held())
         return self.work(*arguments)
 
 
 def test_frames_are_listed_without_the_lock(monkeypatch):
     """The lock is held only while the numbers are copied."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     by_messages(buffer, [T, T + 1], ['a', 'b'])
     watched = Watched(buffer, Frame.__new__)
     monkeypatch.setattr(Frame, '__new__', lambda *arguments: watched(*arguments))
@@ -404,7 +403,7 @@ def test_frames_are_listed_without_the_lock(monkeypatch):
 
 def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
     """This holds for `all_frames_as_string`, and for the list in the error about a loop."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     for parent, child in ('map', 'a'), ('c', 'b'), ('b', 'c'):
         buffer.insert(T, parent, child, STILL)
     watched = Watched(buffer, as_string)
@@ -413,7 +412,7 @@ def test_texts_of_all_frames_are_written_without_the_lock(monkeypatch):
     listed = ('Frame a exists with parent map.\nFrame b exists with parent c.\n'
               'Frame c exists with parent b.\n')
     assert buffer.all_frames_as_string() == listed
-    with buffer.fetched(), pytest.raises(TransformException) as raised:
+    with buffer.updated(), pytest.raises(TransformException) as raised:
         buffer.lookup_transform('a', 'b')
     assert watched.held == [False]  # the text is made when it is first read
     assert listed in str(raised.value)

@@ -4,7 +4,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 import pytest
 
-from dummy_arm.tf import BufferCore, InvalidArgumentException, LookupException, TransformException
+from dummy_arm.tf import (
+    InvalidArgumentException,
+    LookupException,
+    TransformBuffer,
+    TransformException,
+)
 
 S = 10**9
 T = 1_700_000_000 * S
@@ -38,7 +43,7 @@ def by_lookups(buffer, target, until):
 @given(INSERTS, st.sampled_from(NAMES), st.sampled_from([0, T, T + S, T + 15 * S // 10]))
 def test_as_lookups(inserts, target, until):
     """The result is that of single lookups, for equal and different stamps and static edges."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     parents: dict[int, int] = {}  # frames change them only if there is no limit of time
     known: set[str] = set()
     for child, parent, tenth, is_static, x in inserts:
@@ -63,7 +68,7 @@ def test_as_lookups(inserts, target, until):
 
 def test_a_frame_that_changed_its_parent():
     """A frame is placed at the latest common time of its path, below the parent of that time."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     for i in range(11):
         buffer.insert(T + i * S, 'map', 'left', pose(i / 10))
         buffer.insert(T + i * S, 'map', 'right', pose(-i / 10))
@@ -84,7 +89,7 @@ def by_lookup(buffer, name, until):
 
 def test_only_what_is_connected_and_known():
     """Frames of other trees, of loops, and without data up to the given time are left out."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     buffer.insert(T, 'map', 'odom', pose(1), is_static=True)
     buffer.insert(T + S, 'odom', 'base', pose(1))
     buffer.insert(T, 'world', 'tree', pose(1))
@@ -99,7 +104,7 @@ def test_only_what_is_connected_and_known():
 
 def test_only_over_some_edges():
     """Frames that are connected only by other edges are left out, in both directions."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     for parent, child in ('map', 'odom'), ('odom', 'base'), ('base', 'hand'), ('map', 'post'):
         buffer.insert(T, parent, child, pose(1))
     assert [*buffer.lookup_all(['map'], children=['odom', 'hand'])[0]] == ['map', 'odom']
@@ -110,7 +115,7 @@ def test_only_over_some_edges():
 
 def test_no_such_frame():
     """An unknown or invalid target frame raises the same exception as in a single lookup."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     buffer.insert(T, 'map', 'odom', pose(1))
     with pytest.raises(LookupException, match=r"does not exist\. Nearest known: 'odom'"):
         buffer.lookup_all(['odon'])
@@ -121,4 +126,4 @@ def test_no_such_frame():
 def test_a_single_name_is_an_error():
     """A str is refused, since it would be read as a list of one-letter names."""
     with pytest.raises(TypeError, match="must be names in a list or another iterable, got 'map'"):
-        BufferCore().lookup_all('map')
+        TransformBuffer().lookup_all('map')

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from dummy_arm.tf import BufferCore, ConnectivityException, LookupException
+from dummy_arm.tf import ConnectivityException, LookupException, TransformBuffer
 
 S = 10**9
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
@@ -14,7 +14,7 @@ NAMES = 'abcdef'
 
 def buffer_of(*edges):
     """Return a buffer; an edge is the parent, the child, and the stamps (s), or None: static."""
-    buffer = BufferCore(10**6 * S)
+    buffer = TransformBuffer(10**6 * S)
     for parent, child, stamps in edges:
         for stamp in stamps or [0.0]:
             buffer.insert(round(stamp * S), parent, child, STILL, is_static=stamps is None)
@@ -138,7 +138,7 @@ def searched(dump, target, source):
     st.sampled_from(NAMES), st.sampled_from(NAMES))
 def test_as_searched(inserts, target, source):
     """Frames change their parents at any time, and become static or dynamic."""
-    buffer = BufferCore(10**6 * S)
+    buffer = TransformBuffer(10**6 * S)
     for child, parent, stamp, is_static in inserts:
         buffer.insert(stamp, NAMES[parent % child], NAMES[child], STILL, is_static=is_static)
     dump = buffer.dump()

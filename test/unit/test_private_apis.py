@@ -23,8 +23,8 @@ PRIVATE = {
     'tf/_core/engine.py': {'_is_owned'},  # threading
     'tf/_ros/rclpy_private.py': {'rclpy.impl.implementation_singleton'},
     'tf/_ros/transform_stamped.py': SLOTS,
-    'view/viser_private.py': {'_gui_input_handle_from_uuid', '_websock_connection',
-                              'viser._messages'}}
+    'view/viser_private.py': {'_handle_incoming_message', '_live_connections',
+                              '_websock_server'}}
 #: Names with an underscore that the documentation of Python has.
 PUBLIC = {'_thread', '_asdict', '_replace', '_make'}
 

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from dummy_arm.tf import bag, BufferCore, Transform
+from dummy_arm.tf import bag, Transform, TransformBuffer
 
 bags = pytest.importorskip('bags')
 S = 10**9
@@ -64,7 +64,7 @@ def test_many_messages_are_inserted_like_single_transforms(tmp_path):
     contents = [message(i) for i in range(50)]
     contents += [message(50, names[:2]), message(51), message(52, [('odom', 'map'), *names[1:]])]
     at_once = bag.read(bags.make(tmp_path, 'bag', [('/tf', S, rows) for rows in contents]))
-    singly = BufferCore(100 * S)
+    singly = TransformBuffer(100 * S)
     for rows in contents:
         for stamp, parent, child, pose in rows:
             singly.set_transform(Transform(stamp, parent, child, pose[:3], pose[3:]), '/sender')

@@ -7,14 +7,14 @@ from environment import DATA
 import numpy as np
 import pytest
 
-from dummy_arm.tf import BufferCore, exceptions
+from dummy_arm.tf import exceptions, TransformBuffer
 
 CASES = json.loads((DATA / 'tf2_answers.json').read_text())
 
 
 def buffer_of(case):
     """Return a buffer with the transforms of a case."""
-    buffer = BufferCore(case['cache_time_s'] * 1_000_000_000)
+    buffer = TransformBuffer(case['cache_time_s'] * 1_000_000_000)
     for op in case['ops']:
         buffer.insert(op['stamp_ns'], op['parent'], op['child'], (*op['xyz'], *op['xyzw']),
                       is_static=op['static'])

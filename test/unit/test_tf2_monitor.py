@@ -5,9 +5,9 @@ from typing import Any, Optional
 
 import pytest
 
-from dummy_arm.inspection.traffic import Stream, Summary
+from dummy_arm.inspection.traffic import NodeTraffic, Summary
 from dummy_arm.tf.exceptions import LookupException
-from dummy_arm.tools.tf2_monitor import Chain, format_streams, main
+from dummy_arm.tools.tf2_monitor import Chain, format_traffic, main
 
 S = 10**9
 NONE = 'Net delay     none: all transforms are static, or the time is not known'
@@ -52,18 +52,18 @@ def test_the_net_delay_after_time_was_set_back():
 
 
 def test_lines():
-    """The columns of the table fit the longest name; unusual streams are marked."""
+    """The columns of the table fit the longest name; unusual rows are marked."""
     moving = Summary(50.04, 0.00123449, 0.25)
-    assert format_streams([
-        Stream('base_link', '/arm', True, True, None, None),
-        Stream('base_link', '/before', True, False, None, None),
-        Stream('joint\n1', '/arm', False, True, moving, 0.01),
-        Stream('joint\n1', '/before', False, False, moving, 0.01),
-        Stream('tool', '/arm', False, True, moving, 0.01),
-        Stream('tool', '/b', False, True, moving, 0.01),
-        Stream('tool', '/silent', False, True, None, 71.26),
-        Stream('tool', '/uncounted', False, True, None, None),
-        Stream('', '/arm', False, True, Summary(None, -1000000.5, 12345678.25), 0.01)]) == [
+    assert format_traffic([
+        NodeTraffic('base_link', '/arm', True, True, None, None),
+        NodeTraffic('base_link', '/before', True, False, None, None),
+        NodeTraffic('joint\n1', '/arm', False, True, moving, 0.01),
+        NodeTraffic('joint\n1', '/before', False, False, moving, 0.01),
+        NodeTraffic('tool', '/arm', False, True, moving, 0.01),
+        NodeTraffic('tool', '/b', False, True, moving, 0.01),
+        NodeTraffic('tool', '/silent', False, True, None, 71.26),
+        NodeTraffic('tool', '/uncounted', False, True, None, None),
+        NodeTraffic('', '/arm', False, True, Summary(None, -1000000.5, 12345678.25), 0.01)]) == [
         'Warning: tool is published by /arm and /b; a frame should have one publisher',
         '',
         'Frames:           rate   average delay     max delay  published by',
@@ -84,11 +84,11 @@ def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
     """The columns of the other lines are as they would be without the long name."""
     name = 'x' * 3000
     short = f'{"x" * 49}...{"x" * 48}'
-    streams = [Stream('base', '/arm', True, True, None, None),
-               Stream('\x1b' * 3000, '/arm', True, True, None, None),
-               Stream(name, f'/{name}', True, True, None, None),
-               Stream(name, '/arm', True, True, None, None)]
-    lines = format_streams(streams)
+    rows = [NodeTraffic('base', '/arm', True, True, None, None),
+               NodeTraffic('\x1b' * 3000, '/arm', True, True, None, None),
+               NodeTraffic(name, f'/{name}', True, True, None, None),
+               NodeTraffic(name, '/arm', True, True, None, None)]
+    lines = format_traffic(rows)
     assert lines[0] == (f'Warning: {short} is published by /{"x" * 48}...{"x" * 48} and /arm; '
                         'a frame should have one publisher')
     assert lines[3] == f'  base      static{"":30}  /arm'

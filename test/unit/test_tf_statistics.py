@@ -8,7 +8,7 @@ from messages import recorded
 import numpy as np
 import pytest
 
-from dummy_arm.inspection.tf_statistics import Statistics
+from dummy_arm.doctor.tf_statistics import Statistics
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf.transform_table import transform_tables, TransformTable
 

@@ -68,10 +68,10 @@ def rows_of(*edges):
                 bags.row(round(stamp * S), parent, child, (float(x), *STILL[1:]))]
 
 
-@pytest.fixture
-def arm_bag(tmp_path):
+@pytest.fixture(scope='module')
+def arm_bag(tmp_path_factory):
     """A bag of the arm, with a stamp each 50 ms."""
-    return bag_of(tmp_path / 'arm_bag', Arm().messages(SECONDS))
+    return bag_of(tmp_path_factory.mktemp('arm') / 'arm_bag', Arm().messages(SECONDS))
 
 
 @pytest.fixture
@@ -300,17 +300,13 @@ def test_angles_of_a_rotation_about_one_axis(angle):
             assert not np.signbit(angles[angles == 0.0]).any()  # a table has no -0.0
 
 
-@pytest.mark.parametrize(('name', 'begin', 'arguments'), [
-    ('arm.PNG', b'\x89PNG', ['--every', '10']), ('arm.svg', b'<?xml', ['--twist'])])
-def test_drawings(run, arm_bag, tmp_path, name, begin, arguments):
-    """The ending is the format; one row can be drawn, too."""
+def test_a_drawing_in_svg(run, arm_bag, tmp_path):
+    """The ending is the format."""
     pytest.importorskip('matplotlib')
-    path = tmp_path / name
-    output, _ = run('--bag', arm_bag, *FRAMES, *arguments, '-o', str(path))
-    assert output.startswith(f'wrote {path}: 1')
-    assert path.read_bytes().startswith(begin)
-    if name == 'arm.svg':
-        assert ElementTree.parse(path).getroot().tag.endswith('svg')
+    path = tmp_path / 'arm.svg'
+    output, _ = run('--bag', arm_bag, *FRAMES, '--twist', '-o', str(path))
+    assert output.startswith(f'wrote {path}: 100 rows')
+    assert ElementTree.parse(path).getroot().tag.endswith('svg')
 
 
 def test_odd_names_are_drawn_as_they_are(run, tmp_path):
@@ -395,8 +391,7 @@ def test_the_line_of_an_angle_does_not_jump(run, drawn, tmp_path):
     assert yaw.get_xdata()[[0, 1, 3, 7]].tolist() == [0.0, 1.0, 3.0, 6.0]
 
 
-@pytest.mark.parametrize('x', [1.01e300, -1.7e308])
-@pytest.mark.parametrize('ending', ['png', 'svg', 'pdf'])
+@pytest.mark.parametrize(('x', 'ending'), [(1.01e300, 'png'), (-1.7e308, 'pdf')])
 def test_a_pose_that_is_too_large_to_draw(failed, run, there, ending, x):
     """The line names the frames, the number and the remedy; a table can be written."""
     pytest.importorskip('matplotlib')
@@ -422,16 +417,17 @@ def test_the_largest_poses_that_are_drawn(run, there):
     assert (there / 'x.png').read_bytes().startswith(b'\x89PNG')
 
 
-@pytest.mark.parametrize('backend', ['nonsense', 'module://nowhere', 'TkAgg'])
-def test_no_backend_of_matplotlib_is_needed(arm_bag, there, backend):
-    """No window is opened, so the variable that chooses one does not matter."""
+def test_no_backend_of_matplotlib_is_needed(arm_bag, there):
+    """No window is opened, so the variable that chooses one does not matter; here for one row."""
     pytest.importorskip('matplotlib')
     done = subprocess.run(
-        [sys.executable, *tool_without_ros('tf_trajectory', '--bag', arm_bag, *FRAMES, '-o',
-                                           'arm.png')],
-        env={**os.environ, 'MPLBACKEND': backend}, text=True, capture_output=True, check=True)
+        [sys.executable, *tool_without_ros('tf_trajectory', '--bag', arm_bag, *FRAMES, '--every',
+                                           '10', '-o', 'arm.PNG')],
+        env={**os.environ, 'MPLBACKEND': 'module://nowhere'}, text=True, capture_output=True,
+        check=True)
     assert done.stderr == ''
-    assert (there / 'arm.png').read_bytes().startswith(b'\x89PNG')
+    assert done.stdout.startswith('wrote arm.PNG: 1 row from ')
+    assert (there / 'arm.PNG').read_bytes().startswith(b'\x89PNG')
 
 
 def test_a_format_whose_backend_is_missing(failed, monkeypatch, there):
@@ -556,8 +552,8 @@ def test_a_full_disk(failed, arm_bag, there, ending):
     assert (there / f'arm.{ending}').read_text() == 'old'
 
 
-@pytest.mark.parametrize('ending', ['csv', 'npz', 'png'])
-@pytest.mark.parametrize('every', [[], ['--every', '0.0005']])
+@pytest.mark.parametrize(('ending', 'every'), [
+    ('csv', ['--every', '0.0005']), ('npz', ['--every', '0.0005']), ('png', [])])
 def test_a_signal_leaves_no_partial_file(run, monkeypatch, arm_bag, there, ending, every):
     """It is noticed between parts of many rows, and at the end. An old file stays."""
     if ending == 'png':
@@ -580,8 +576,7 @@ def test_a_signal_leaves_no_partial_file(run, monkeypatch, arm_bag, there, endin
     assert (there / f'arm.{ending}').read_text() == 'old'
 
 
-@pytest.mark.parametrize('ending', ['csv', 'tum'])
-def test_rows_are_written_before_the_next_are_looked_up(run, monkeypatch, arm_bag, there, ending):
+def test_rows_are_written_before_the_next_are_looked_up(run, monkeypatch, arm_bag, there):
     """So the memory is that of a part of the rows; the bar shows how many have been looked up."""
     convert = tf_trajectory.roll_pitch_yaw
     sizes: list[int] = []
@@ -593,14 +588,14 @@ def test_rows_are_written_before_the_next_are_looked_up(run, monkeypatch, arm_ba
     shown: list[int] = []
     monkeypatch.setattr(tf_trajectory, 'progress', lambda *_, **__: nullcontext(shown.append))
     monkeypatch.setattr(tf_trajectory, 'roll_pitch_yaw', look)
-    output, _ = run('--bag', arm_bag, *FRAMES, '--every', '0.0002', '-o', f'arm.{ending}')
-    assert output == (f'wrote arm.{ending}: 25001 rows from 1700000000.000000000 s to '
+    output, _ = run('--bag', arm_bag, *FRAMES, '--every', '0.0002', '-o', 'arm.csv')
+    assert output == ('wrote arm.csv: 25001 rows from 1700000000.000000000 s to '
                       '1700000005.000000000 s\n')
     assert len(sizes) > 2
     assert sizes == sorted({*sizes})
     assert len(shown) == len(sizes)
     assert shown[-1] == 25_001
-    assert (there / f'arm.{ending}').read_text().count('\n') == 25_001 + (ending == 'csv')
+    assert (there / 'arm.csv').read_text().count('\n') == 25_002
 
 
 def test_arrays_of_many_rows(run, tmp_path):

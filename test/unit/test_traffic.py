@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from dummy_arm.inspection import traffic as module
-from dummy_arm.inspection.traffic import Delays, Stream, summarize, Summary, Traffic
+from dummy_arm.inspection.traffic import Delays, NodeTraffic, summarize, Summary, Traffic
 
 S, MS = 10**9, 10**6
 NOW = 1_700_000_000 * S
@@ -37,11 +37,12 @@ class Malformed(Message):
         raise ValueError
 
 
-def streams_of(traffic):
-    """Return the streams by frame and node; the name of a node is the gid without stars."""
-    return {(stream.frame, stream.node): stream for stream in traffic.streams(
-        lambda gids: {gid: gid.rstrip('*') for gid in gids},
-        lambda gid: None if gid == '/unknown' else gid in ('/robot', '/other', '/a'))}
+def rows_of(traffic):
+    """Return the rows by frame and node; the name of a node is the gid without stars."""
+    listener: Any = SimpleNamespace(
+        names_of=lambda gids: {gid: gid.rstrip('*') for gid in gids},
+        is_present=lambda gid: None if gid == '/unknown' else gid in ('/robot', '/other', '/a'))
+    return {(row.frame, row.node): row for row in traffic.by_node(listener)}
 
 
 @pytest.fixture
@@ -110,7 +111,7 @@ def test_traffic_of_frames_and_of_nodes(clock, traffic):
             Message('/robot', received, '/odom', 'base', stamp=received - 4 * MS),
             Message('/other', received, 'cup', '/', stamp=received - (i % 2) * 8 * MS)])
     traffic.observe([Message('/robot*', NOW, 'lidar', is_static=True)])
-    found = streams_of(traffic)
+    found = rows_of(traffic)
     assert [*found] == [('base', '/robot'), ('cup', '/other'), ('lidar', '/robot'),
                         ('odom', '/robot'), ('', '/other'), ('', '/robot')]
     assert found['lidar', '/robot'].is_static
@@ -124,7 +125,7 @@ def test_traffic_of_frames_and_of_nodes(clock, traffic):
     assert not found['', '/robot'].is_static
     assert found['', '/robot'].silence == 0.0
     clock.now += 2 * S
-    assert streams_of(traffic)['odom', '/robot'].silence == 2.0
+    assert rows_of(traffic)['odom', '/robot'].silence == 2.0
 
 
 def test_the_time_of_arrival_is_on_the_clock_of_the_stamps(clock, traffic):
@@ -132,7 +133,7 @@ def test_the_time_of_arrival_is_on_the_clock_of_the_stamps(clock, traffic):
     clock.now = 100 * S
     traffic.observe([Message('/a', NOW - S, 'odom')])
     traffic.observe([Message('/a', NOW - 2 * MS, 'odom', stamp=100 * S - 5 * MS)])
-    assert streams_of(traffic)['odom', '/a'].summary == Summary(None, 0.003, 0.003)
+    assert rows_of(traffic)['odom', '/a'].summary == Summary(None, 0.003, 0.003)
 
 
 def test_only_one_frame():
@@ -140,7 +141,7 @@ def test_only_one_frame():
     traffic: Any = Traffic(lambda: NOW, 'odom', lambda: NOW)
     traffic.observe([Malformed('/b', NOW, 'base'), Message('/a', NOW, '/odom', 'odometer'),
                      Message('/a', NOW, 'odometer')])
-    assert [*streams_of(traffic)] == [('odom', '/a'), ('', '/a')]
+    assert [*rows_of(traffic)] == [('odom', '/a'), ('', '/a')]
 
 
 def test_each_frame_has_the_delay_of_its_own_stamp(traffic):
@@ -153,16 +154,16 @@ def test_each_frame_has_the_delay_of_its_own_stamp(traffic):
     message.rows = lambda: rows
     traffic.observe([message])
     for frame, delay in ('odom', 1.0), ('base', 2.0), ('', 2.0):
-        assert streams_of(traffic)[frame, '/a'].summary.average_delay == delay
+        assert rows_of(traffic)[frame, '/a'].summary.average_delay == delay
 
 
 def test_messages_that_waited_for_the_discovery_are_not_late(traffic):
     """The first messages of a publisher may have waited for the discovery: they have no delay."""
     traffic.observe([Message('/a', NOW + i, 'odom', stamp=NOW - S) for i in range(5)])
-    assert streams_of(traffic)['odom', '/a'] == Stream('odom', '/a', False, True, None, None)
+    assert rows_of(traffic)['odom', '/a'] == NodeTraffic('odom', '/a', False, True, None, None)
     # The delay of a publisher whose clock is an hour behind is counted, too.
     traffic.observe([Message('/a', NOW + 300 * MS, 'odom', stamp=NOW - 3600 * S)])
-    assert streams_of(traffic)['odom', '/a'].summary.maximum_delay == 3600.3
+    assert rows_of(traffic)['odom', '/a'].summary.maximum_delay == 3600.3
 
 
 def test_the_number_of_known_publishers_is_bounded(monkeypatch, traffic):
@@ -171,7 +172,7 @@ def test_the_number_of_known_publishers_is_bounded(monkeypatch, traffic):
 
     def observe(i, late):
         traffic.observe([Message(f'/{i}', NOW + late, f'frame_{i}', stamp=NOW)])
-        return streams_of(traffic)[f'frame_{i}', f'/{i}'].summary
+        return rows_of(traffic)[f'frame_{i}', f'/{i}'].summary
 
     for i in range(100):
         assert observe(i, 0) is None
@@ -183,13 +184,13 @@ def test_the_number_of_streams_is_bounded(monkeypatch, traffic):
     """Of too many, the first ones are counted."""
     monkeypatch.setattr(module, '_MOST', 3)
     traffic.observe([Message('/a', NOW, *(f'frame_{i}' for i in range(10)))])
-    assert len(streams_of(traffic)) == 3
+    assert len(rows_of(traffic)) == 3
 
 
 def test_a_name_that_is_too_long_is_not_counted(traffic):
     """The buffer does not insert such a frame, either."""
     traffic.observe([Message('/a', NOW, 'x' * 10**6, 'odom')])
-    assert [*streams_of(traffic)] == [('odom', '/a'), ('', '/a')]
+    assert [*rows_of(traffic)] == [('odom', '/a'), ('', '/a')]
 
 
 def test_time_that_is_set_back(clock, traffic):
@@ -203,30 +204,30 @@ def test_time_that_is_set_back(clock, traffic):
     clock.system += 250 * MS
     late = Message('/a', clock.system, 'odom', stamp=1000 * S)
     observe(1000 * S)
-    assert streams_of(traffic)['odom', '/a'].summary == Summary(None, 0.0, 0.0)
+    assert rows_of(traffic)['odom', '/a'].summary == Summary(None, 0.0, 0.0)
     clock.now = 5 * S
     clock.system += MS
-    assert streams_of(traffic)['odom', '/a'] == Stream('odom', '/a', False, True, None, None)
+    assert rows_of(traffic)['odom', '/a'] == NodeTraffic('odom', '/a', False, True, None, None)
     traffic.observe([late])
-    assert streams_of(traffic)['odom', '/a'].summary is None
+    assert rows_of(traffic)['odom', '/a'].summary is None
     observe(5 * S)
-    assert streams_of(traffic)['odom', '/a'].summary == Summary(None, 0.0, 0.0)
+    assert rows_of(traffic)['odom', '/a'].summary == Summary(None, 0.0, 0.0)
 
 
 def test_a_clock_that_does_not_run(clock, traffic):
     """Dynamic transforms are not shown as static; they have no delay."""
     clock.now = 0
     traffic.observe([Message('/a', NOW + i * S, 'odom') for i in range(3)])
-    assert streams_of(traffic)['odom', '/a'] == Stream('odom', '/a', False, True, None, None)
+    assert rows_of(traffic)['odom', '/a'] == NodeTraffic('odom', '/a', False, True, None, None)
 
 
 def test_malformed_messages_are_skipped(traffic):
     """They are skipped, since the listener logs them; empty ones do no harm."""
     traffic.observe([Malformed('/a', NOW), Message('/a', NOW), Message('/a', NOW, 'odom')])
-    assert ('odom', '/a') in streams_of(traffic)
+    assert ('odom', '/a') in rows_of(traffic)
 
 
 def test_a_publisher_that_is_gone(traffic):
-    """Its streams stay; they are not present."""
+    """Its rows stay; they are not present."""
     traffic.observe([Message('/gone', NOW, 'odom')])
-    assert not streams_of(traffic)['odom', '/gone'].is_present
+    assert not rows_of(traffic)['odom', '/gone'].is_present

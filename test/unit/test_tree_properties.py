@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 from transforms3d import quaternions
 
-from dummy_arm.tf import BufferCore, ExtrapolationException, TransformException
+from dummy_arm.tf import ExtrapolationException, TransformBuffer, TransformException
+from dummy_arm.tf._core.engine import engine_of
 
 S = 1_000_000_000
 START = 1_700_000_000 * S
@@ -63,7 +64,7 @@ queries = st.tuples(names, names, names, times, times)
 @given(st.lists(inserts | queries, min_size=20, max_size=60))
 def test_answers_as_the_model(data):
     """Frames are re-parented and form loops; transforms are static, late, or repeated."""
-    buffer, model = BufferCore(2 * S), Model(2 * S)
+    buffer, model = TransformBuffer(2 * S), Model(2 * S)
     for item in data:
         if len(item) == 6:
             stamp, parent, child, xyz, xyzw, is_static = item
@@ -78,7 +79,7 @@ def compare_lookups(buffer, model, target, source, fixed, at, source_at):
     answer = outcome(buffer.lookup_transform, target, source, at)
     full = outcome(buffer.lookup_transform_full, target, at, source, source_at, fixed)
     poses = buffer.lookup_transforms(target, source, [at, source_at, at])
-    available, _ = buffer.availability(target, source, [at, source_at])
+    available, _ = engine_of(buffer).availability(target, source, [at, source_at])
     other = outcome(buffer.lookup_transform, target, source, source_at)
     assert available == [not isinstance(one, str) for one in (answer, other)]
     assert [*poses[2]] == [not isinstance(one, str) for one in (answer, other, answer)]
@@ -95,7 +96,7 @@ def compare_lookups(buffer, model, target, source, fixed, at, source_at):
 @st.composite
 def trees(draw):
     """Return a tree of dynamic frames with two samples each, and a time between the two."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     count = draw(st.integers(2, 8))
     for child in range(1, count):
         parent = draw(st.integers(0, child - 1))
@@ -143,7 +144,7 @@ def test_both_signs_of_a_quaternion_are_the_same(before, after, ratio, flip_befo
     assume(abs(np.dot(before, after)) > 1e-6)
     matrices = []
     for signs in (1.0, 1.0), (-1.0 if flip_before else 1.0, -1.0 if flip_after else 1.0):
-        buffer = BufferCore()
+        buffer = TransformBuffer()
         for i, (rotation, sign) in enumerate(zip((before, after), signs)):
             buffer.insert(START + i * S, 'a', 'b', (0.0, 0.0, 0.0, *np.multiply(rotation, sign)))
         matrices.append(buffer.lookup_transform('a', 'b', START + int(ratio * S)).matrix())
@@ -155,7 +156,7 @@ def test_both_signs_of_a_quaternion_are_the_same(before, after, ratio, flip_befo
 @pytest.mark.parametrize('ratio', [0.0, 0.25, 0.5, 1.0])
 def test_half_a_turn(rotation, ratio):
     """The interpolation to an exact half turn rotates evenly about its axis."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
     buffer.insert(START + S, 'a', 'b', (0.0, 0.0, 0.0, *rotation))
     angle = ratio * math.pi
@@ -168,7 +169,7 @@ def test_half_a_turn(rotation, ratio):
 @example((1e-9, 0.0, 0.0), 0.5)
 def test_near_the_identity(vector, ratio):
     """A tiny rotation is interpolated within the error of tf2, where a cosine rounds to one."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
     buffer.insert(START + S, 'a', 'b', (0.0, 0.0, 0.0, *unit((*vector, 1.0))))
     answer = buffer.lookup_transform('a', 'b', START + int(ratio * S))
@@ -183,7 +184,7 @@ def sampled_trees(draw):
     Edges, and samples of an edge, may have the same stamps. Successive rotations may be equal,
     opposite or almost equal.
     """
-    buffer = BufferCore(2 ** 65)
+    buffer = TransformBuffer(2 ** 65)
     clocks = st.integers(START, START + 5), st.sampled_from([1 - 2 ** 63, -S, 7, 2 ** 63 - 1])
     stamps = draw(st.lists(draw(st.sampled_from(clocks)), min_size=1, max_size=5))
     steps = st.builds(lambda vector, exponent: np.multiply(vector, 10.0 ** exponent),
@@ -227,7 +228,7 @@ def test_many_at_once_are_exact(rotation, axis, exponent):
     assume(np.linalg.norm(axis) > 0.1)
     angle = min(10.0 ** exponent, 3.14)
     turn = (math.cos(angle / 2), *np.multiply(unit(axis), math.sin(angle / 2)))
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, *rotation))
     after = quaternions.qmult(turn, np.roll(rotation, 1))
     buffer.insert(START + 1024, 'a', 'b', (0.0, 0.0, 0.0, *np.roll(after, -1)))
@@ -247,7 +248,7 @@ def test_many_at_once_are_exact(rotation, axis, exponent):
 @given(rotations)
 def test_what_is_stored_is_the_same_rotation(rotation):
     """The quaternion is normalised on insertion; its sign may change."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     buffer.insert(START, 'a', 'b', (0.0, 0.0, 0.0, *np.multiply(rotation, 3.0)))
     x, y, z, w = buffer.lookup_transform('a', 'b').rotation
     assert np.allclose(quaternions.quat2mat((w, x, y, z)),
@@ -257,7 +258,7 @@ def test_what_is_stored_is_the_same_rotation(rotation):
 @st.composite
 def uneven_trees(draw):
     """Return a tree whose edges have data for different times, and its parents and time spans."""
-    buffer, parents, spans = BufferCore(100 * S), {}, {}
+    buffer, parents, spans = TransformBuffer(100 * S), {}, {}
     for child in range(1, draw(st.integers(2, 9))):
         parent = f'f{draw(st.integers(0, child - 1))}'
         begin, length = draw(st.integers(0, 20)), draw(st.integers(0, 20))
@@ -282,7 +283,7 @@ def edges_between(target, source, parents):
 @given(st.lists(inserts, min_size=1, max_size=30), st.data())
 def test_the_edge_that_an_error_names_is_short_where_frames_change_their_parents(data, more):
     """The edge misses the requested time by as much as the error says, according to `frames`."""
-    buffer = BufferCore(2 * S)
+    buffer = TransformBuffer(2 * S)
     for stamp, parent, child, xyz, xyzw, is_static in data:
         buffer.insert(stamp, parent, child, (*xyz, *xyzw), is_static=is_static)
     frames, at = st.sampled_from(FRAMES), more.draw(times.filter(bool))

@@ -5,7 +5,7 @@ from math import cos, sin
 import numpy as np
 import pytest
 
-from dummy_arm.tf import BufferCore, ExtrapolationException, LookupException, rotations
+from dummy_arm.tf import ExtrapolationException, LookupException, rotations, TransformBuffer
 
 S, MS = 10**9, 10**6
 
@@ -23,7 +23,7 @@ def buffer():
     `disk` turns in `map` at 0.5 rad/s about z, around the point (1, 2, 0). `rim` is fixed to it,
     3 m from its centre. `sled` moves in `map` by (0.3, -0.2, 0.1) m/s, and does not turn.
     """
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     buffer.insert(0, 'disk', 'rim', (3.0, 0.0, 0.0, *turned(0.3)), is_static=True)
     for i in range(4001):
         t = i / 1000.0
@@ -69,7 +69,7 @@ def test_a_general_rotation():
             turn = rotations.quaternion_about_axis(angle, axis)
             x, y, z, w = rotations.quaternion_multiply(turn, begin)
             end = sign * x, sign * y, sign * z, sign * w
-            buffer = BufferCore()
+            buffer = TransformBuffer()
             buffer.insert(S, 'map', 'top', (0.0, 0.0, 0.0, *begin))
             buffer.insert(3 * S, 'map', 'top', (0.0, 0.0, 0.0, *end))
             twist = buffer.lookup_twist('map', 'top', 2 * S, 2 * S)
@@ -100,7 +100,7 @@ def test_frames_that_do_not_move(buffer):
 
 def test_times_near_zero():
     """A simulation that starts at 0 has a velocity; 0 is not taken for the latest time."""
-    buffer = BufferCore()
+    buffer = TransformBuffer()
     for i in range(1, 5):
         buffer.insert(i, 'map', 'robot', (float(i), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
     assert buffer.lookup_twist('map', 'robot', 2, 4).linear == pytest.approx((S, 0.0, 0.0))

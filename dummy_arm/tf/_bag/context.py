@@ -1,8 +1,4 @@
-"""
-The kind of a bag, and the context in which a bag is read.
-
-The context keeps the topics and the damage of the bag, the limits, and the progress of reading.
-"""
+"""The kind of a bag, and the context in which a bag is read: topics, damage, limits, progress."""
 
 from collections.abc import Callable
 from contextlib import suppress
@@ -15,15 +11,14 @@ from dummy_arm.tf._bag.decompression import ZSTD
 from dummy_arm.tf._core.texts import (
     abbreviated,
     comma_list,
-    logged,
+    in_log,
     namespace_path,
     TF_MESSAGE,
     visible,
 )
-from dummy_arm.tf._wire.streams import Encoding
+from dummy_arm.tf._wire.layouts import Encoding
 
-#: The publisher of a stream if the bag does not record the publisher. Bags of rosbag2 never record
-#: publishers.
+#: The publisher of a stream if the bag does not record it; rosbag2 never does.
 NOT_RECORDED = 'not recorded'
 _TYPES = TF_MESSAGE, 'tf/msg/tfMessage'
 #: The largest number of topics, of namespaces or of faults that a text lists.
@@ -50,16 +45,7 @@ class BagError(Exception):
 
 
 def kind_of(path: Path) -> str:
-    """
-    Return the kind of a bag.
-
-    The first bytes of a file determine its kind.
-
-    :param path: the path of the bag.
-    :returns: 'dir' for a directory; '.mcap', '.db3' or '.bag' for a file.
-    :raises BagError: if the file is of none of these kinds.
-    :raises OSError: if the path does not exist, or is a file that cannot be read.
-    """
+    """Return 'dir' or, by the first bytes of the file, '.mcap', '.db3' or '.bag'."""
     if path.is_dir():
         return 'dir'
     refuse_special(path)
@@ -74,25 +60,13 @@ def kind_of(path: Path) -> str:
 
 
 def refuse_special(path: Path) -> None:
-    """
-    Raise an error if a path exists but is not a regular file.
-
-    A program that reads a pipe or a device might never reach the end.
-
-    :param path: the path; it need not exist.
-    :raises BagError: if the path exists and is not a regular file.
-    """
+    """Refuse pipes and devices, whose end might never be reached."""
     if path.exists() and not path.is_file():
         raise BagError(f'{path} is not a bag: it is not a regular file')
 
 
 class Stream(NamedTuple):
-    """
-    The properties that all messages of a stream have in common.
-
-    In a bag of rosbag2, a stream is all messages of one topic. In a bag of ROS 1, a stream is all
-    messages of one publisher on one topic.
-    """
+    """What all messages of a topic of rosbag2, or of a publisher on a topic of ROS 1, share."""
 
     is_static: bool
     publisher: str
@@ -100,7 +74,6 @@ class Stream(NamedTuple):
 
     @property
     def is_wanted(self) -> bool:
-        """True, because all messages are wanted."""
         return True
 
 
@@ -108,29 +81,15 @@ class HeaderStream:
     """The first messages of a topic that is not TF, and whose messages begin with a header."""
 
     def __init__(self, topic: str, msgtype: str, encoding: Encoding) -> None:
-        """
-        Create the stream, without a message.
-
-        :param topic: the name of the topic.
-        :param msgtype: the type of the messages.
-        :param encoding: the encoding of the messages.
-        """
         self.topic, self.msgtype, self._encoding = topic, msgtype, encoding
         self._count = 0
-        #: The frames in the headers that have been read.
         self.frames: set[str] = set()
 
     @property
     def is_wanted(self) -> bool:
-        """True while fewer than `HEADERS` messages have been read."""
         return self._count < HEADERS
 
     def add(self, data: bytes) -> None:
-        """
-        Read the header of a message, if it is wanted.
-
-        :param data: the message; it may be incomplete after the header.
-        """
         if self.is_wanted:
             self._count += 1
             with suppress(struct.error):  # a damaged message
@@ -146,35 +105,20 @@ class BagContext:
 
     def __init__(self, path: Path, namespace: str, partial: bool, max_bytes: int,
                  on_progress: Callable[[float], object], with_headers: bool = False) -> None:
-        """
-        Create the context of a bag that has not been read yet.
-
-        :param path: the path of the bag.
-        :param namespace: the namespace of the topics `tf` and `tf_static`.
-        :param partial: True: damage is noted in the list `damage`. False: damage is raised as a
-            BagError.
-        :param max_bytes: the largest decompressed size (bytes) that is allowed for a chunk or a
-            message.
-        :param on_progress: as in `dummy_arm.tf.bag.read`.
-        :param with_headers: True: read also the headers of other topics.
-        """
         self._path = path
         self.with_headers = with_headers
-        #: The topics that are not TF, and whose messages begin with a header; by name.
+        #: By the name of the topic: topics whose messages begin with a header; the types of other
+        #: topics with TF messages, of `tf` and `tf_static` if they have none, and unknown types.
         self.header_streams: dict[str, HeaderStream] = {}
-        #: The types of further topics with TF messages; by the name of the topic.
         self.other_tf: dict[str, str] = {}
-        #: The types of the topics `tf` and `tf_static`, where these are not TF messages.
         self.wrong_types: dict[str, str] = {}
-        #: The types of other topics whose definition is not known; by the name of the topic.
         self.unknown_types: dict[str, str] = {}
         self._namespace = namespace_path(namespace)
         self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
         self._types: dict[str, str] = {}
         self._on_progress = on_progress
         self._start, self._share, self._done = 0.0, 1.0, 0.0
-        #: The exception that on_progress has raised, or None. `handle_error` raises this exception
-        #: again, so that it is not mistaken for damage of the bag.
+        #: What on_progress has raised; not to be taken for damage of the bag.
         self._raised: Optional[BaseException] = None
         self.partial = partial
         self.max_bytes = max_bytes
@@ -183,18 +127,7 @@ class BagContext:
 
     def stream(self, topic: str, msgtype: str, publisher: str, encoding: Encoding,
                definition: str = '') -> Optional[Union[Stream, HeaderStream]]:
-        """
-        Return the stream of a topic, and remember the topic.
-
-        :param topic: the name of the topic.
-        :param msgtype: the type of the messages, such as 'tf2_msgs/msg/TFMessage'.
-        :param publisher: the name of the node that published the messages, or `NOT_RECORDED`.
-        :param encoding: the encoding of the messages.
-        :param definition: the definition of the type, as a .msg or .idl file; '': not in the bag.
-        :returns: the stream. It is a Stream if the topic is `tf` or `tf_static` in the namespace,
-            and `msgtype` is a type of TF messages. For other topics, it is a HeaderStream if
-            headers are read and the messages begin with a header, else None.
-        """
+        """Return the stream of a topic, and remember the topic."""
         topic = f'/{topic.strip("/")}'
         is_static = self._is_static.get(topic)
         if len(self._types) < _MAX_TOPICS or is_static is not None:
@@ -216,36 +149,20 @@ class BagContext:
             topic, HeaderStream(topic, msgtype, encoding)) if has_header else None
 
     def start_file(self, number: int, count: int) -> None:
-        """
-        Report that the reading of a file begins.
-
-        :param number: the index of the file in the bag; the first file has the index 0.
-        :param count: the number of files in the bag.
-        """
         self._start, self._share = number / count, 1 / count
         self.advance(0.0)
 
     def advance(self, part: float) -> None:
-        """
-        Report the progress of reading the current file.
-
-        :param part: the fraction of the file that has been read, from 0 to 1.
-        """
+        """Report which fraction of the current file has been read."""
         self._done = self._start + part * self._share
         self.tick()
 
     def finish(self) -> None:
-        """Report that the whole bag has been read."""
         self._done = 1.0
         self.tick()
 
     def tick(self) -> None:
-        """
-        Call on_progress with the fraction of the bag that has been read.
-
-        After on_progress has raised an exception, on_progress is not called again, and every later
-        call of `tick` raises the same exception.
-        """
+        """Call on_progress; once it has raised an exception, only raise the same exception."""
         if self._raised is None:
             try:
                 self._on_progress(self._done)
@@ -255,15 +172,7 @@ class BagContext:
         raise self._raised
 
     def handle_error(self, path: Path, error: Exception) -> None:
-        """
-        Append an error to `damage` if `partial` is True; raise a BagError if `partial` is False.
-
-        :param path: the path of the file.
-        :param error: the error that was raised while the file was read.
-        :raises BagError: if `partial` is False.
-        :raises ImportError: if `error` is an ImportError, because then a library is missing and
-            the file is not damaged.
-        """
+        """Append an error to `damage` if `partial` is True; else, raise a BagError."""
         self.tick()  # if on_progress has raised an exception, this raises it again
         if isinstance(error, ImportError):
             raise error
@@ -278,12 +187,6 @@ class BagContext:
             self.damage.append(f'{visible(str(path))}: {error_line(error)}')
 
     def why_no_tf(self) -> str:
-        """
-        Return a text that says why no TF message was found.
-
-        The text lists the namespaces in which the bag has TF messages. If there are no such
-        namespaces, it is `wrong_types_text`, or lists the topics of the bag.
-        """
         expected = ' or '.join(self._is_static)
         namespaces = {topic.rpartition('/')[0] for topic, msgtype in self._types.items()
                       if msgtype in _TYPES and re.search('/tf(_static)?$', topic)}
@@ -293,33 +196,24 @@ class BagContext:
                     'namespace')
         if others:
             return (f'no TFMessage on {expected}, but in the namespace '
-                    f'{comma_list([logged(name) or "/" for name in others], _SHOWN)}: pass it as '
+                    f'{comma_list([in_log(name) or "/" for name in others], _SHOWN)}: pass it as '
                     'namespace (--namespace)')
         if self.wrong_types:
             return self.wrong_types_text()
-        topics = sorted(f'{logged(topic)} ({logged(msgtype)})'
+        topics = sorted(f'{in_log(topic)} ({in_log(msgtype)})'
                         for topic, msgtype in self._types.items())
         return (f'no {TF_MESSAGE} on {expected}; its topics: '
                 f'{comma_list(topics, _SHOWN) or "none"}')
 
     def wrong_types_text(self) -> str:
-        """Return what is wrong with `wrong_types`, and the remedy."""
-        types = ' and '.join(f'{logged(topic)} has the type {logged(msgtype)}'
+        types = ' and '.join(f'{in_log(topic)} has the type {in_log(msgtype)}'
                              for topic, msgtype in sorted(self.wrong_types.items()))
         return (f'{types}, not {TF_MESSAGE}: send transforms with a TransformBroadcaster or a '
                 'StaticTransformBroadcaster')
 
 
 def _begins_with_header(msgtype: str, definition: str) -> Optional[bool]:
-    """
-    Return whether the messages of a type begin with a std_msgs/Header.
-
-    If the definition of the type is not in the bag, that of the library rosbags is used.
-
-    :param msgtype: the type.
-    :param definition: the definition of the type, as a .msg or .idl file; '': not known.
-    :returns: the answer; None if there is no definition.
-    """
+    """Return whether messages begin with a header; None: neither the bag nor rosbags knows."""
     if not definition:
         try:
             from rosbags.typesys import get_typestore, Stores
@@ -346,11 +240,6 @@ def _begins_with_header(msgtype: str, definition: str) -> Optional[bool]:
 def error_line(error: Exception) -> str:
     r"""
     Return the text of an error in one line that ends with one period.
-
-    :param error: the error.
-    :returns: the text of the error. Each sequence of white-space characters is replaced by one
-        space, control characters are escaped, and a long text is abbreviated. If the error has no
-        text, the name of the error's type is used instead.
 
     >>> error_line(ValueError('a record\n  ends too early'))
     'a record ends too early.'

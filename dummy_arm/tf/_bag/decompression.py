@@ -34,30 +34,12 @@ class Oversized(Exception):
     """A chunk, a message or another part of a file is larger than the limit."""
 
     def __init__(self, what: str, size: str, limit: int) -> None:
-        """
-        Create the error with its text.
-
-        :param what: the part that is too large, as a text such as 'a record' or 'a chunk of 512
-            bytes'. A size in this text is the size before decompression.
-        :param size: the decompressed size (bytes), as a text such as '900' or 'more than 800'.
-        :param limit: the largest size that is allowed (bytes).
-        """
         super().__init__(f'{what} takes {size} bytes, more than the limit of {limit}: if this '
                          'size is expected, pass a larger max_bytes to bag.read')
 
 
 def pieces(source: BinaryIO, method: str, tick: Tick) -> Iterator[bytes]:
-    """
-    Decompress a file, in pieces of at most 256 KiB.
-
-    :param source: the file, at the start of the compressed data.
-    :param method: 'zstd', 'lz4' or 'bz2'.
-    :param tick: called before each piece; if `tick` raises an exception, the decompression ends.
-    :returns: an iterator over the pieces.
-    :raises EOFError: after the last piece, if the compressed data end too early.
-    :raises ValueError: if `method` is unknown.
-    :raises Exception: if the data are damaged; the type of the exception depends on the method.
-    """
+    """Decompress a file, in pieces of at most 256 KiB."""
     new = _decompressor(method)
     decompressor = new()
     while True:
@@ -78,24 +60,7 @@ def pieces(source: BinaryIO, method: str, tick: Tick) -> Iterator[bytes]:
 
 def decompress(data: Buffer, method: str, declared: Optional[int], limit: int,
                  what: str, tick: Tick) -> Buffer:
-    """
-    Decompress a chunk or a message.
-
-    :param data: the data of the chunk or message.
-    :param method: 'zstd', 'lz4' or 'bz2'; '' if the data are not compressed.
-    :param declared: the decompressed size (bytes) that the file declares; None if the file
-        declares no size.
-    :param limit: the largest decompressed size that is allowed (bytes).
-    :param what: 'chunk' or 'message', for the texts of errors.
-    :param tick: as in `pieces`.
-    :returns: the decompressed data.
-    :raises Oversized: if the declared size is larger than the limit (in this case, nothing is
-        decompressed), or if no size is declared and the actual size is larger than the limit.
-    :raises ValueError: if the actual size differs from the declared size, or if the method is
-        unknown.
-    :raises Exception: if the data end too early or are damaged; the type of the exception depends
-        on the method.
-    """
+    """Decompress a chunk or a message."""
     if declared is not None and declared > limit:
         raise Oversized(_sized(what, data), str(declared), limit)
     if not method:
@@ -132,13 +97,7 @@ def _short(data: Buffer, method: str, limit: int) -> Optional[bytes]:
 
 
 def checksum(data: Buffer, tick: Tick) -> int:
-    """
-    Compute a checksum.
-
-    :param data: the data.
-    :param tick: called repeatedly; if `tick` raises an exception, the computation ends.
-    :returns: the CRC-32 of the data.
-    """
+    """Compute a checksum."""
     crc = 0
     view = memoryview(data)
     for start in range(0, len(data), 8 * PIECE):
@@ -148,15 +107,7 @@ def checksum(data: Buffer, tick: Tick) -> int:
 
 
 def read(file: BinaryIO, size: int, tick: Tick) -> Buffer:
-    """
-    Read bytes from a file.
-
-    :param file: the file.
-    :param size: the number of bytes.
-    :param tick: called repeatedly if the size is large. If `tick` raises an exception, the reading
-        ends.
-    :returns: the bytes; fewer than `size` if the file ends early.
-    """
+    """Read bytes from a file."""
     if size <= _SHORT:
         return file.read(size)
     result = bytearray()
@@ -170,23 +121,12 @@ class DecompressedFile:
     """A file that is compressed as a whole by zstd, and decompressed while it is read."""
 
     def __init__(self, file: BinaryIO, tick: Tick) -> None:
-        """
-        Start at the beginning of the file.
-
-        :param file: the compressed file; it is read only as far as necessary.
-        :param tick: as in `pieces`.
-        """
         self._pieces = pieces(file, 'zstd', tick)
         self._piece = b''
         self._start = 0
 
     def read(self, size: int) -> bytes:
-        """
-        Read decompressed bytes.
-
-        :param size: the number of bytes.
-        :returns: the bytes; fewer than `size` if the file ends early or is damaged.
-        """
+        """Read decompressed bytes."""
         data = self._piece[self._start:self._start + size]
         self._start += len(data)
         while len(data) < size and self._next():

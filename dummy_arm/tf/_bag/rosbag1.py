@@ -43,14 +43,7 @@ class _CutOff(EOFError):
 
 
 def records(path: Path, context: BagContext) -> _Records:
-    """
-    Yield the wanted messages of a bag, in the order of the file.
-
-    :param path: the path of the .bag file.
-    :param context: the context of the bag; topics, progress and damage are reported to it.
-    :returns: the records of the messages; a stream is a topic and a publisher.
-    :raises Exception: if the file cannot be read; the exception can be of many types.
-    """
+    """Yield the wanted messages of a bag, in the order of the file."""
     size = path.stat().st_size
     with path.open('rb') as file:
         if file.read(len(_MAGIC)) != _MAGIC:
@@ -80,26 +73,11 @@ class _Reader:
     """A reader of the records of a file."""
 
     def __init__(self, path: Path, context: BagContext, file: BinaryIO, size: int) -> None:
-        """
-        Create a reader that starts at the current position of the file.
-
-        :param path: the path of the file.
-        :param context: the context of the bag.
-        :param file: the file.
-        :param size: the size of the file (bytes).
-        """
         self._path, self._context, self._file, self._size = path, context, file, size
         self._streams: dict[bytes, Optional[Union[Stream, HeaderStream]]] = {}
 
     def record_header(self) -> tuple[_Fields, int]:
-        """
-        Read the header of a record.
-
-        :returns: the fields of the header, and the length of the record's data (bytes).
-        :raises EOFError: if the file ends before the data of the record.
-        :raises Oversized: if the header is larger than `context.max_bytes`.
-        :raises ValueError: if the header is damaged.
-        """
+        """Read the header of a record."""
         file = self._file
         length = int.from_bytes(file.read(4), 'little')
         if length > self._size - file.tell():
@@ -117,10 +95,6 @@ class _Reader:
         Read the next record.
 
         Only chunks, connections and wanted messages are read; other records are skipped.
-
-        :returns: the wanted messages in the record.
-        :raises Exception: if the record cannot be read; the exception can be of many types. Damage
-            inside a chunk is reported to the context instead.
         """
         fields, size = self.record_header()
         kind = fields[b'op']
@@ -150,13 +124,7 @@ class _Reader:
             yield stream, _time(fields), bytes(data)
 
     def _chunk(self, fields: _Fields, data: Buffer, is_complete: bool) -> _Records:
-        """
-        Yield the wanted messages of a chunk; keep the streams of its connections.
-
-        :param fields: the fields of the header of the chunk.
-        :param data: the data of the chunk, which may be compressed.
-        :param is_complete: False if the file ends in the middle of the chunk.
-        """
+        """Yield the wanted messages of a chunk; keep the streams of its connections."""
         method = fields[b'compression'].decode()
         if is_complete or method != 'none':
             data = decompress(
@@ -198,11 +166,7 @@ class _Reader:
 
 
 def _fields(header: Buffer) -> _Fields:
-    """
-    Parse the fields of a header.
-
-    :raises ValueError: if the header is damaged.
-    """
+    """Parse the fields of a header."""
     fields = {}
     position, end = 0, len(header)
     while position < end:

@@ -91,16 +91,7 @@ class _CutOff(EOFError):
 
 
 def records(path: Path, context: BagContext) -> _Records:
-    """
-    Yield the wanted messages of a bag: those of TF, and the first ones of topics with headers.
-
-    :param path: the path of a bag's directory, or of a storage file.
-    :param context: the context of the bag; topics, progress and damage are reported to it.
-    :returns: the records of the messages.
-    :raises BagError: if the path is not a bag, or if the bag is damaged and `context.partial` is
-        False.
-    :raises OSError: if the directory cannot be read.
-    """
+    """Yield the messages of TF, and the first ones of topics with headers."""
     if path.is_dir():
         files, is_compressed = _files(path, context)
     else:
@@ -114,12 +105,6 @@ def records(path: Path, context: BagContext) -> _Records:
 
 
 def _records_of_file(path: Path, context: BagContext, is_compressed: Optional[bool]) -> _Records:
-    """
-    Yield the wanted messages of a storage file.
-
-    :param is_compressed: whether `metadata.yaml` says that each message is compressed separately;
-        None if `metadata.yaml` has not been read.
-    """
     refuse_special(path)
     with path.open('rb') as file:
         is_zstd = file.read(len(ZSTD)) == ZSTD
@@ -139,11 +124,7 @@ def _records_of_file(path: Path, context: BagContext, is_compressed: Optional[bo
 
 
 def _write(parts: Iterator[Buffer], path: Path) -> None:
-    """
-    Write a temporary file.
-
-    :raises OSError: if the file would take more than half of the free space.
-    """
+    """Write a temporary file, but fill no more than half of the free space."""
     directory = path.parent
     max_size = shutil.disk_usage(directory).free // 2
     size = 0
@@ -161,15 +142,7 @@ def _write(parts: Iterator[Buffer], path: Path) -> None:
 
 
 def _files(directory: Path, context: BagContext) -> tuple[list[Path], Optional[bool]]:
-    """
-    Return the storage files of a bag, and whether each message is compressed separately.
-
-    :returns: the paths of the files, and a bool. If `metadata.yaml` is missing or damaged, None is
-        returned instead of the bool.
-    :raises BagError: if there is no storage file. If `context.partial` is False, a BagError is
-        also raised if `metadata.yaml` is missing, damaged or of an unsupported version, if the
-        compression is unsupported, or if a file that `metadata.yaml` lists is missing.
-    """
+    """Return the storage files, and whether each message is compressed; None: not known."""
     files = _storage_files(directory)
     metadata = directory / 'metadata.yaml'
     refuse_special(metadata)
@@ -209,11 +182,7 @@ def _files(directory: Path, context: BagContext) -> tuple[list[Path], Optional[b
 
 
 def _storage_files(directory: Path) -> list[Path]:
-    """
-    Return the storage files in a directory, in the order of the numbers in their names.
-
-    :raises BagError: if there is no storage file.
-    """
+    """Return the storage files in a directory, in the order of the numbers in their names."""
     files = [path for path in directory.iterdir()
              if re.search(r'\.(mcap|db3)(\.zstd)?$', path.name)]
     if not files:
@@ -223,11 +192,6 @@ def _storage_files(directory: Path) -> list[Path]:
 
 
 def _text(metadata: Path) -> str:
-    """
-    Return the text of a metadata.yaml.
-
-    :raises ValueError: if the file is so long that it would take minutes to parse its text.
-    """
     with metadata.open('rb') as file:
         data = file.read(_LONGEST_METADATA + 1)
     if len(data) > _LONGEST_METADATA:
@@ -236,13 +200,7 @@ def _text(metadata: Path) -> str:
 
 
 def _declares_messages(metadata: str) -> Optional[bool]:
-    """
-    Return whether metadata declare that each message is compressed separately.
-
-    :param metadata: the text of the metadata.
-    :returns: True if the compression mode is MESSAGE, and False if it is another mode; None if no
-        compression mode is found in the text.
-    """
+    """Return whether each message is compressed separately; None: the metadata do not say it."""
     found = re.search(r'^ *compression_mode: *["\']?(\w*)', metadata, re.MULTILINE)
     return found[1].lower() == 'message' if found else None
 
@@ -270,14 +228,6 @@ class _Source:
     """A file whose bytes are read or skipped, and decompressed if necessary."""
 
     def __init__(self, file: BinaryIO, is_compressed: bool, tick: Tick) -> None:
-        """
-        Start at the beginning of the file.
-
-        :param file: the file.
-        :param is_compressed: whether the file as a whole is compressed by zstd. If it is
-            compressed, `seek` must not be called.
-        :param tick: called repeatedly; if `tick` raises an exception, the reading ends.
-        """
         self._file, self._tick = file, tick
         self._stream: Any = DecompressedFile(file, tick) if is_compressed else file
         self.is_compressed = is_compressed
@@ -290,12 +240,7 @@ class _Source:
         return self._file.tell() / max(1, self.size)
 
     def read(self, size: int) -> Buffer:
-        """
-        Read bytes.
-
-        :param size: the number of bytes.
-        :returns: the bytes; fewer than `size` if the file ends early.
-        """
+        """Read `size` bytes; fewer if the file ends early."""
         if not self.is_compressed:
             size = min(size, self.size - self.position)
         data = read(self._stream, size, self._tick)
@@ -303,25 +248,13 @@ class _Source:
         return data
 
     def exactly(self, size: int) -> Buffer:
-        """
-        Read an exact number of bytes.
-
-        :param size: the number of bytes.
-        :returns: the bytes.
-        :raises EOFError: if fewer bytes are left in the file.
-        """
+        """Read `size` bytes; raise an EOFError if fewer are left."""
         data = self.read(size)
         if len(data) < size:
             raise _CutOff
         return data
 
     def skip(self, size: int) -> None:
-        """
-        Skip bytes.
-
-        :param size: the number of bytes.
-        :raises EOFError: if fewer bytes are left in the file.
-        """
         if self.is_compressed:
             while size > 0:
                 self._tick()
@@ -330,12 +263,7 @@ class _Source:
             self.seek(self.position + size)
 
     def seek(self, position: int) -> None:
-        """
-        Set the position in a file that is not compressed.
-
-        :param position: the position (bytes).
-        :raises EOFError: if the position is beyond the end of the file.
-        """
+        """Set the position in a file that is not compressed."""
         if position > self.size:
             raise _CutOff
         self._file.seek(position)
@@ -356,13 +284,6 @@ class _McapReader:
     """A reader of the records of an mcap file."""
 
     def __init__(self, path: Path, context: BagContext, source: _Source) -> None:
-        """
-        Create a reader that knows no channels yet.
-
-        :param path: the path of the file.
-        :param context: the context of the bag.
-        :param source: the source of the file's bytes, at the position after the magic bytes.
-        """
         self._path, self._context, self._source = path, context, source
         self._max_bytes = context.max_bytes
         #: By the id of a schema: the message type and its definition.
@@ -375,14 +296,8 @@ class _McapReader:
         """
         Read the index at the end of the file; keep the streams of the channels in the index.
 
-        :returns: a sorted list with a tuple (time, position, channels) for each chunk that may
-            have wanted messages. The time is the earliest log time in the chunk (ns). The position
-            is the start of the chunk in the file (bytes). The channels are the ids of the channels
-            in the chunk; none if they are not known. If there is no index, or if the index lists
-            no chunks, None is returned instead of a list.
-        :raises EOFError: if the file is cut off.
-        :raises Oversized: if the index is larger than `context.max_bytes`.
-        :raises ValueError: if the index is damaged.
+        The result is sorted: the earliest log time (ns), the position in the file and the channel
+        ids (none: not known) of each chunk. It is None if there is no index, or no chunk in it.
         """
         source = self._source
         begin = source.position
@@ -421,8 +336,6 @@ class _McapReader:
         Yield the earliest log time (ns), the position (bytes) and the channel ids of each chunk.
 
         The index also has schemas and channels: remember their message types and streams.
-
-        :param summary: the bytes of the index.
         """
         from mcap.data_stream import ReadDataStream
         from mcap.records import ChunkIndex
@@ -442,9 +355,6 @@ class _McapReader:
         have a message with an earlier log time. If the waiting messages together take more than
         `_MAX_WAITING` bytes, the earliest waiting messages are yielded, even if the order may
         become wrong.
-
-        :param chunks: as `index` returns them.
-        :returns: the records of the messages.
         """
         waiting: list[tuple[int, int, Union[Stream, HeaderStream], bytes]] = []
         size = count = 0
@@ -516,11 +426,6 @@ class _McapReader:
             self._add_definition(kind, self._source.exactly(self._check_size('a record', length)))
 
     def _check_size(self, what: str, size: int) -> int:
-        """
-        Return a size if it is not too large.
-
-        :raises Oversized: if the size is larger than `context.max_bytes`.
-        """
         if size > self._max_bytes:
             raise Oversized(what, str(size), self._max_bytes)
         return size
@@ -543,11 +448,7 @@ class _McapReader:
             self._unwanted_channels.add(channel.id)
 
     def _chunk(self, length: int) -> _Records:
-        """
-        Read a chunk; yield its wanted messages in the order of their log times.
-
-        :param length: the length of the chunk's record (bytes).
-        """
+        """Read a chunk; yield its wanted messages in the order of their log times."""
         source = self._source
         _, _, size, crc, method_length = _unpack_chunk(source.exactly(_CHUNK_HEAD))
         if method_length > min(_LONGEST_METHOD, length - _SHORTEST_RECORD[_CHUNK]):
@@ -572,12 +473,7 @@ class _McapReader:
             raise _CutOff
 
     def _messages(self, data: Buffer, is_complete: bool) -> _Records:
-        """
-        Yield the wanted messages of a chunk in the order of their log times.
-
-        :param data: the decompressed records of the chunk.
-        :param is_complete: False if the file ends in the middle of the chunk.
-        """
+        """Yield the wanted messages of a chunk in the order of their log times."""
         times, starts = array('Q'), array('Q')
         latest, is_ordered = 0, True
         try:
@@ -614,8 +510,6 @@ class _McapReader:
 
         Compressed bytes begin with the magic bytes of zstd. An uncompressed message in CDR never
         begins with these bytes.
-
-        :returns: the bytes; None if they cannot be decompressed.
         """
         if data[:4] != ZSTD:
             return bytes(data)
@@ -623,12 +517,7 @@ class _McapReader:
 
 
 def _split(data: Buffer, tick: Tick) -> Iterator[tuple[int, int, int]]:
-    """
-    Yield the opcode of each record, and where the content of the record starts and ends in `data`.
-
-    :raises ValueError: if the last record is incomplete, or if the length or the opcode of a
-        record is wrong.
-    """
+    """Yield the opcode of each record, and where its content starts and ends in `data`."""
     end, size = 0, len(data)
     while end < size:
         tick()
@@ -677,14 +566,6 @@ _SMALLEST_LIMIT = 2**20
 
 def _records_of_sqlite(path: Path, whole: Path, context: BagContext, is_compressed: Optional[bool]
                        ) -> _Records:
-    """
-    Yield the wanted messages of a database.
-
-    :param path: the path of the storage file.
-    :param whole: the path of the decompressed database; equal to `path` if the storage file is not
-        compressed as a whole.
-    :param is_compressed: as in `_SqliteReader`.
-    """
     log = path.with_name(f'{path.name}-wal')
     for other in log, path.with_name(f'{path.name}-shm'), path.with_name(f'{path.name}-journal'):
         refuse_special(other)
@@ -708,10 +589,6 @@ def _without_incomplete_page(path: Path, log: Path, directory: Path, tick: Tick)
     If the last page is incomplete, SQLite would read the missing part of this page as zeros. In
     this case, the database is copied without this page, and the path of the copy is returned. If
     all pages are complete, `path` is returned.
-
-    :param path: the path of the database.
-    :param log: the path of the write-ahead log; if the log exists, it is copied with the database.
-    :param directory: the directory for the copy.
     """
     with path.open('rb') as file:
         page_size = int.from_bytes(file.read(18)[16:], 'big')
@@ -740,15 +617,6 @@ class _SqliteReader:
 
     def __init__(self, path: Path, context: BagContext, database: sqlite3.Connection,
                  is_compressed: Optional[bool]) -> None:
-        """
-        Create a reader, and set the limits of the connection.
-
-        :param path: the path of the storage file.
-        :param context: the context of the bag.
-        :param database: a connection to the database.
-        :param is_compressed: whether each message is compressed separately. If it is None,
-            `_is_declared_compressed` determines the value.
-        """
         self._path, self._context, self._database = path, context, database
         self._max_bytes = context.max_bytes
         database.set_progress_handler(self._must_stop, 50_000)
@@ -763,12 +631,6 @@ class _SqliteReader:
             self._is_declared_compressed() if is_compressed is None else is_compressed)
 
     def records(self) -> _Records:
-        """
-        Yield the wanted messages.
-
-        :raises sqlite3.Error: if the file is damaged.
-        :raises ValueError: if the database does not have the tables of rosbag2.
-        """
         tables = {name for (name,) in self._database.execute(
             "SELECT name FROM sqlite_master WHERE type = 'table'")}
         if missing := {'messages', 'topics'} - tables:
@@ -888,8 +750,6 @@ class _SqliteReader:
         Yield the rows that are found between damaged rows, ordered by id.
 
         If rows are damaged, the number of skipped ids is reported to the context.
-
-        :param query: the query for all rows, without a WHERE clause.
         """
         first: Optional[int] = self._ids()[0]
         skipped, reason = 0, ''
@@ -925,11 +785,7 @@ class _SqliteReader:
                 f'{reason}; skipped {least}{skipped} damaged {records}'))
 
     def _read_row(self, query: str, first: int) -> Optional[_Row]:
-        """
-        Return the first row whose id is at least `first`; None if there is no such row.
-
-        :raises sqlite3.DatabaseError: if this row is damaged.
-        """
+        """Return the first row whose id is at least `first`; None if there is no such row."""
         row: Optional[_Row] = self._database.execute(
             f'{query} WHERE id >= ? ORDER BY id LIMIT 1', (first,)).fetchone()
         if row and row[0] < first:
@@ -943,9 +799,6 @@ class _SqliteReader:
         The ids `first + 1`, `first + 2`, `first + 4`, `first + 8` and so on are tried until a row
         can be read. The range between the last two of these ids is then bisected. So the search
         needs few queries, but it may skip readable rows between damaged rows.
-
-        :param query: as in `_recover`.
-        :param first: an id from which rows cannot be read.
         """
         step, bad = 1, first
         while not self._can_read(query, first + step):

@@ -14,6 +14,8 @@ _SHORTEST_SPAN = 100_000
 _PLAIN = re.compile(r'(?!(?i:true|false|yes|no|on|off|null|y|n)$)[A-Za-z_][\w/.-]*', re.ASCII)
 #: A YAML key of this length (characters) or more must be an explicit one.
 _LONGEST_KEY = 1024
+#: The largest size that a frame's name may have (bytes of UTF-8).
+LONGEST_NAME = 1024
 
 
 class Frame(NamedTuple):
@@ -38,12 +40,15 @@ class Frame(NamedTuple):
         return in_seconds(self.latest - self.oldest)
 
 
+def is_too_long(name: str) -> bool:
+    """Return True if a name is too long for a frame: more than 1024 bytes in UTF-8."""
+    return (len(name) * 4 > LONGEST_NAME
+            and len(name.encode('utf-8', 'surrogatepass')) > LONGEST_NAME)
+
+
 def as_string(edges: Iterable[tuple[str, Optional[str]]]) -> str:
     r"""
     Write frames and their parents as tf2's allFramesAsString does.
-
-    :param edges: pairs of a frame and its parent; the parent is None if the frame has no parent.
-    :returns: one line for each pair.
 
     >>> as_string([('tool', 'arm')])
     'Frame tool exists with parent arm.\n'
@@ -57,9 +62,6 @@ def as_yaml(frames: Iterable[Frame]) -> str:
     Write frames as tf2's allFramesAsYAML does.
 
     Unlike tf2, this function quotes or escapes a name that YAML would otherwise misread.
-
-    :param frames: the frames that have a parent.
-    :returns: the YAML; '' if there are no frames.
     """
     return ''.join(
         f'{_yaml_key(frame.name)}\n'
@@ -117,12 +119,6 @@ def as_dot(frames: Iterable[Frame], names: Iterable[str], now: int = 0) -> str:
     Write frames in the DOT language as tf2's allFramesAsDot does.
 
     Unlike tf2, this function escapes the quotes, backslashes and line feeds in a name.
-
-    :param frames: the frames that have a parent.
-    :param names: the names of all frames, including the roots.
-    :param now: the current time (ns), used to compute the age of the newest transform of each
-        frame; 0: write no ages.
-    :returns: the text of the graph.
     """
     edges = list(frames)
     lines = ['digraph G {']
@@ -144,9 +140,6 @@ def as_dot(frames: Iterable[Frame], names: Iterable[str], now: int = 0) -> str:
 def dot_quoted(name: str) -> str:
     r"""
     Return a name in double quotes, as an identifier of the DOT language.
-
-    :param name: any text.
-    :returns: the identifier, in one line.
 
     >>> print(dot_quoted('base link'))
     "base link"

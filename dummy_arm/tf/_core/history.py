@@ -9,7 +9,8 @@ from typing import Any, Optional, Union
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf._core.pose import Columns, interpolate, interpolate_columns, Pose, POSE_BYTES
+from dummy_arm.tf._core.pose import Columns, Pose, POSE_BYTES
+from dummy_arm.tf._core.slerp import interpolate, interpolate_columns
 
 #: The largest number of samples with the same stamp. Lookups use only the first and the last of
 #: them.
@@ -38,11 +39,6 @@ class Neighbours:
     __slots__ = ('indices', 'ratios', 'stamps', 'times')
 
     def __init__(self, times: NDArray[np.int64]) -> None:
-        """
-        Create times without neighbours.
-
-        :param times: (n,) times (ns).
-        """
         self.times = times
         #: (2, n) the indices of the samples, counted from `History.start`.
         self.indices: NDArray[np.intp] = np.zeros((2, len(times)), np.intp)
@@ -54,12 +50,6 @@ class Neighbours:
         self.ratios: NDArray[np.float64] = np.zeros((2, len(times)))
 
     def set(self, indices: NDArray[np.intp], stamps: NDArray[np.int64]) -> None:
-        """
-        Set the neighbours.
-
-        :param indices: as the attribute.
-        :param stamps: as the attribute; not None.
-        """
         # The difference of two int64 may be too large for an int64, but not for a uint64.
         span = (stamps[1] - stamps[0]).view(np.uint64)
         self.indices, self.stamps = indices, stamps if span.all() else None
@@ -81,10 +71,6 @@ class History:
     `only_parent`. Otherwise `only_parent` is '', and `parents[i]` is the parent of sample i. The
     keys of the dict `all_parents` are all parents that occur in the samples, and perhaps some
     parents that occurred only in samples that have been dropped.
-
-    KeyboardInterrupt can be raised only after a call, at the start of a function, and when a loop
-    jumps back. Where `stamps`, `poses` and `parents` must change together, there is no call
-    between the first change and the last change. So either all of them are changed, or none.
     """
 
     __slots__ = ('all_parents', 'authority', 'cache_time', 'only_parent', 'parents', 'poses',
@@ -93,11 +79,6 @@ class History:
     is_static = False
 
     def __init__(self, cache_time: int) -> None:
-        """
-        Create a history without samples.
-
-        :param cache_time: how long samples are kept (ns), counted back from the newest sample.
-        """
         self.cache_time = cache_time
         self.stamps = array('q')
         self.poses = bytearray()
@@ -112,21 +93,15 @@ class History:
 
     @property
     def latest(self) -> int:
-        """The stamp of the newest sample (ns); 0 if there are no samples."""
+        """The newest stamp (ns); 0 if there are no samples."""
         return self.stamps[-1] if self.stamps else 0
 
     @property
     def oldest(self) -> int:
-        """The stamp of the oldest sample (ns); 0 if there are no samples."""
+        """The oldest stamp (ns); 0 if there are no samples."""
         return self.stamps[self.start] if self.stamps else 0
 
     def state(self, until: int) -> Optional[State]:
-        """
-        Return the state of the frame.
-
-        :param until: use only samples up to this time (ns); 0: use all samples.
-        :returns: the state, or None if there are no samples up to that time.
-        """
         stamps, start = self.stamps, self.start
         newest = len(stamps) - 1
         if newest < start:
@@ -143,11 +118,7 @@ class History:
         """
         Append samples with the parent `only_parent`, if they are newer than the newest sample.
 
-        :param stamps: (n,) stamps (ns), in increasing order.
-        :param poses: n poses of 56 bytes each.
-        :param authority: the publisher.
-        :returns: False if nothing was appended; then the caller must call `insert` for each
-            sample.
+        Return False if nothing was appended; then call `insert` for each sample.
         """
         own_stamps = self.stamps
         if self.parents is not None or not own_stamps or stamps[0] <= own_stamps[-1]:
@@ -157,9 +128,7 @@ class History:
         # `insert` drops the expired samples before it adds the new sample. So in the last call,
         # `insert` would count the cache time back from the second last stamp.
         earliest = (own_stamps[-1] if len(stamps) == 1 else stamps[-2]) - self.cache_time
-        # If `extend` raised MemoryError in an earlier call, there are poses without stamps at the
-        # end of `poses`. They are overwritten here.
-        self.poses[len(own_stamps) * POSE_BYTES:] = poses
+        self.poses += poses
         own_stamps.extend(stamps)
         if own_stamps[self.start] < earliest:
             self.drop_before(bisect_left(own_stamps, earliest, self.start))
@@ -169,15 +138,9 @@ class History:
         """
         Insert a sample in the order of the stamps, after the samples with the same stamp.
 
-        A sample that is in the history already is not inserted again. If there are already
-        `MAX_SAMPLES_PER_STAMP` samples with the same stamp, the new sample replaces the last of
-        them.
-
-        :param stamp: time of the pose (ns).
-        :param parent: the name of the parent.
-        :param pose: x, y, z (m) and the quaternion x, y, z, w.
-        :param authority: the publisher.
-        :returns: False if the sample was refused because it is older than the cache time allows.
+        A sample that is in the history already is not inserted again. Of more than
+        `MAX_SAMPLES_PER_STAMP` samples with the same stamp, the last is replaced. Return False if
+        the sample is older than the cache time allows.
         """
         stamps = self.stamps
         position = len(stamps)
@@ -203,32 +166,38 @@ class History:
             self.only_parent, self.all_parents = parent, {}
         self.authority = authority
         self.all_parents[parent] = None
-        packed = _pack_pose(*pose)
         if self.parents is not None:
-            self.parents[position:position] = [parent]
-        self.poses[position * POSE_BYTES:position * POSE_BYTES] = packed
-        try:
-            stamps.insert(position, stamp)
-        except (BufferError, MemoryError):
-            del self.poses[position * POSE_BYTES:(position + 1) * POSE_BYTES]
-            if self.parents is not None:
-                del self.parents[position]
-            raise
+            self.parents.insert(position, parent)
+        self.poses[position * POSE_BYTES:position * POSE_BYTES] = _pack_pose(*pose)
+        stamps.insert(position, stamp)
         return True
 
+    def is_consistent(self) -> bool:
+        """Return False if a change of the samples was interrupted."""
+        count = len(self.stamps)
+        return len(self.poses) == count * POSE_BYTES and (
+            self.parents is None or len(self.parents) == count)
+
+    def release(self) -> None:
+        """Copy the arrays that numpy arrays of a thread that is gone use: they cannot grow."""
+        try:
+            self.stamps.append(0)
+            self.stamps.pop()
+        except BufferError:
+            self.stamps = self.stamps[:]
+        try:
+            self.poses.append(0)
+            self.poses.pop()
+        except BufferError:
+            self.poses = self.poses[:]
+
     def _delete(self, index: int) -> None:
-        """Remove a sample from memory."""
         if self.parents is not None:
             del self.parents[index]
         del self.poses[index * POSE_BYTES:(index + 1) * POSE_BYTES]
         del self.stamps[index]
 
     def drop_before(self, start: int) -> None:
-        """
-        Drop the samples before an index.
-
-        :param start: the index of the first sample that stays.
-        """
         self.start = start
         if start <= 16 or start * 5 <= len(self.stamps):
             return
@@ -246,16 +215,11 @@ class History:
 
     def find(self, time: int) -> int:
         """
-        Return the index of the last sample that is not newer than a time.
+        Return the index of the last sample that is not newer than a time (ns; 0: the newest).
 
         If several samples have the same stamp, the result is the one that was inserted last, as in
         tf2. There is one exception, also as in tf2: if `time` is the oldest stamp, and there are
         newer samples, the result is the sample with this stamp that was inserted first.
-
-        :param time: time (ns); 0: the stamp of the newest sample.
-        :returns: the index of the sample.
-        :raises NoPose: if the time is before the oldest sample or after the newest one, or if
-            there are no samples.
         """
         stamps, start = self.stamps, self.start
         newest = len(stamps) - 1
@@ -269,25 +233,14 @@ class History:
         raise NoPose
 
     def pose(self, index: int) -> Pose:
-        """
-        Return the pose of a sample.
-
-        :param index: the index of the sample.
-        :returns: x, y, z (m) and the quaternion x, y, z, w.
-        """
         return _read_pose(self.poses, index * POSE_BYTES)
 
     def pose_at(self, time: int) -> Pose:
         """
-        Return the pose at a time.
+        Return the pose at a time (ns; 0: the newest); raise NoPose outside of the history.
 
         Between two samples with the same parent, the pose is interpolated. Between two samples
         with different parents, the result is the pose of the earlier sample.
-
-        :param time: time (ns); 0: the stamp of the newest sample.
-        :returns: x, y, z (m) and the quaternion x, y, z, w.
-        :raises NoPose: if the time is before the oldest sample or after the newest one, or if
-            there are no samples.
         """
         stamps = self.stamps
         if not time or not stamps or not stamps[self.start] < time < stamps[-1]:
@@ -302,11 +255,9 @@ class History:
 
     def poses_at(self, neighbours: Neighbours) -> Columns:
         """
-        Return the poses at many times; all samples must have the same parent.
+        Return the poses at many times, which must be within the history; update `neighbours`.
 
-        :param neighbours: the times, which must not be before the oldest sample or after the
-            newest one; here, 0 has no special meaning. On return, the neighbours in this history.
-        :returns: seven arrays of shape (n,): x, y, z (m) and the quaternion x, y, z, w.
+        All samples must have the same parent.
         """
         newest = len(self) - 1
         stamps: Any = None
@@ -332,43 +283,23 @@ class History:
         return interpolate_columns(pairs, neighbours.ratios)
 
     def parent_of(self, index: int) -> str:
-        """
-        Return the parent that the frame has in a sample.
-
-        :param index: the index of the sample.
-        :returns: the name of the parent.
-        """
         return self.only_parent if self.parents is None else self.parents[index]
 
     def parent_at(self, time: int) -> Optional[str]:
-        """
-        Return the parent at a time.
-
-        :param time: time (ns); 0: the stamp of the newest sample.
-        :returns: the name of the parent, or None if there is no pose at this time.
-        """
+        """Return the parent at a time (ns; 0: the newest); None if there is no pose."""
         try:
             return self.parent_of(self.find(time))
         except NoPose:
             return None
 
     def parent_near(self, time: int) -> Optional[str]:
-        """
-        Return the parent at a time, or at the nearest time at which there is a pose.
-
-        :param time: time (ns); here, 0 has no special meaning.
-        :returns: the name of the parent, or None if there are no samples.
-        """
+        """Return the parent at a time (ns; 0 is a time like others); before the first, its own."""
         if not len(self):
             return None
         return self.parent_of(max(bisect_right(self.stamps, time, self.start) - 1, self.start))
 
     def parent_changes(self) -> list[int]:
-        """
-        Return the stamps of the samples whose parent is not that of the sample before.
-
-        :returns: the stamps (ns), in increasing order; a stamp may occur several times.
-        """
+        """Return the stamps (ns) of the samples whose parent is not that of the sample before."""
         parents = self.parents
         if parents is None:
             return []
@@ -376,35 +307,17 @@ class History:
                 if parents[i] != parents[i - 1]]
 
     def stamps_between(self, begin: int, end: int) -> NDArray[np.int64]:
-        """
-        Return the stamps of the samples in a time span.
-
-        :param begin: the earliest time (ns).
-        :param end: the time (ns) before which the span ends.
-        :returns: (n,) int64: the stamps (ns), in increasing order; a stamp may occur several
-            times.
-        """
+        """Return the stamps (ns) from `begin` to before `end`; a stamp may occur several times."""
         first = bisect_left(self.stamps, begin, self.start)
         return np.array(self.stamps[first:bisect_left(self.stamps, end, first)], np.int64)
 
     def distance_to(self, time: int) -> int:
-        """
-        Return how far a time is outside of the history.
-
-        :param time: time (ns).
-        :returns: the time span (ns) to the nearest sample; 0 if the time is not before the oldest
-            sample and not after the newest one, or if there are no samples.
-        """
+        """Return how far a time is before the oldest or after the newest sample (ns)."""
         if not self.stamps:
             return 0
         return max(0, time - self.latest, self.oldest - time)
 
     def dump(self) -> dict[str, Any]:
-        """
-        Return all data of the frame.
-
-        :returns: the dict that `BufferCore.dump` returns for this frame.
-        """
         indices = range(self.start, len(self.stamps))
         return {'parents': [self.parent_of(i) for i in indices],
                 'stamps': self.stamps[self.start:].tolist(),
@@ -422,13 +335,6 @@ class StaticHistory:
     latest = oldest = 0  # as for a History without samples
 
     def __init__(self, parent: str, pose: Pose, authority: str) -> None:
-        """
-        Create the history of a static frame.
-
-        :param parent: the name of the parent.
-        :param pose: x, y, z (m) and the quaternion x, y, z, w.
-        :param authority: the publisher.
-        """
         self.only_parent, self.pose, self.authority = parent, pose, authority
 
     def __len__(self) -> int:
@@ -436,70 +342,28 @@ class StaticHistory:
 
     @property
     def all_parents(self) -> tuple[str]:
-        """The only parent, in a tuple."""
         return (self.only_parent,)
 
     def state(self, until: int) -> State:
-        """
-        Return the state of the frame.
-
-        :param until: ignored, because the state is the same at all times.
-        :returns: the state.
-        """
         return self.only_parent, self.authority, True, 1, 0, 0
 
     def pose_at(self, time: int) -> Pose:
-        """
-        Return the pose.
-
-        :param time: ignored.
-        :returns: x, y, z (m) and the quaternion x, y, z, w.
-        """
         return self.pose
 
     def poses_at(self, neighbours: Neighbours) -> Columns:
-        """
-        Return the pose in a form that numpy broadcasts to any number of poses.
-
-        :param neighbours: ignored.
-        :returns: seven arrays of shape (1,): x, y, z (m) and the quaternion x, y, z, w.
-        """
         x, y, z, qx, qy, qz, qw = np.array([self.pose]).T
         return x, y, z, qx, qy, qz, qw
 
     def parent_at(self, time: int) -> str:
-        """
-        Return the parent.
-
-        :param time: ignored.
-        :returns: the name of the parent.
-        """
         return self.only_parent
 
     def parent_near(self, time: int) -> str:
-        """
-        Return the parent.
-
-        :param time: ignored.
-        :returns: the name of the parent.
-        """
         return self.only_parent
 
     def distance_to(self, time: int) -> int:
-        """
-        Return 0, because the pose holds at all times.
-
-        :param time: ignored.
-        :returns: 0.
-        """
         return 0
 
     def dump(self) -> dict[str, Any]:
-        """
-        Return all data of the frame.
-
-        :returns: the dict that `BufferCore.dump` returns for this frame.
-        """
         return {'parents': [self.only_parent], 'stamps': [0], 'poses': [list(self.pose)],
                 'authority': self.authority, 'is_static': True}
 

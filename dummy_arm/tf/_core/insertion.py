@@ -11,19 +11,13 @@ from typing import Optional
 import numpy as np
 from numpy.typing import NDArray
 
+from dummy_arm.tf._core.composition import normalized
+from dummy_arm.tf._core.frames import is_too_long, LONGEST_NAME
 from dummy_arm.tf._core.history import History, MAX_SAMPLES_PER_STAMP
 from dummy_arm.tf._core.lookup import Lookups
-from dummy_arm.tf._core.pose import (
-    BatchOrRows,
-    is_too_long,
-    LONGEST_NAME,
-    normalized,
-    Pose,
-    POSE_BYTES,
-    Rows,
-)
-from dummy_arm.tf._core.texts import logged, ThrottledLog
-from dummy_arm.tf._core.times import display_time, SECOND
+from dummy_arm.tf._core.pose import BatchOrRows, Pose, POSE_BYTES, Rows
+from dummy_arm.tf._core.texts import in_log, old_data, refusals, ThrottledLog
+from dummy_arm.tf._core.times import SECOND
 
 #: One frame may have at most this number of samples per second of cache time.
 _MAX_SAMPLES_PER_SECOND = 10_000
@@ -36,16 +30,6 @@ class Insertion:
     """The insertion of transforms into a tree of frames; callers must hold the buffer's lock."""
 
     def __init__(self, lookups: Lookups, max_frames: int, max_samples: Optional[int]) -> None:
-        """
-        Create the insertion for one buffer.
-
-        :param lookups: the lookups of the buffer. Transforms are inserted into `lookups.tree`;
-            `lookups.paths` is cleared when the parent of a frame may change.
-        :param max_frames: the largest number of frames. A transform whose new frames would exceed
-            this number is refused.
-        :param max_samples: the largest number of samples of all dynamic frames together. None:
-            there is no such limit, and there is no limit for a single frame either.
-        """
         self.log = ThrottledLog()
         self._tree, self._lookups = lookups.tree, lookups
         self._max_frames = max_frames
@@ -63,20 +47,7 @@ class Insertion:
 
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
-        """
-        Insert one transform; the caller has checked the types of the arguments.
-
-        One leading slash is removed from each name, and the rotation is normalised.
-
-        :param stamp: time of the pose (ns).
-        :param frame_id: the name of the parent.
-        :param child_frame_id: the name of the child frame.
-        :param pose: x, y, z (m) and the quaternion x, y, z, w of any length.
-        :param authority: the name of the publisher.
-        :param is_static: True if the pose holds at all times.
-        :returns: False if the transform was refused. The reason is logged, but at most once a
-            second for each kind of reason. That there are too many frames is logged only once.
-        """
+        """Insert one transform; the caller has checked the types of the arguments."""
         return self._insert(stamp, frame_id.removeprefix('/'), child_frame_id.removeprefix('/'),
                             pose, authority, is_static)
 
@@ -85,26 +56,21 @@ class Insertion:
         """Insert one transform; the caller has removed a leading slash from each name."""
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
-        if warnings := problems(parent, child, pose, authority):
+        if warnings := refusals(parent, child, pose, authority):
             self.log.warn(*warnings)
             return False
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
             # tf2 accepts an infinite translation, and lookups in tf2 then return NaN. So NaN is
             # inserted here.
             pose = (math.nan, math.nan, math.nan, *pose[3:])
-        if self._tree.has_edge(parent, child, is_static):
-            is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
-        elif self._accepts_names(parent, child, authority):
-            try:
-                is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
-            finally:
-                # `dict.clear` is called directly, and not by a method that is written in Python: a
-                # KeyboardInterrupt at the start of such a method would leave invalid paths.
-                self._lookups.paths.clear()
-        else:
+        has_edge = self._tree.has_edge(parent, child, is_static)
+        if not has_edge and not self._accepts_names(parent, child, authority):
             return False
+        is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
+        if not has_edge:
+            self._lookups.paths.clear()
         if not is_accepted:
-            self.log.warn(too_old(child, stamp, authority))
+            self.log.warn(old_data(child, stamp, authority))
         elif not is_static:
             history = self._tree.histories[child]
             assert isinstance(history, History)
@@ -129,12 +95,8 @@ class Insertion:
         """
         Insert the transforms of messages, as if `insert` were called for each transform.
 
-        Most transforms of a batch are newer than all samples in the history of their child frame,
-        and have the same parent as these samples. If all poses of the batch are finite, such
-        transforms are appended without further checks.
-
-        :param batches: objects of the types `Batch` and `Rows`; the transforms of `Rows` are
-            inserted one by one.
+        Most transforms of a batch are newer than all samples of their child frame, and have the
+        same parent. If all poses of the batch are finite, such transforms are appended unchecked.
         """
         for batch in batches:
             try:
@@ -161,15 +123,25 @@ class Insertion:
                     for stamp, packed in zip(batch.stamps, batch.poses[i::number]):
                         self._insert(stamp, parent, child, _unpack_pose(packed),
                                      batch.authority, False)
-            except Exception:  # if this package has a bug, insert the other batches anyway
+            except Exception:  # memory is short, or this package has a bug: insert the others
                 self.log.warn(format_exc())
+                self.mend()
+
+    def mend(self) -> None:
+        """Drop what an insertion that did not end has left inconsistent."""
+        self._tree.mend()
+        self._lookups.paths.clear()
+        self._count_samples()
+
+    def _count_samples(self) -> None:
+        self._uncounted = 0
+        self._room = self._max_samples - sum(
+            len(history) for history in self._tree.histories.values()
+            if isinstance(history, History))
+        self._is_full = self._room <= 0
 
     def _drop_oldest(self, history: History, added: int, child: str, authority: str) -> None:
-        """
-        Drop the oldest samples of a frame if this frame or the whole buffer has too many samples.
-
-        :param added: the number of samples that the caller has just inserted into this frame.
-        """
+        """Drop the oldest samples of a frame if this frame or the whole buffer has too many."""
         surplus = len(history) - self._max_samples_per_frame
         if surplus > 0:
             history.drop_before(history.start + surplus)
@@ -184,11 +156,7 @@ class Insertion:
         self._uncounted += added
         surplus = added
         if not self._is_full or 8 * self._uncounted >= len(self._tree.histories):
-            self._uncounted = 0
-            self._room = self._max_samples - sum(
-                len(history) for history in self._tree.histories.values()
-                if isinstance(history, History))
-            self._is_full = self._room <= 0
+            self._count_samples()
             surplus = min(added, -self._room)
         surplus = min(surplus, len(history) - 1)
         if surplus > 0:
@@ -200,11 +168,9 @@ class Insertion:
 
 def normalize_poses(poses: NDArray[np.float64]) -> bool:
     """
-    Normalise the rotations of many poses; the results are the same as those of `normalized`.
+    Normalise the rotations of (n, 7) poses in place, with the results of `normalized`.
 
-    :param poses: (n, 7) float64, changed in place: x, y, z (m), quaternion x, y, z, w.
-    :returns: True if all numbers are finite after the normalisation. If finite numbers are so
-        large that their sum is not finite, the result may be False.
+    Return True if all numbers are finite; finite numbers with a sum that is not may give False.
     """
     rotations = poses[:, 3:]
     if len(poses) < _MANY:
@@ -236,13 +202,9 @@ def _large_angles(
         rows: NDArray[np.bool_], diagonal: NDArray[np.float64], above: NDArray[np.float64],
         below: NDArray[np.float64], result: NDArray[np.float64]) -> None:
     """
-    Compute quaternions from rotation matrices whose trace is not positive.
+    Compute the quaternions of the rotation matrices of `rows`, whose traces are not positive.
 
-    :param rows: (n,) bool: True for each rotation whose quaternion is to be computed.
-    :param diagonal: (3, n) the matrix elements 00, 11, 22.
-    :param above: (3, n) the matrix elements 21, 02, 10.
-    :param below: (3, n) the matrix elements 12, 20, 01.
-    :param result: (4, n) the quaternions x, y, z, w, changed in place.
+    `diagonal` has the elements 00, 11, 22, `above` 21, 02, 10, and `below` 12, 20, 01.
     """
     m0, m1, m2 = diagonal
     largest = np.where(np.where(m0 >= m1, m0, m1) < m2, 2, np.where(m0 < m1, 1, 0))
@@ -257,97 +219,24 @@ def _large_angles(
             result[3, n] = (above[i, n] - below[i, n]) * scale
 
 
-def problems(parent: str, child: str, pose: Pose, authority: str) -> list[str]:
-    """
-    Return tf2's warnings about an invalid transform.
-
-    :param parent: the name of the parent.
-    :param child: the name of the child frame.
-    :param pose: x, y, z (m) and the quaternion x, y, z, w that `normalized` returned.
-    :param authority: the name of the publisher.
-    :returns: the warnings; an empty list if the transform is valid.
-    """
-    if parent != child and parent and child and not any(map(math.isnan, pose)):
-        return []
-    found = []
-    is_own_parent = parent == child
-    child, authority = logged(child), logged(authority)
-    numbers = '({:f} {:f} {:f}) ({:f} {:f} {:f} {:f})'.format(*pose)
-    if is_own_parent:
-        found.append(f'TF_SELF_TRANSFORM: Ignoring transform from authority "{authority}" with '
-                     f'frame_id and  child_frame_id "{child}" because they are the same')
-    if not child:
-        found.append(f'TF_NO_CHILD_FRAME_ID: Ignoring transform from authority "{authority}" '
-                     'because child_frame_id not set ')
-    if not parent:
-        found.append(f'TF_NO_FRAME_ID: Ignoring transform with child_frame_id "{child}"  from '
-                     f'authority "{authority}" because frame_id not set')
-    if any(map(math.isnan, pose)):
-        found.append(f'TF_NAN_INPUT: Ignoring transform for child_frame_id "{child}" from '
-                     f'authority "{authority}" because of a nan value in the transform {numbers}')
-    if any(map(math.isnan, pose[3:])):
-        found.append('TF_DENORMALIZED_QUATERNION: Ignoring transform for child_frame_id '
-                     f'"{child}" from authority "{authority}" because of an invalid quaternion '
-                     f'in the transform {numbers.partition(") ")[2]}')
-    return found
-
-
-def too_old(child: str, stamp: int, authority: str) -> str:
-    """
-    Return tf2's warning that a transform is older than the cache time allows.
-
-    :param child: the name of the child frame.
-    :param stamp: the stamp of the transform (ns).
-    :param authority: the name of the publisher.
-    :returns: the text.
-    """
-    return (f'TF_OLD_DATA ignoring data from the past for frame {logged(child)} at time '
-            f'{display_time(stamp)} according to authority {logged(authority)}\n'
-            'Possible reasons are listed at http://wiki.ros.org/tf/Errors%20explained')
-
-
 def too_many_frames(child: str, limit: int, authority: str) -> str:
-    """
-    Return the warning that a transform was refused because there are too many frames.
-
-    :param child: the name of the child frame.
-    :param limit: the largest number of frames.
-    :param authority: the name of the publisher.
-    :returns: the text.
-    """
-    return (f'TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "{logged(child)}" from '
-            f'authority "{logged(authority)}" because max_frames of the buffer allows {limit} '
+    return (f'TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "{in_log(child)}" from '
+            f'authority "{in_log(authority)}" because max_frames of the buffer allows {limit} '
             'frames. All other transforms with a new frame are ignored, too. Check whether a node '
             'publishes a new frame name again and again.')
 
 
 def too_long_name(parent: str, child: str, authority: str) -> str:
-    """
-    Return the warning that a transform was refused because a name is too long.
-
-    :param parent: the name of the parent.
-    :param child: the name of the child frame.
-    :param authority: the name of the publisher.
-    :returns: the text.
-    """
     what, name = ('child_frame_id', child) if is_too_long(child) else ('frame_id', parent)
     size = len(name.encode('utf-8', 'surrogatepass'))
-    return (f'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id "{logged(child)}" from '
-            f'authority "{logged(authority)}" because its {what} has {size} bytes; at most '
+    return (f'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id "{in_log(child)}" from '
+            f'authority "{in_log(authority)}" because its {what} has {size} bytes; at most '
             f'{LONGEST_NAME} are allowed')
 
 
 def too_many_samples_of_a_frame(child: str, limit: int, authority: str) -> str:
-    """
-    Return the warning that a frame has too many samples.
-
-    :param child: the name of the frame.
-    :param limit: the largest number of samples of one frame.
-    :param authority: the name of the publisher.
-    :returns: the text.
-    """
     return (f'TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
-            f'"{logged(child)}" from authority "{logged(authority)}" before the cache time is '
+            f'"{in_log(child)}" from authority "{in_log(authority)}" before the cache time is '
             f'over: at most {limit} are kept of one frame ({_MAX_SAMPLES_PER_SECOND} per second '
             f'of cache time, at least {MAX_SAMPLES_PER_STAMP}). The oldest transforms of every '
             'other frame with too many transforms are dropped, too. Check whether the stamps of '
@@ -355,16 +244,8 @@ def too_many_samples_of_a_frame(child: str, limit: int, authority: str) -> str:
 
 
 def too_many_samples(child: str, limit: int, authority: str) -> str:
-    """
-    Return the warning that a buffer has too many samples.
-
-    :param child: the name of the frame whose oldest samples are dropped.
-    :param limit: the largest number of samples of all dynamic frames together.
-    :param authority: the name of the publisher.
-    :returns: the text.
-    """
-    return (f'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "{logged(child)}" '
-            f'from authority "{logged(authority)}" before the cache time is over: max_samples of '
+    return (f'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "{in_log(child)}" '
+            f'from authority "{in_log(authority)}" before the cache time is over: max_samples of '
             f'the buffer allows {limit} dynamic transforms. The oldest transforms of every '
             'other frame that receives new transforms are dropped, too. Use a shorter cache time, '
             'or raise max_samples.')

@@ -7,9 +7,10 @@ from typing import Optional
 import numpy as np
 from numpy.typing import NDArray
 
+from dummy_arm.tf._core.composition import compose, inverse
 from dummy_arm.tf._core.history import AnyHistory, NoPose
 from dummy_arm.tf._core.path import Path
-from dummy_arm.tf._core.pose import compose, IDENTITY, inverse, Pose
+from dummy_arm.tf._core.pose import IDENTITY, Pose
 from dummy_arm.tf._core.tree import FrameTree
 from dummy_arm.tf.exceptions import TransformException
 
@@ -34,31 +35,17 @@ class Lookups:
     between two frames is kept, or if the kept path has no pose at the requested time, the tree is
     searched in the same way as in tf2. Therefore all results and errors are the same as in tf2.
 
-    Times are in ns; 0 means the latest common time, which `latest_common_time` returns. Hold the
-    lock of the buffer during each call.
+    Times are in ns; 0 means the latest common time. `pose` returns its time, too. Methods raise
+    tf2's errors. Hold the lock of the buffer during each call.
     """
 
     def __init__(self, tree: FrameTree) -> None:
-        """
-        Create lookups in a tree.
-
-        :param tree: the tree of frames.
-        """
         self.tree = tree
         #: The kept paths; the keys are (target frame, source frame). `Insertion` clears this dict
         #: when a frame gets a new parent, or changes between static and dynamic.
         self.paths: dict[tuple[str, str], Path] = {}
 
     def pose(self, target: str, source: str, time: int) -> tuple[int, Pose]:
-        """
-        Compute the pose of the source frame in the target frame.
-
-        :param target: the frame in which the result is expressed.
-        :param source: the frame whose pose is looked up.
-        :param time: time (ns); 0: the latest common time.
-        :returns: the time of the pose (ns), and the pose.
-        :raises TransformException: if there is no such pose; the subclass of the error says why.
-        """
         path = self.paths.get((target, source))
         if path is not None:
             try:
@@ -75,19 +62,6 @@ class Lookups:
 
     def pose_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                   ) -> tuple[int, Pose]:
-        """
-        Compute the pose of the source frame at one time, in the target frame at another time.
-
-        :param target: the frame in which the result is expressed.
-        :param target_time: time of the target frame (ns); 0: the latest common time of the target
-            frame and `fixed`.
-        :param source: the frame whose pose is looked up.
-        :param source_time: time of the source frame (ns); 0: the latest common time of the source
-            frame and `fixed`.
-        :param fixed: a frame that does not move between the two times.
-        :returns: the time of the target frame (ns), and the pose.
-        :raises TransformException: if there is no such pose; the subclass of the error says why.
-        """
         self.tree.check_for_lookup(target_frame=target, source_frame=source, fixed_frame=fixed)
         _, fixed_from_source = self.pose(fixed, source, source_time)
         time, target_from_fixed = self.pose(target, fixed, target_time)
@@ -95,16 +69,6 @@ class Lookups:
 
     def poses(self, target: str, source: str, times: NDArray[np.int64]
               ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """
-        Compute the poses of the source frame in the target frame at many times.
-
-        :param target: the frame in which the poses are expressed.
-        :param source: the frame whose poses are looked up.
-        :param times: (n,) times (ns); 0: the latest common time.
-        :returns: two arrays. The first is (n, 7) float64: x, y, z (m), quaternion x, y, z, w; if
-            there is no pose at a time, the row of this time is NaN. The second is (n,) bool: True
-            where there is a pose.
-        """
         path = self._kept_path(target, source)
         if path is not None:
             poses, known = path.poses(times)
@@ -118,11 +82,7 @@ class Lookups:
         return poses, known
 
     def _kept_path(self, target: str, source: str) -> Optional[Path]:
-        """
-        Return the kept path between two frames; if there is none, find it and try to keep it.
-
-        :returns: the path; None if the path is not known, or must not be kept.
-        """
+        """Return the kept path between two frames; if there is none, try to find and keep one."""
         path = self.paths.get((target, source))
         if path is None:
             # A lookup at the latest common time is the most likely to succeed.
@@ -132,14 +92,7 @@ class Lookups:
         return path
 
     def check(self, target: str, source: str, time: int) -> None:
-        """
-        Check that there is a pose of the source frame in the target frame at a time.
-
-        :param target: as `pose`.
-        :param source: as `pose`.
-        :param time: as `pose`.
-        :raises TransformException: if there is no such pose; the text of the error says why.
-        """
+        """Raise the error of tf2's canTransform if `pose` has no result."""
         path = self.paths.get((target, source))
         if path is None or not path.covers(time or path.latest_common_time()):
             if target == source:
@@ -148,16 +101,7 @@ class Lookups:
             self._search(target, source, time)
 
     def available(self, target: str, source: str, times: Sequence[int]) -> tuple[list[bool], int]:
-        """
-        Return at which times there is a pose of the source frame in the target frame.
-
-        :param target: as `pose`.
-        :param source: as `pose`.
-        :param times: the times (ns); 0: the latest common time.
-        :returns: two values: for each time, True if `pose` has a result; and the latest common
-            time (ns), which is 0 if there is no path or no dynamic edge.
-        :raises TypeError: if a frame is not a str.
-        """
+        """Return at which times `pose` has a result, and the latest common time (0: none)."""
         if target == source:
             return [True] * len(times), 0
         available, latest = [False] * len(times), 0
@@ -178,16 +122,7 @@ class Lookups:
 
     def check_full(self, target: str, target_time: int, source: str, source_time: int, fixed: str
                    ) -> None:
-        """
-        Check that `pose_full` has a result for the same arguments.
-
-        :param target: as `pose_full`.
-        :param target_time: as `pose_full`.
-        :param source: as `pose_full`.
-        :param source_time: as `pose_full`.
-        :param fixed: as `pose_full`.
-        :raises TransformException: if there is no such pose; the text of the error says why.
-        """
+        """Raise the error of tf2's canTransform if `pose_full` has no result."""
         self.tree.check_for_can_transform(
             target_frame=target, source_frame=source, fixed_frame=fixed)
         self.check(target, fixed, target_time)
@@ -200,14 +135,6 @@ class Lookups:
 
         If the path goes to the fixed frame and back along the same edges, these edges are left
         out.
-
-        :param target: as `pose_full`.
-        :param target_time: as `pose_full`.
-        :param source: as `pose_full`.
-        :param source_time: as `pose_full`.
-        :param fixed: as `pose_full`.
-        :returns: the names of the frames, the source frame first.
-        :raises TransformException: if there is no such path; the text of the error says why.
         """
         self.check_full(target, target_time, source, source_time, fixed)
         from_source = self._frames(fixed, source, source_time)
@@ -224,41 +151,18 @@ class Lookups:
         return self.tree.chain(target, source, time)
 
     def latest_common_time(self, target: str, source: str) -> int:
-        """
-        Return the latest time for which every dynamic edge between two frames has data.
-
-        :param target: one of the two frames.
-        :param source: the other frame.
-        :returns: time (ns); 0 if there is no dynamic edge. If both frames are the same, the newest
-            stamp of this frame.
-        :raises TransformException: if a frame does not exist, or if no path between the two frames
-            can be found.
-        """
+        """Return the latest time for which every edge has data; 0 if all edges are static."""
         for name in target, source:
             self.tree.check(name, 'get_latest_common_time')
         return self.tree.latest_common_time(target, source)
 
     def stamps(self, target: str, source: str) -> NDArray[np.int64]:
-        """
-        Return the stamps of the samples of all edges on the path between two frames.
-
-        :param target: one of the two frames.
-        :param source: the other frame.
-        :returns: (n,) int64: the stamps (ns), in increasing order, each of them once.
-        :raises TransformException: if a frame does not exist, or if the frames are in different
-            trees at all times.
-        """
         self.tree.check_for_lookup(target_frame=target, source_frame=source)
         return (np.empty(0, np.int64) if target == source
                 else self.tree.stamps(target, source))
 
     def _search(self, target: str, source: str, time: int) -> tuple[int, Path]:
-        """
-        Search the tree for a path; keep the path if it meets the conditions in `Lookups`.
-
-        :returns: the time of the path (ns), and the path. If `time` is 0, the returned time is the
-            latest common time.
-        """
+        """Search the tree for a path; keep the path if it meets the conditions in `Lookups`."""
         time = time or self.tree.latest_common_time(target, source)
         path = self.tree.path(target, source, time)
         if path.has_constant_parents() and all(map(self.tree.has_no_loop_above, (source, target))):
@@ -270,20 +174,7 @@ class Lookups:
     def all_poses(self, targets: Iterable[str], until: int,
                   children: Optional[Container[str]] = None
                   ) -> list[dict[str, tuple[int, Pose]]]:
-        """
-        Compute, for each target frame, the poses of all frames that are connected to it.
-
-        :param targets: the target frames.
-        :param until: the latest time (ns) at which a pose may be valid. The paths follow the
-            parents that the frames had at this time. 0: there is no limit, and the paths follow
-            the newest parents.
-        :param children: the paths use only the edges from these frames to their parents; None:
-            all edges.
-        :returns: one dict for each target frame. The keys are the names of the connected frames;
-            the frames nearest to the target frame come first. Each value is the time of the pose
-            (ns), and the pose in the target frame. Frames without a pose are left out.
-        :raises TransformException: if a target frame does not exist.
-        """
+        """Compute what `BufferBase.lookup_all` returns, as times and poses."""
         edges: dict[str, list[_Edge]] = {}
         for child, parent, history in self.tree.parents(until):
             if children is None or child in children:

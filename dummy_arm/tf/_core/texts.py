@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from functools import lru_cache
 import logging
-from math import inf
+from math import inf, isnan
 from time import monotonic
 
 from dummy_arm.tf._core.times import display_time, SECOND
@@ -27,13 +27,9 @@ _MAX_COMPARED = 1000
 
 def visible(text: str) -> str:
     r"""
-    Escape each character that is not printable, as `repr` does.
+    Escape each character of a line that is not printable, as `repr` does.
 
-    Such characters can do harm: a control character can move the cursor of a terminal, and a lone
-    surrogate cannot be encoded in UTF-8.
-
-    :param text: a text of one line; a line feed would be escaped, too.
-    :returns: the printable text.
+    A control character can move the cursor of a terminal; a lone surrogate has no UTF-8.
 
     >>> print(visible('tool\x1b[2J'))
     tool\x1b[2J
@@ -46,9 +42,6 @@ def visible_lines(text: str) -> str:
     r"""
     Escape each line of a text as `visible` does.
 
-    :param text: the text; its line feeds are not escaped.
-    :returns: the escaped text.
-
     >>> print(visible_lines('one\ntwo\r'))
     one
     two\r
@@ -58,11 +51,7 @@ def visible_lines(text: str) -> str:
 
 def abbreviated(text: str, longest: int = LONGEST) -> str:
     """
-    Replace the middle of a text by three dots if the text is too long.
-
-    :param text: the text.
-    :param longest: the largest number of characters to return, at least 3.
-    :returns: the shortened text, or the text itself if it is short enough.
+    Replace the middle of a text of more than `longest` (at least 3) characters by three dots.
 
     >>> abbreviated('left_front_wheel', 11)
     'left...heel'
@@ -77,42 +66,38 @@ def shortened(name: str) -> str:
     r"""
     Abbreviate a name if it is longer than `LONGEST`, and escape it.
 
-    :param name: the name of a frame, node or topic.
-    :returns: the printable name.
-
     >>> print(shortened('tool\n'))
     tool\n
-    >>> len(shortened('x' * 3000))
-    100
     """
     return visible(abbreviated(name))
 
 
-def logged(name: str) -> str:
+def in_log(name: str) -> str:
     """
     Abbreviate and escape a name as `shortened` does; append the original length of a long name.
 
-    :param name: the name of a frame, node or topic.
-    :returns: the printable name.
-
-    >>> logged('arm')
-    'arm'
-    >>> logged('x' * 3000) == 'x' * 49 + '...' + 'x' * 48 + ' (3000 characters)'
+    >>> in_log('x' * 3000) == 'x' * 49 + '...' + 'x' * 48 + ' (3000 characters)'
     True
     """
     return shortened(name) + (f' ({len(name)} characters)' if len(name) > LONGEST else '')
 
 
+def quoted(name: str) -> str:
+    r"""
+    Abbreviate a name, and add quotes and escape sequences as `repr` does.
+
+    >>> print(quoted('tool\n'))
+    'tool\n'
+    """
+    return repr(abbreviated(name))
+
+
 @lru_cache(maxsize=8)  # A program that waits for a frame prints the same error many times.
 def suggest_names(name: str, known: tuple[str, ...], what: str = 'frames') -> str:
     """
-    Return a sentence with the known names that are most similar to an unknown name.
+    Return a sentence with the five known names that are most similar to an unknown name.
 
-    :param name: the name that does not exist.
-    :param known: all names that exist.
-    :param what: a plural noun for the things that have the names, such as 'frames'.
-    :returns: a sentence with up to five similar names. If no name is similar, the sentence has the
-        first five known names instead; if there are no known names, the sentence says so.
+    If no name is similar, the sentence has the first five known names; `what` is a plural noun.
 
     >>> suggest_names('base_lnik', ('map', 'base_link', 'base_scan'))
     "Nearest known: 'base_link', 'base_scan'."
@@ -138,11 +123,7 @@ def match_candidates(known: Sequence[str]) -> list[str]:
     """
     Return those known names with which an unknown name is compared.
 
-    These are the names of at most `LONGEST` characters among the first 1000 known names. A
-    comparison with more names, or with longer names, would take seconds.
-
-    :param known: all names that exist.
-    :returns: the names to compare, in the same order.
+    Names of more than `LONGEST` characters, or after the first 1000, would take seconds.
 
     >>> match_candidates(['map', 'x' * 3000, 'odom'])
     ['map', 'odom']
@@ -150,32 +131,12 @@ def match_candidates(known: Sequence[str]) -> list[str]:
     return [name for name in known[:_MAX_COMPARED] if len(name) <= LONGEST]
 
 
-def quoted(name: str) -> str:
-    r"""
-    Abbreviate a name, and add quotes and escape sequences as `repr` does.
-
-    :param name: the name of a frame, node or topic.
-    :returns: the quoted name.
-
-    >>> print(quoted('tool\n'))
-    'tool\n'
-    """
-    return repr(abbreviated(name))
-
-
 def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = str) -> str:
     """
-    Join the first texts with commas, and append the number of the remaining texts.
-
-    :param texts: the texts.
-    :param shown: the largest number of texts that are joined.
-    :param write: a function that converts each text before it is joined.
-    :returns: the joined texts.
+    Join the first texts with commas, each converted by `write`, and say how many remain.
 
     >>> comma_list(['a', 'b', 'c', 'd'], 2)
     'a, b and 2 more'
-    >>> comma_list(['a', 'b'], 2, quoted)
-    "'a', 'b'"
     """
     more = f' and {len(texts) - shown} more' if len(texts) > shown else ''
     return f'{", ".join(map(write, texts[:shown]))}{more}'
@@ -185,9 +146,6 @@ def namespace_path(namespace: str) -> str:
     """
     Return a namespace as the beginning of the name of a topic.
 
-    :param namespace: the namespace, with or without slashes at its ends.
-    :returns: the namespace with a slash at its beginning only; '' for none.
-
     >>> namespace_path('robot/'), namespace_path('/')
     ('/robot', '')
     """
@@ -196,11 +154,7 @@ def namespace_path(namespace: str) -> str:
 
 def full_name(namespace: str, name: str) -> str:
     """
-    Return the full name of a node.
-
-    :param namespace: the namespace of the node, which begins with a slash.
-    :param name: the name of the node.
-    :returns: the full name.
+    Return the full name of a node, whose namespace begins with a slash.
 
     >>> full_name('/', 'arm'), full_name('/robot', 'arm')
     ('/arm', '/robot/arm')
@@ -208,97 +162,112 @@ def full_name(namespace: str, name: str) -> str:
     return f'{namespace.rstrip("/")}/{name}'
 
 
-def roots_hint(target: str, target_root: str, source: str, source_root: str) -> str:
-    """
-    Return the hint for two frames that are in different trees.
+# tf2's words, as they are.
 
-    :param target: the target frame.
-    :param target_root: the root of the tree that contains the target frame.
-    :param source: the source frame.
-    :param source_root: the root of the tree that contains the source frame.
-    :returns: a sentence that begins with a space.
-    """
+UNKNOWN_FRAME = 'frame does not exist'
+EMPTY_NAME = 'in tf2 frame_ids cannot be empty'
+LEADING_SLASH = "in tf2 frame_ids cannot start with a '/'"
+LOOP = 'The tf tree is invalid because it contains a loop.\n'
+
+
+def unknown_frame(name: str, where: str) -> str:
+    return f'"{name}" passed to {where} does not exist. '
+
+
+def invalid_argument(name: str, where: str, problem: str) -> str:
+    return f'Invalid argument "{name}" passed to {where} - {problem}'
+
+
+def invalid_frame_id(name: str, argument: str, problem: str) -> str:
+    return f'Invalid frame ID "{name}" passed to canTransform argument {argument} - {problem}'
+
+
+def unconnected(target: str, source: str) -> str:
+    return (f"Could not find a connection between '{target}' and '{source}' because they are not "
+            'part of the same tree.Tf has two or more unconnected trees.')
+
+
+def extrapolation(count: int, oldest: int, latest: int, time: int, target: str, source: str
+                  ) -> str:
+    """Return the words for a time (ns) outside of `count` samples from `oldest` to `latest`."""
+    if not count:
+        words = ''
+    elif count == 1:
+        words = (f'Lookup would require extrapolation at time {display_time(time)}, but only time '
+                 f'{display_time(latest)} is in the buffer')
+    elif time > latest:
+        words = ('Lookup would require extrapolation into the future.  Requested time '
+                 f'{display_time(time)} but the latest data is at time {display_time(latest)}')
+    else:
+        words = ('Lookup would require extrapolation into the past.  Requested time '
+                 f'{display_time(time)} but the earliest data is at time {display_time(oldest)}')
+    return f'{words}, when looking up transform from frame [{source}] to frame [{target}].'
+
+
+def refusals(parent: str, child: str, pose: Sequence[float], authority: str) -> list[str]:
+    """Return tf2's warnings about an invalid transform."""
+    if parent != child and parent and child and not any(map(isnan, pose)):
+        return []
+    found = []
+    is_own_parent = parent == child
+    child, authority = in_log(child), in_log(authority)
+    numbers = '({:f} {:f} {:f}) ({:f} {:f} {:f} {:f})'.format(*pose)
+    if is_own_parent:
+        found.append(f'TF_SELF_TRANSFORM: Ignoring transform from authority "{authority}" with '
+                     f'frame_id and  child_frame_id "{child}" because they are the same')
+    if not child:
+        found.append(f'TF_NO_CHILD_FRAME_ID: Ignoring transform from authority "{authority}" '
+                     'because child_frame_id not set ')
+    if not parent:
+        found.append(f'TF_NO_FRAME_ID: Ignoring transform with child_frame_id "{child}"  from '
+                     f'authority "{authority}" because frame_id not set')
+    if any(map(isnan, pose)):
+        found.append(f'TF_NAN_INPUT: Ignoring transform for child_frame_id "{child}" from '
+                     f'authority "{authority}" because of a nan value in the transform {numbers}')
+    if any(map(isnan, pose[3:])):
+        found.append('TF_DENORMALIZED_QUATERNION: Ignoring transform for child_frame_id '
+                     f'"{child}" from authority "{authority}" because of an invalid quaternion '
+                     f'in the transform {numbers.partition(") ")[2]}')
+    return found
+
+
+def old_data(child: str, stamp: int, authority: str) -> str:
+    return (f'TF_OLD_DATA ignoring data from the past for frame {in_log(child)} at time '
+            f'{display_time(stamp)} according to authority {in_log(authority)}\n'
+            'Possible reasons are listed at http://wiki.ros.org/tf/Errors%20explained')
+
+
+# The hints that follow tf2's words.
+
+
+def roots_hint(target: str, target_root: str, source: str, source_root: str) -> str:
     return (f' {quoted(target)} is in the tree with root {quoted(target_root)}, '
             f'{quoted(source)} in the tree with root {quoted(source_root)}.')
 
 
-def extrapolation_words(count: int, oldest: int, latest: int, time: int) -> str:
-    """
-    Return the text of tf2's error for a lookup at a time at which a frame has no pose.
-
-    :param count: the number of samples in the history of the frame.
-    :param oldest: the stamp of the oldest sample (ns).
-    :param latest: the stamp of the newest sample (ns).
-    :param time: the requested time (ns).
-    :returns: the beginning of tf2's sentence; an empty text if there are no samples, as in tf2.
-    """
-    if not count:
-        return ''
-    if count == 1:
-        return (f'Lookup would require extrapolation at time {display_time(time)}, but only time '
-                f'{display_time(latest)} is in the buffer')
-    if time > latest:
-        return ('Lookup would require extrapolation into the future.  Requested time '
-                f'{display_time(time)} but the latest data is at time {display_time(latest)}')
-    return ('Lookup would require extrapolation into the past.  Requested time '
-            f'{display_time(time)} but the earliest data is at time {display_time(oldest)}')
-
-
 def extrapolation_hint(frame: str, parent: str, oldest: int, latest: int, time: int) -> str:
-    """
-    Return the hint for an edge that has no data at the requested time.
-
-    The hint names the edge. It also says how far the requested time is from the nearest sample.
-
-    :param frame: the child frame of the edge.
-    :param parent: the newest parent of the frame.
-    :param oldest: the stamp of the oldest sample of the frame (ns).
-    :param latest: the stamp of the newest sample of the frame (ns).
-    :param time: the requested time (ns), before `oldest` or after `latest`.
-    :returns: a sentence that begins with a space.
-    """
+    """Say how far a time, which is outside of the samples of an edge, is from the nearest one."""
     edge = f'{quoted(parent)} -> {quoted(frame)}'
     if time > latest:
-        return f' The data of edge {edge} end {exact_seconds(time - latest)} before that time.'
-    return f' The data of edge {edge} begin {exact_seconds(oldest - time)} after that time.'
+        return f' The data of edge {edge} end {_exact_seconds(time - latest)} before that time.'
+    return f' The data of edge {edge} begin {_exact_seconds(oldest - time)} after that time.'
+
+
+def _exact_seconds(duration: int) -> str:
+    return f'{duration // SECOND}.{duration % SECOND:09d} s'
 
 
 def cleared_hint(frame: str) -> str:
-    """
-    Return the hint for a frame that has no parent because its history was cleared.
-
-    :param frame: the frame.
-    :returns: a sentence that begins with a space.
-    """
     return f' No transform of {quoted(frame)} has been received since the buffer was cleared.'
 
 
 def loop_hint(chain: Sequence[str]) -> str:
-    """
-    Return the hint for a chain of frames that is too long, usually because it ends in a loop.
-
-    :param chain: the names of the frames; each frame is the parent of the frame before it.
-    :returns: a sentence with the frames of the loop, from parent to child. If there is no loop,
-        the sentence says so.
-    """
+    """Name the frames of the loop in which a chain of frames, upwards, ends; or say it is long."""
     last = chain[-1]
     earlier = [i for i, frame in enumerate(chain[:-1]) if frame == last]
     if not earlier:
         return f'There is no loop, but a chain of more than {len(chain) - 1} edges.'
     return f'The loop: {" -> ".join(map(quoted, reversed(chain[earlier[-1]:])))}.'
-
-
-def exact_seconds(duration: int) -> str:
-    """
-    Convert a duration to a text in seconds, without rounding.
-
-    :param duration: duration (ns), not negative.
-    :returns: the number with nine decimals, and the unit.
-
-    >>> exact_seconds(1_500_000_000)
-    '1.500000000 s'
-    """
-    return f'{duration // SECOND}.{duration % SECOND:09d} s'
 
 
 class ThrottledLog:
@@ -310,31 +279,19 @@ class ThrottledLog:
     """
 
     def __init__(self) -> None:
-        """Create a log without warnings."""
         #: The function that writes a warning; another function may be assigned.
         self.write: Callable[[str], None] = logging.getLogger('dummy_arm.tf').warning
-        #: The earliest time at which the next warning of a cause may be queued (s, on the
-        #: monotonic clock); the keys are the causes.
+        #: The earliest monotonic time (s) of the next warning, by cause.
         self._next_times: dict[str, float] = {}
         self._queue: deque[str] = deque()
 
     def warn(self, *problems: str) -> None:
-        """
-        Queue each warning, but at most one warning of each cause per second.
-
-        :param problems: the texts of the warnings; the cause of a warning is the first word of its
-            text.
-        """
+        """Queue each warning, but at most one a second of each cause, which is its first word."""
         for problem in problems:
             self._warn(problem.partition(' ')[0], problem, 1.0)
 
     def warn_once(self, cause: str, problem: str) -> None:
-        """
-        Queue a warning if no warning of the same cause has been queued before.
-
-        :param cause: a name for the cause; it must differ from all causes that `warn` uses.
-        :param problem: the text of the warning.
-        """
+        """Queue a warning if none of this cause was queued; `warn` must not use this cause."""
         self._warn(cause, problem, inf)
 
     def _warn(self, cause: str, problem: str, silence: float) -> None:
@@ -342,13 +299,7 @@ class ThrottledLog:
             self._queue.append(problem)
 
     def is_due(self, cause: str, silence: float) -> bool:
-        """
-        Return whether a warning of a cause may be written now, and count it as written.
-
-        :param cause: a name for the cause.
-        :param silence: the time for which no further warning of this cause is due (s).
-        :returns: True if the warning may be written.
-        """
+        """Return whether a warning may be written; if so, the next is due after `silence` (s)."""
         now = monotonic()
         if now < self._next_times.get(cause, now):
             return False
@@ -356,6 +307,5 @@ class ThrottledLog:
         return True
 
     def flush(self) -> None:
-        """Write the queued warnings."""
         while self._queue:
             self.write(self._queue.popleft())

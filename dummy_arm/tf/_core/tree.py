@@ -19,11 +19,11 @@ from dummy_arm.tf.exceptions import (
     InvalidArgumentException,
     LookupException,
     TransformException,
+    with_hint,
 )
 
 #: The largest number of edges above a frame. If there are more, tf2 reports a loop.
 MAX_GRAPH_DEPTH = 1000
-_UNKNOWN = 'frame does not exist'
 #: A time after all stamps (ns), which are int64.
 _END = 2**63
 
@@ -38,11 +38,6 @@ class FrameTree:
     """
 
     def __init__(self, cache_time: int) -> None:
-        """
-        Create a tree without frames.
-
-        :param cache_time: how long samples are kept (ns).
-        """
         self.cache_time = cache_time
         self.histories: dict[str, Optional[AnyHistory]] = {}
         self._names: tuple[str, ...] = ()
@@ -66,15 +61,7 @@ class FrameTree:
         Insert the pose of a child frame in its parent.
 
         A static pose replaces all samples of a dynamic frame, and a dynamic pose replaces a static
-        one.
-
-        :param stamp: time of the pose (ns); ignored if the pose is static.
-        :param parent: the parent.
-        :param child: the child.
-        :param pose: x, y, z (m) and the quaternion x, y, z, w, of length 1.
-        :param authority: the name of the publisher.
-        :param is_static: whether the pose is static.
-        :returns: False if the pose was refused because it is older than the cache time allows.
+        one. Return False if the pose is older than the cache time allows.
         """
         histories = self.histories
         history = histories.setdefault(child, None)
@@ -90,15 +77,7 @@ class FrameTree:
         return history.insert(stamp, parent, pose, authority)
 
     def has_edge(self, parent: str, child: str, is_static: bool) -> bool:
-        """
-        Return True if the paths that `Lookups` keeps stay valid when a sample is inserted.
-
-        :param parent: the parent in the sample.
-        :param child: the child in the sample.
-        :param is_static: whether the sample is static.
-        :returns: True if `parent` occurs in the history of `child`, and if the history and the
-            sample are both static or both dynamic.
-        """
+        """Return True if the paths that `Lookups` keeps stay valid when a sample is inserted."""
         history = self.histories.get(child)
         return (history is not None and history.is_static is is_static
                 and parent in history.all_parents)
@@ -109,52 +88,40 @@ class FrameTree:
             if isinstance(history, History):
                 self.histories[name] = History(self.cache_time)
 
-    def check(self, name: str, where: str) -> None:
-        """
-        Check that a frame exists.
+    def mend(self) -> None:
+        """Drop the samples of each frame in which a change was interrupted."""
+        for name, history in self.histories.items():
+            if isinstance(history, History) and not history.is_consistent():
+                self.histories[name] = History(self.cache_time)
 
-        :param name: the name of the frame.
-        :param where: the function and its argument, in tf2's words, for the error text.
-        :raises InvalidArgumentException: if the name is empty or begins with a slash.
-        :raises LookupException: if the frame does not exist.
-        :raises TypeError: if the name is not a str.
-        """
+    def release(self) -> None:
+        """Let all histories grow, although a thread that is gone may have used their memory."""
+        for history in self.histories.values():
+            if isinstance(history, History):
+                history.release()
+
+    def check(self, name: str, where: str) -> None:
+        """Raise tf2's error if a frame does not exist; `where` is the place in its text."""
         problem = self._problem(name)
-        if problem == _UNKNOWN:
-            raise LookupException.with_hint(
-                f'"{name}" passed to {where} does not exist. ', self._nearest(name))
+        if problem == texts.UNKNOWN_FRAME:
+            raise with_hint(
+                LookupException(texts.unknown_frame(name, where)), self._nearest(name))
         if problem:
-            raise InvalidArgumentException(
-                f'Invalid argument "{name}" passed to {where} - {problem}')
+            raise InvalidArgumentException(texts.invalid_argument(name, where, problem))
 
     def check_for_lookup(self, **frames: str) -> None:
-        """
-        Check that the frames of a lookup exist.
-
-        :param frames: the names of the frames; each keyword is tf2's name of the argument, such as
-            `target_frame`.
-        :raises InvalidArgumentException: as `check`.
-        :raises LookupException: as `check`.
-        :raises TypeError: as `check`.
-        """
+        """Check frames; each keyword is tf2's name of the argument, such as `target_frame`."""
         for argument, name in frames.items():
             self.check(name, f'lookupTransform argument {argument}')
 
     def check_for_can_transform(self, **frames: str) -> None:
-        """
-        Check that frames exist, with the error texts of tf2's canTransform.
-
-        :param frames: as `check_for_lookup`.
-        :raises TransformException: if a frame does not exist, or if a name is invalid.
-        :raises TypeError: if a name is not a str.
-        """
+        """Check frames as `check_for_lookup`, with the errors of tf2's canTransform."""
         for argument, name in frames.items():
             if problem := self._problem(name):
-                words = (f'Invalid frame ID "{name}" passed to canTransform argument {argument} - '
-                         f'{problem}')
-                if problem != _UNKNOWN:
+                words = texts.invalid_frame_id(name, argument, problem)
+                if problem != texts.UNKNOWN_FRAME:
                     raise TransformException(words)
-                raise TransformException.with_hint(f'{words}. ', self._nearest(name))
+                raise with_hint(TransformException(f'{words}. '), self._nearest(name))
 
     def _nearest(self, name: str) -> Callable[[], str]:
         """Return a function that suggests similar names of frames that exist now."""
@@ -166,39 +133,18 @@ class FrameTree:
         if not isinstance(name, str):
             raise TypeError(f'a frame must be a str, got {name!r} of type {type(name).__name__}')
         if not name:
-            return 'in tf2 frame_ids cannot be empty'
+            return texts.EMPTY_NAME
         if name.startswith('/'):
-            return "in tf2 frame_ids cannot start with a '/'"
-        return None if name in self.histories else _UNKNOWN
+            return texts.LEADING_SLASH
+        return None if name in self.histories else texts.UNKNOWN_FRAME
 
     def path(self, target: str, source: str, time: int) -> Path:
-        """
-        Find the path from a source frame to a target frame at a time.
-
-        :param target: the target frame, which must exist.
-        :param source: the source frame, which must exist.
-        :param time: time (ns); the path follows the parents that the frames had at this time. 0:
-            the path follows the newest parents.
-        :returns: the path.
-        :raises ConnectivityException: if the frames are in different trees.
-        :raises ExtrapolationException: if an edge has no pose at the time.
-        :raises LookupException: if there is a loop, or a chain of more than 1000 edges.
-        """
+        """Find the path at a time (ns; 0: by the newest parents); raise tf2's error."""
         from_source, from_target = self._walk(target, source, time)
         return Path(self._edges(from_source), self._edges(from_target))
 
     def chain(self, target: str, source: str, time: int) -> list[str]:
-        """
-        Return the frames on the path from a source frame to a target frame at a time.
-
-        :param target: as `path`.
-        :param source: as `path`.
-        :param time: as `path`.
-        :returns: the names of the frames, the source frame first.
-        :raises ConnectivityException: as `path`.
-        :raises ExtrapolationException: as `path`.
-        :raises LookupException: as `path`.
-        """
+        """Return the frames on the path that `path` finds, the source frame first."""
         from_source, from_target = self._walk(target, source, time)
         # The highest frame of the path is in neither list. It is the parent of the last frame of
         # each list.
@@ -214,15 +160,11 @@ class FrameTree:
 
     def _walk(self, target: str, source: str, time: int) -> tuple[list[str], list[str]]:
         """
-        Find a path, and return the child frames of its edges.
+        Find a path; return the child frames of its edges up from the source, and from the target.
 
         As in tf2, the search first follows the ancestors of the source, as far as there are data
         for the time, and then the ancestors of the target. If there are several errors, this order
         decides which error is raised.
-
-        :returns: two lists: the frames from the source upwards to the highest frame of the path,
-            and the frames from the target upwards to the same highest frame. Neither list contains
-            the highest frame.
         """
         from_source: list[str] = []
         stopped_at: Optional[str] = None
@@ -258,16 +200,9 @@ class FrameTree:
 
     def latest_common_time(self, target: str, source: str) -> int:
         """
-        Return the latest time for which every dynamic edge on a path has data.
+        Return the latest time (ns) for which every dynamic edge on a path has data; 0 if none.
 
         The path follows the newest parents of the frames.
-
-        :param target: the target frame, which must exist.
-        :param source: the source frame, which must exist.
-        :returns: time (ns); 0 if there is no dynamic edge. If both frames are the same, the result
-            is the newest stamp of this frame.
-        :raises ConnectivityException: if the frames are in different trees.
-        :raises LookupException: if there is a loop, or a chain of more than 1000 edges.
         """
         if source == target:
             history = self.histories[source]
@@ -297,11 +232,6 @@ class FrameTree:
         At each time, the path follows the parents that the frames had at this time. Before its
         first sample and after its last one, a frame has the parent of this sample. So stamps at
         which only some of the edges have data are returned, too.
-
-        :param target: one of the two frames, which must exist.
-        :param source: the other one, which must exist.
-        :returns: (n,) int64: the stamps (ns), in increasing order, each of them once.
-        :raises ConnectivityException: if the frames are in different trees at all times.
         """
         changes = {change for name in self._all_ancestors(target) | self._all_ancestors(source)
                    if isinstance(history := self.histories[name], History)
@@ -328,13 +258,7 @@ class FrameTree:
             frame = parent
 
     def root(self, frame: str) -> str:
-        """
-        Return the root of the tree of a frame; only the newest parents are followed.
-
-        :param frame: the frame, which must exist.
-        :returns: the topmost frame, which has no parent; if the parents form a loop, a frame of
-            this loop.
-        """
+        """Return the root of the tree of a frame; only the newest parents are followed."""
         seen = {frame}
         for _, parent in self._ancestors(frame):
             frame = parent
@@ -349,9 +273,6 @@ class FrameTree:
 
         From the frame upwards, every parent that occurs in a history is followed. So there can be
         several chains of parents. If all chains end within 1000 edges, no chain contains a loop.
-
-        :param frame: the frame, which must exist.
-        :returns: True if all chains end within 1000 edges.
         """
         ancestors = {frame}
         for _ in range(MAX_GRAPH_DEPTH + 1):
@@ -367,11 +288,6 @@ class FrameTree:
         Return True if two frames may be connected at some time.
 
         From both frames upwards, every parent that occurs in a history is followed.
-
-        :param frame: the name of a frame.
-        :param other: the name of another frame.
-        :returns: False if a frame does not exist, or if the frames have no common ancestor.
-        :raises TypeError: if a name is not a str.
         """
         if self._problem(frame) or self._problem(other):
             return False
@@ -393,45 +309,26 @@ class FrameTree:
         if len(chain) > MAX_GRAPH_DEPTH:
             # Copy the edges now, since the text of the error is written later, without the lock.
             edges = self.newest_edges()
-            raise LookupException.with_hint(
-                'The tf tree is invalid because it contains a loop.\n',
+            raise with_hint(
+                LookupException(texts.LOOP),
                 lambda: f'{as_string(edges)}\n{texts.loop_hint(chain)}')
 
     def states(self, until: int = 0) -> list[tuple[str, State]]:
-        """
-        Return the states of the frames that have a parent, in the order of `names`.
-
-        :param until: use only samples up to this time (ns); 0: use all samples.
-        :returns: (frame, state) for each frame with samples; see `history.State`.
-        """
+        """Return the states of the frames with samples up to a time (ns; 0: any), as `names`."""
         return [(name, state) for name, history in self.histories.items()
                 if history is not None and (state := history.state(until)) is not None]
 
     def parents(self, until: int = 0) -> Iterator[tuple[str, str, AnyHistory]]:
-        """
-        Yield each frame that has a parent, together with its newest parent and its history.
-
-        :param until: use only samples up to this time (ns); 0: use all samples.
-        :returns: an iterator over (frame, parent, history).
-        """
+        """Yield each frame of `states` with its newest parent and its history."""
         for name, history in self.histories.items():
             if history is not None and (state := history.state(until)) is not None:
                 yield name, state[0], history
 
     def dump(self) -> dict[str, dict[str, Any]]:
-        """
-        Return all data as lists and dicts.
-
-        :returns: see `BufferCore.dump`.
-        """
         return {name: (history or History(0)).dump() for name, history in self.histories.items()}
 
     def newest_edges(self) -> list[tuple[str, Optional[str]]]:
-        """
-        Return the frames that have had a parent, with their newest parents.
-
-        :returns: (frame, parent) for each frame; the parent is None if the history was cleared.
-        """
+        """Return the frames that have had a parent, each with the newest (None: cleared)."""
         return [(name, history.parent_at(0)) for name, history in self.histories.items()
                 if history is not None]
 
@@ -446,10 +343,9 @@ class FrameTree:
         """
         history = self.histories[frame]
         assert isinstance(history, History)
-        words = texts.extrapolation_words(len(history), history.oldest, history.latest, time)
-        return ExtrapolationException(
-            f'{words}, when looking up transform from frame [{source}] to frame [{target}].'
-            + self._why_not_at(time, target, source, frame))
+        words = texts.extrapolation(
+            len(history), history.oldest, history.latest, time, target, source)
+        return ExtrapolationException(words + self._why_not_at(time, target, source, frame))
 
     def _why_not_at(self, time: int, target: str, source: str, stopped_at: str) -> str:
         """
@@ -484,11 +380,8 @@ class FrameTree:
         """
         Follow the parents of two frames, alternately one step each, until the chains meet.
 
-        :param time: follow the parents that `parent_near` returns for this time (ns); by default,
-            the newest ones.
-        :returns: three values: the chain of frames from the source upwards, the chain of frames
-            from the target upwards, and the frame at which the chains meet (None if they do not
-            meet). A chain is a dict whose keys are the frames.
+        Follow the parents nearest to a time (ns), by default the newest. Return the chain of each
+        frame as the keys of a dict, and the frame at which they meet (or None).
         """
         chains: tuple[dict[str, None], dict[str, None]] = {source: None}, {target: None}
         ends: list[Optional[str]] = [source, target]
@@ -517,8 +410,7 @@ class FrameTree:
 
     def _unconnected(self, target: str, source: str) -> ConnectivityException:
         return ConnectivityException(
-            f"Could not find a connection between '{target}' and '{source}' because they are not "
-            'part of the same tree.Tf has two or more unconnected trees.'  # tf2's words, as is
+            texts.unconnected(target, source)
             + texts.roots_hint(target, self.root(target), source, self.root(source)))
 
 

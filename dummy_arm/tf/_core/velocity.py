@@ -3,33 +3,22 @@
 from math import acos, atan2, floor, hypot, sqrt
 import sys
 
+from dummy_arm.tf._core.composition import compose, inverse
 from dummy_arm.tf._core.lookup import Lookups
-from dummy_arm.tf._core.pose import compose, IDENTITY, inverse, Pose
+from dummy_arm.tf._core.pose import IDENTITY, Pose
 from dummy_arm.tf._core.times import in_seconds, SECOND
 from dummy_arm.tf.exceptions import TransformException
 from dummy_arm.tf.transform import Twist, Vector
 
-#: tf2's shortest time (s) from 0 to the begin of the averaging interval: 0 would mean the latest
-#: time.
-_FIRST = 0.00001
+_FIRST = 0.00001  # the earliest begin (s) of the interval in tf2, since 0 is the latest time
 
 
 def twist(lookups: Lookups, target: str, source: str, time: int, interval: int) -> Twist:
     """
     Compute the velocity of the source frame as seen in the target frame.
 
-    :param lookups: the lookups of a buffer.
-    :param target: the frame in which the velocity is measured and expressed.
-    :param source: the frame that moves.
-    :param time: the middle of the averaging interval (ns); 0: the interval ends at the latest
-        common time.
-    :param interval: the averaging interval (ns). If it begins before the latest common time and
-        ends after this time, it is moved so that it ends at this time.
-    :returns: the velocity of the origin of the source frame (m/s), and the angular velocity of the
-        source frame (rad/s).
-    :raises TransformException: if there is no pose at the beginning or the end of the interval;
-        the class of the error says why.
-    :raises ValueError: if the interval is not positive.
+    `time` is the middle of the averaging interval (ns). If it is 0, or if the latest common time
+    is in the interval, the interval is moved so that it ends at this time.
     """
     if interval <= 0:
         raise ValueError(f'interval must be longer than 0 ns, got {interval}')
@@ -62,18 +51,7 @@ def tf2_velocity(lookups: Lookups, tracking: str, observation: str, reference: s
     angular velocity is added. To move the velocity to the reference point, two vectors are
     multiplied element by element, where a cross product belongs.
 
-    :param lookups: the lookups of a buffer.
-    :param tracking: the frame that moves.
-    :param observation: the frame in which its poses are looked up.
-    :param reference: the frame in which the result is expressed.
-    :param point: x, y, z (m) of the reference point in `point_frame`.
-    :param point_frame: the frame of the reference point.
-    :param time: the middle of the averaging interval (ns).
-    :param interval: the averaging interval (ns); it ends at the latest common time of tracking and
-        observation frame if it would end later.
     :returns: the linear velocity (m/s) and the angular velocity (rad/s).
-    :raises TransformException: if there is no such transform; the class of the error says why.
-    :raises ValueError: if the interval is 0, or is lost when times are rounded to float64.
     """
     try:
         latest = lookups.latest_common_time(observation, tracking)
@@ -119,20 +97,16 @@ def _nanoseconds(seconds: float) -> int:
 
 
 def _rotation(pose: Pose) -> Pose:
-    """Return a pose without its translation."""
     return (0.0, 0.0, 0.0, *pose[3:])
 
 
 def _rotated(pose: Pose, vector: Vector) -> Vector:
-    """Rotate a vector by the rotation of a pose."""
     return compose(_rotation(pose), (*vector, *IDENTITY[3:]))[:3]
 
 
 def _difference(after: Pose, before: Pose) -> Vector:
-    """Return the difference of the translations of two poses."""
     return after[0] - before[0], after[1] - before[1], after[2] - before[2]
 
 
 def _scaled(vector: Vector, factor: float) -> Vector:
-    """Multiply a vector by a number."""
     return vector[0] * factor, vector[1] * factor, vector[2] * factor

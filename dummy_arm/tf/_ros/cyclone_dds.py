@@ -1,10 +1,8 @@
 """
-Find out the gids of publishers with rmw_cyclonedds_cpp.
+The gids of publishers with rmw_cyclonedds_cpp 2.2, which reports other numbers with a message.
 
-rmw_cyclonedds_cpp 2.2 does not report the gid of the publisher with a message. In its place, it
-reports the number under which Cyclone DDS knows the publisher in this process. This module asks
-Cyclone DDS for the gid, by functions that ROS does not expose. test/ros/test_cyclone_dds.py tests
-this module with a stand-in for the library.
+Cyclone DDS knows the publishers in this process under these numbers. This module asks it for the
+gids, by functions that ROS does not expose.
 """
 
 from collections.abc import Callable
@@ -14,7 +12,6 @@ import os
 import sys
 from typing import Optional
 
-#: The identifier of the middleware to which this module applies.
 IDENTIFIER = 'rmw_cyclonedds_cpp'
 _LIBRARY = 'libddsc.so.0'
 #: The number of bytes of a gid, and of a handle. In a message's info, zeros follow the handle.
@@ -25,12 +22,10 @@ _MOST = 10_000
 
 def gid_translator(data: int) -> Optional[Callable[[str], str]]:
     """
-    Create the function that finds out the gids of the publishers of a subscription's messages.
+    Return a function from what is reported with a message to the publisher's gid, both in hex.
 
-    :param data: the address of the struct CddsSubscription of the subscription.
-    :returns: a function from what is reported with a message to the gid of the publisher, both in
-        hex. If the publisher has ended before the first call with its handle, the function returns
-        its argument, which is not the gid of any publisher. None: Cyclone DDS cannot be asked.
+    `data` is the address of the struct CddsSubscription. If the publisher has ended before the
+    first call, the function returns its argument. None: Cyclone DDS cannot be asked.
     """
     try:
         library = ctypes.CDLL(_LIBRARY, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)
@@ -45,12 +40,6 @@ def gid_translator(data: int) -> Optional[Callable[[str], str]]:
     gids: dict[str, str] = {}
 
     def gid_of(reported: str) -> str:
-        """
-        Return the gid of a publisher.
-
-        :param reported: what is reported with a message, in hex.
-        :returns: the gid in hex; `reported` if the publisher has ended.
-        """
         gid = gids.get(reported)
         if gid is None:
             handle = int.from_bytes(bytes.fromhex(reported)[:_HANDLE_SIZE], sys.byteorder)

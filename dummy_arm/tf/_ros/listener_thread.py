@@ -1,33 +1,81 @@
-"""The thread of a listener, which waits for messages and wakes the node's executor."""
+"""The threads of listeners, which end with their nodes."""
 
 import atexit
 from collections.abc import Callable
 from contextlib import suppress
-import os
-from threading import current_thread, Lock, Thread
+from threading import current_thread, Thread
+from threading import enumerate as running_threads
 from time import monotonic
 from typing import Any, NamedTuple, Optional
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.exceptions import InvalidHandle
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.guard_condition import GuardCondition
 from rclpy.node import Node
 from rclpy.subscription import Subscription
+from rclpy.task import Future
 
 from dummy_arm.tf._ros.rclpy_private import guard_condition, RCLError, WaitSet
 
-#: The longest time for which the thread waits (s). The time is short because a signal that shuts
-#: ROS down does not wake the thread.
+#: The longest wait (s): a signal that shuts ROS down does not wake the thread.
 _MAX_WAIT = 0.2
 #: The shortest time (s) between two wake-ups of the executor that are not urgent. A wake-up costs
 #: 0.1 to 0.3 ms.
 _WAKE_INTERVAL = 0.1
-#: The longest time for which `stop` waits for the end of the thread (s). The time is limited,
-#: because the thread may be running a long callback.
+#: The longest time (s) for which `stop` waits: the caller may hold a lock that the thread needs.
 _JOIN_TIMEOUT = 0.5
 
-#: The threads that were started and have not ended.
-_running: set['ListenerThread'] = set()
+
+class NodeThread(Thread):
+    """A thread that ends at `end`, when its node is destroyed, and when Python exits."""
+
+    def __init__(self, node: Node, group: CallbackGroup, on_end: Callable[[], object]) -> None:
+        super().__init__(name=f'tf of {node.get_name()}', daemon=True)
+        self._node, self._on_end = node, on_end
+        self.has_ended = False
+        self._guard = guard_condition(node, group, self.stop)
+
+    def wake(self) -> None:
+        """End the wait of the thread."""
+        raise NotImplementedError
+
+    def end(self) -> None:
+        self._node.destroy_guard_condition(self._guard)  # calls `stop`, but only once
+
+    def stop(self) -> None:
+        """Let the thread end, and wait for its end, but not long."""
+        self.has_ended = True
+        if self.is_alive():  # not so in the child of a fork
+            self.wake()
+            if self is not current_thread():
+                self.join(_JOIN_TIMEOUT)
+
+
+class SpinThread(NodeThread):
+    """A thread that spins a node, as that of tf2_ros, if it is started; `stop` calls `on_end`."""
+
+    def __init__(self, node: Node, group: CallbackGroup, on_end: Callable[[], object]) -> None:
+        super().__init__(node, group, on_end)
+        self._end = Future()
+
+    def wake(self) -> None:
+        if self.has_ended:
+            self._end.set_result(None)
+
+    def stop(self) -> None:
+        super().stop()
+        self._on_end()
+
+    def run(self) -> None:
+        executor = SingleThreadedExecutor(context=self._node.context)
+        try:
+            executor.add_node(self._node)
+            with suppress(ExternalShutdownException):
+                executor.spin_until_future_complete(self._end)
+        finally:
+            executor.remove_node(self._node)
+            executor.shutdown()
 
 
 class Round(NamedTuple):
@@ -38,105 +86,45 @@ class Round(NamedTuple):
     pause: float  #: how long the thread may leave messages of /tf in the queue (s)
 
 
-class ListenerThread:
+class ListenerThread(NodeThread):
     """
-    A thread that calls a function whenever messages arrive.
+    A thread that calls `work` whenever messages arrive, and at least 5 times a second.
 
-    The thread waits for messages, calls the function, and then waits again. It waits with a wait
-    set of rcl that no other thread uses. After a call of the function, the thread may ignore the
-    messages of /tf for some time, so that the next call handles several messages. This time is
-    called a pause. The thread ends when `end` or `stop` is called, when the node is destroyed, or
-    when ROS is shut down.
+    It waits with a wait set of its own. In a pause, messages of /tf do not wake it, so that the
+    next call handles several of them. It calls `on_end` at its end.
     """
 
     def __init__(self, node: Node, group: CallbackGroup, tf_static: Subscription,
-                 tf: Optional[Subscription],
-                 work: Callable[[], Round], on_end: Callable[[], object],
-                 is_blocked: Callable[[], bool], clock: Callable[[], float] = monotonic) -> None:
-        """
-        Create the thread; `start` starts it.
-
-        :param node: the node of the subscriptions; the executor that spins the node is woken.
-        :param group: the callback group of the guard condition that wakes the executor.
-        :param tf_static: the subscription to /tf_static, whose messages always wake the thread.
-        :param tf: the subscription to /tf, whose messages do not wake the thread during a pause;
-            None: there is no such subscription.
-        :param work: the function that the thread calls when messages have arrived, and at least 5
-            times per second. It returns a `Round`.
-        :param on_end: a function that the thread calls at its end. If the thread was never
-            started, `stop` calls this function.
-        :param is_blocked: a function that `stop` calls. It returns True if the thread that calls
-            `stop` holds a lock that the ListenerThread needs in order to end.
-        :param clock: a function that returns the time (s).
-        """
-        self._node, self._context, self._clock = node, node.context, clock
-        self._tf_static, self._tf = tf_static, tf
-        self._work, self._on_end, self._is_blocked = work, on_end, is_blocked
+                 tf: Optional[Subscription], work: Callable[[], Round],
+                 on_end: Callable[[], object], clock: Callable[[], float] = monotonic) -> None:
         self._wake = GuardCondition(None, None, context=node.context)
-        self._guard = guard_condition(node, group, self.stop)
-        self.has_ended = self._is_wake_pending = False
+        super().__init__(node, group, on_end)
+        self._clock, self._work = clock, work
+        self._tf_static, self._tf = tf_static, tf
+        self._is_wake_pending = False
         self._next_wake = 0.0
-        #: Acquired by the first call of `start` or `stop`, and never released.
-        self._once = Lock()
-        self._thread = Thread(target=self._run, name=f'tf of {node.get_name()}', daemon=True)
-
-    def start(self) -> None:
-        """Start the thread, unless it was started or stopped before."""
-        if self._once.acquire(blocking=False):
-            _running.add(self)
-            self._thread.start()
 
     def wake(self) -> None:
-        """End the wait of the thread, so that the thread calls its function now."""
         with suppress(InvalidHandle, RCLError):  # if the thread ends at this moment
             self._wake.trigger()
 
-    def _wake_executor(self) -> None:
-        """Wake the executor that spins the node."""
-        self._is_wake_pending = False
-        self._next_wake = self._clock() + _WAKE_INTERVAL
-        self._guard.trigger()
-
-    def end(self) -> None:
-        """Stop the thread; any thread may call this method, even several times."""
-        self._node.destroy_guard_condition(self._guard)  # calls `stop`, but only once
-
-    def stop(self) -> None:
-        """
-        Stop the thread and join it.
-
-        The thread is not joined if the thread itself calls this method, or if the caller holds a
-        lock that the thread needs in order to end.
-        """
-        self.has_ended = True
-        if self._once.acquire(blocking=False):
-            self._on_end()
-            return
-        if self not in _running:
-            return
-        self.wake()
-        if self._thread is not current_thread() and not self._is_blocked():
-            self._thread.join(_JOIN_TIMEOUT)
-
-    def _run(self) -> None:
+    def run(self) -> None:
         try:
             tf = self._tf or self._tf_static
             with self._wake.handle, self._tf_static.handle, tf.handle:
                 self._listen()
         except (InvalidHandle, RCLError):
-            if not self.has_ended and self._context.ok():
+            if not self.has_ended and self._node.context.ok():
                 raise
         finally:
             self.has_ended = True
-            # Wake the executor: Ctrl-C shuts ROS down, but does not always wake an executor that
-            # is spinning.
+            # Ctrl-C shuts ROS down, but does not always wake an executor that is spinning.
             with suppress(InvalidHandle, RCLError):
                 self._guard.trigger()
             self._on_end()
-            _running.discard(self)
 
     def _listen(self) -> None:
-        context = self._context.handle
+        context = self._node.context.handle
         assert context is not None  # a context with a node has a handle
         wait_set = WaitSet(2, 1, 0, 0, 0, 0, context)
         pause = 0.0
@@ -147,7 +135,9 @@ class ListenerThread:
             has_news, is_urgent, pause = self._work()
             self._is_wake_pending |= has_news
             if is_urgent or (self._is_wake_pending and self._clock() >= self._next_wake):
-                self._wake_executor()
+                self._is_wake_pending = False
+                self._next_wake = self._clock() + _WAKE_INTERVAL
+                self._guard.trigger()
 
     def _wait(self, wait_set: Any, pause: float) -> None:
         wait_set.clear_entities()
@@ -161,23 +151,12 @@ class ListenerThread:
         wait_set.wait(int(limit * 1e9))
 
 
-def _after_fork_in_child() -> None:
-    """Mark all listener threads as ended, because they do not run in the child process."""
-    for thread in _running:
-        thread.has_ended = True
-    _running.clear()
-
-
-if hasattr(os, 'register_at_fork'):  # not on Windows
-    os.register_at_fork(after_in_child=_after_fork_in_child)
-
-
 @atexit.register
 def _stop_all() -> None:
     """Stop all threads at exit, because a thread that still waits in rcl aborts the process."""
-    running = list(_running)
-    for thread in running:
+    threads = [each for each in running_threads() if isinstance(each, NodeThread)]
+    for thread in threads:
         thread.has_ended = True
         thread.wake()
-    for thread in running:
+    for thread in threads:
         thread.stop()

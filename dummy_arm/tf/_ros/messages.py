@@ -1,8 +1,4 @@
-"""
-The types TFMessage and FrameGraph of tf2_msgs.
-
-If tf2_msgs is not installed, TFMessage is created at run time, and FrameGraph is None.
-"""
+"""The types TFMessage and FrameGraph; without tf2_msgs, made at run time, and None."""
 
 from importlib.util import find_spec
 from pathlib import Path

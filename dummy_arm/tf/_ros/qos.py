@@ -12,14 +12,7 @@ from dummy_arm.tf._ros.messages import TFMessage
 
 
 def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) -> QoSProfile:
-    """
-    Return the QoS profile for an argument that is a profile, a depth or None.
-
-    :param qos: a profile, which is returned unchanged, or a depth. None means the default depth.
-    :param depth: the default depth.
-    :param policies: further arguments of `QoSProfile`; not used if `qos` is a profile.
-    :returns: the profile.
-    """
+    """Return a profile for an argument that is a profile, a depth or None: the default depth."""
     if qos is None or isinstance(qos, int):
         return QoSProfile(depth=depth if qos is None else qos, **policies)
     return qos
@@ -27,24 +20,13 @@ def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) 
 
 def create_publisher(node: Node, topic: str, qos: QoSProfile) -> Publisher:
     """
-    Create a publisher of TFMessages that warns of incompatible subscriptions.
+    Create a publisher of TFMessages that warns of incompatible subscriptions, as rclpy does.
 
-    The text of the warning is that of rclpy. But rclpy would warn of each such subscription, and
-    this publisher warns at most once a second, as the listener does of incompatible publishers.
-
-    :param node: the node that publishes; its remappings apply.
-    :param topic: the name of the topic.
-    :param qos: the profile of the publisher.
-    :returns: the publisher.
+    But it warns at most once a second, and rclpy warns of each subscription.
     """
     log, name = ThrottledLog(), node.resolve_topic_name(topic)
 
     def warn(event: Any) -> None:
-        """
-        Warn of the newest incompatible subscription, unless a warning was logged just before.
-
-        :param event: what rclpy reports about the incompatible subscriptions.
-        """
         if log.is_due('QoS', 1.0):
             node.get_logger().warning(
                 f"New subscription discovered on topic '{name}', requesting incompatible QoS. "

@@ -19,63 +19,41 @@ from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import cdr
 
-#: True if the environment variable ROS_PYTHON_CHECK_FIELDS is '1'. Then messages check the values
-#: that are assigned to their fields.
+#: True if ROS_PYTHON_CHECK_FIELDS is '1': messages check the values of their fields.
 _CHECK_FIELDS: bool = TransformStamped()._check_fields
 
-#: The path and the kind of each field of a TransformStamped. The kind of a number is its `struct`
-#: format. The kind of any other field is its class.
+#: The path and the kind of each field: the `struct` format of a number, the class of others.
 _FIELDS: tuple[tuple[str, Union[type, str]], ...] = (
     ('header', Header), ('header.stamp', Time),
     ('header.stamp.sec', 'i'), ('header.stamp.nanosec', 'I'), ('header.frame_id', str),
     ('child_frame_id', str), ('transform', Transform), ('transform.translation', Vector3),
     *((f'transform.translation.{axis}', 'd') for axis in 'xyz'),
     ('transform.rotation', Quaternion), *((f'transform.rotation.{axis}', 'd') for axis in 'xyzw'))
-#: The errors that can be raised when a message with a wrong value in a field is read or packed.
+#: The errors that a wrong value in a field can raise.
 _FIELD_ERRORS = (ArithmeticError, AttributeError, TypeError, struct.error)
 _KINDS = {'i': 'an int32', 'I': 'a uint32', 'd': 'a number'}
 
 
 def serialize(transforms: Iterable[TransformStamped]) -> bytes:
-    """
-    Pack transforms into the bytes of a TFMessage.
-
-    :param transforms: the transforms of the message.
-    :returns: the bytes.
-    :raises TypeError: if an element is not a TransformStamped.
-    :raises ValueError: if the value of a field does not fit the type of the field.
-    """
+    """Pack transforms into the bytes of a TFMessage; raise a ValueError that names a bad field."""
     messages = list(transforms)
     with explain_bad_fields(messages):
         return cdr.pack_fields(map(fields_of, messages))
 
 
 def deserialize(data: bytes) -> list[TransformStamped]:
-    """
-    Unpack the bytes of a TFMessage into transforms.
-
-    :param data: the bytes.
-    :returns: the transforms of the message.
-    :raises MalformedMessage: if the bytes are not those of a TFMessage.
-    """
+    """Unpack the bytes of a TFMessage, or raise a MalformedMessage."""
     return [*map(message_of_fields, cdr.fields(data))]
 
 
 def row_of(message: TransformStamped) -> Row:
-    """
-    Read a TransformStamped, without checks of its values.
-
-    :param message: the message.
-    :returns: the stamp (ns), frame_id, child_frame_id and pose of the message.
-    :raises TypeError: if `message` is not a TransformStamped.
-    """
+    """Read a TransformStamped, without checks of its values; the stamp may be a Time of rclpy."""
     try:
         sec, nanosec, frame_id, child_frame_id, pose = fields_of(message)
     except AttributeError:
         stamp = getattr(message.header, 'stamp', None)
         if not isinstance(stamp, ClockTime):
             raise
-        # As in tf2_py, the stamp may be a Time of rclpy.
         message = copy(message)
         message.header = Header(stamp=stamp.to_msg(), frame_id=message.header.frame_id)
         return row_of(message)
@@ -83,19 +61,11 @@ def row_of(message: TransformStamped) -> Row:
 
 
 def fields_of(message: TransformStamped) -> cdr.Fields:
-    """
-    Read the fields of a TransformStamped, without checks of their values.
-
-    :param message: the message.
-    :returns: sec, nanosec, frame_id, child_frame_id and pose. The pose is a tuple of x, y, z (m)
-        and the quaternion x, y, z, w.
-    :raises TypeError: if `message` is not a TransformStamped.
-    """
+    """Read the fields of a TransformStamped, without checks of their values."""
     if not isinstance(message, TransformStamped):
         raise TypeError(
             f'expected a TransformStamped, got {message!r} of type {type(message).__name__}')
-    # The slots (`_header`) are read instead of the properties (`header`), because the properties
-    # would double the time of a conversion.
+    # The slots are read, because the properties would double the time of a conversion.
     header, transform = message._header, message._transform
     stamp, translation, rotation = header._stamp, transform._translation, transform._rotation
     return (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
@@ -104,15 +74,6 @@ def fields_of(message: TransformStamped) -> cdr.Fields:
 
 
 def message_of(row: Row) -> TransformStamped:
-    """
-    Create a TransformStamped from a row; see `message_of_fields`.
-
-    :param row: stamp (ns), frame_id, child_frame_id and pose.
-    :returns: the message.
-    :raises TypeError: as in `message_of_fields`.
-    :raises ValueError: as in `message_of_fields`.
-    :raises OverflowError: as in `message_of_fields`.
-    """
     stamp_ns, frame_id, child_frame_id, pose = row
     return message_of_fields((*divmod(stamp_ns, SECOND), frame_id, child_frame_id, pose))
 
@@ -121,17 +82,9 @@ def message_of_fields(fields: cdr.Fields) -> TransformStamped:
     """
     Create a TransformStamped from its fields.
 
-    The values are assigned to the slots of the messages, because the constructors would take ten
-    times as long. The numbers of the pose are converted to float, because rclpy's compiled code
-    does not check what is in a slot. If the slot of a float64 field contained an int, the compiled
-    code would send a wrong value.
-
-    :param fields: sec, nanosec, frame_id, child_frame_id and pose. The pose is a tuple of x, y, z
-        (m) and the quaternion x, y, z, w.
-    :returns: the message.
-    :raises TypeError: if a value in the pose is of a type that `float` does not accept.
-    :raises ValueError: if a value in the pose is a str that `float` cannot parse.
-    :raises OverflowError: if an integer in the pose is too large for a float.
+    The values are assigned to slots, because the constructors would take ten times as long. The
+    numbers are converted to float, because rclpy's compiled code would send a wrong value for an
+    int in the slot of a float64.
     """
     message, header, stamp = _new(TransformStamped), _new(Header), _new(Time)
     transform, translation, rotation = _new(Transform), _new(Vector3), _new(Quaternion)
@@ -140,7 +93,7 @@ def message_of_fields(fields: cdr.Fields) -> TransformStamped:
     transform._translation, transform._rotation = translation, rotation
     (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
      (x, y, z, qx, qy, qz, qw)) = fields
-    # The assignments are written out, because a loop would take ten times as long.
+    # A loop would take ten times as long.
     translation._x, translation._y, translation._z = float(x), float(y), float(z)
     rotation._x, rotation._y, rotation._z = float(qx), float(qy), float(qz)
     rotation._w = float(qw)
@@ -156,20 +109,14 @@ def _new(message_type: type) -> Any:
 
 class explain_bad_fields:  # noqa: N801
     """
-    A context manager that names the field that has caused an error.
+    A context manager that replaces errors by a ValueError that names the bad field.
 
-    If a field with a wrong value has caused an error in the `with` block, the error is replaced by
-    a ValueError that names the field and its value. Other errors are not changed.
+    Errors stay as they are if no field of the transforms has a wrong value.
     """
 
     def __init__(self, messages: Sequence[TransformStamped], accepts_clock_time: bool = False
                  ) -> None:
-        """
-        Create the context manager.
-
-        :param messages: the transforms that are read or packed in the `with` block.
-        :param accepts_clock_time: whether a stamp may be a Time of rclpy, as in `row_of`.
-        """
+        """Take the messages; `accepts_clock_time`: a stamp may be a Time of rclpy."""
         self._messages, self._accepts_clock_time = messages, accepts_clock_time
 
     def __enter__(self) -> None:
@@ -186,7 +133,7 @@ class explain_bad_fields:  # noqa: N801
 
 
 def _bad_field(message: TransformStamped, accepts_clock_time: bool) -> Optional[str]:
-    """Describe the first field with a wrong value; return None if there is no such field."""
+    """Describe the first field with a wrong value."""
     is_clock_time = accepts_clock_time and isinstance(
         getattr(message.header, 'stamp', None), ClockTime)
     for path, kind in _FIELDS:
@@ -202,7 +149,6 @@ def _bad_field(message: TransformStamped, accepts_clock_time: bool) -> Optional[
 
 
 def _fits(value: object, kind: Union[type, str]) -> bool:
-    """Return True if a field of this kind may have this value; see `_FIELDS` for the kinds."""
     if isinstance(kind, type):
         return isinstance(value, kind)
     try:
@@ -214,24 +160,11 @@ def _fits(value: object, kind: Union[type, str]) -> bool:
 
 def as_list(transform: Union[TransformStamped, Iterable[TransformStamped]]
             ) -> list[TransformStamped]:
-    """
-    Return one transform, or the transforms of an iterable, as a list.
-
-    :param transform: a transform, or an iterable of transforms.
-    :returns: the list.
-    """
     return list(transform) if isinstance(transform, Iterable) else [transform]
 
 
 def fields_to_send(messages: Iterable[TransformStamped]) -> list[cdr.Fields]:
-    """
-    Read and check transforms that are to be broadcast.
-
-    :param messages: the transforms.
-    :returns: the fields of each transform, as `fields_of` returns them.
-    :raises TypeError: if an element is not a TransformStamped.
-    :raises ValueError: if a name or a pose is not valid; see `check_edge` and `check_pose`.
-    """
+    """Read and check transforms that are to be broadcast."""
     transforms = []
     for message in messages:
         fields = fields_of(message)
@@ -243,13 +176,7 @@ def fields_to_send(messages: Iterable[TransformStamped]) -> list[cdr.Fields]:
 
 @lru_cache(maxsize=4096)
 def check_edge(frame_id: str, child_frame_id: str) -> None:
-    """
-    Check the frame names of a transform before it is broadcast; leading slashes are ignored.
-
-    :param frame_id: the name of the parent.
-    :param child_frame_id: the name of the child.
-    :raises ValueError: if a name is empty, or both names are the same.
-    """
+    """Raise a ValueError if a frame has no name, or both are the same, but for leading slashes."""
     parent, child = frame_id.removeprefix('/'), child_frame_id.removeprefix('/')
     if not parent or not child:
         field = 'child_frame_id' if parent else 'header.frame_id'
@@ -262,14 +189,7 @@ def check_edge(frame_id: str, child_frame_id: str) -> None:
 
 
 def check_pose(frame_id: str, child_frame_id: str, pose: Sequence[float]) -> None:
-    """
-    Check a pose that is to be broadcast.
-
-    :param frame_id: the name of the parent, for the text of the error.
-    :param child_frame_id: the name of the child, for the text of the error.
-    :param pose: x, y, z (m) and the quaternion x, y, z, w.
-    :raises ValueError: if a number is not finite, or the quaternion cannot be normalised.
-    """
+    """Raise a ValueError if a number is not finite, or the quaternion cannot be normalised."""
     x, y, z, qx, qy, qz, qw = pose
     norm_squared = qx * qx + qy * qy + qz * qz + qw * qw
     is_rotation = 0.0 < norm_squared < math.inf
@@ -286,13 +206,7 @@ def check_pose(frame_id: str, child_frame_id: str, pose: Sequence[float]) -> Non
 
 
 def check_poses(edges: Sequence[tuple[str, str]], poses: NDArray[np.float64]) -> None:
-    """
-    Check many poses at once, each as `check_pose` does.
-
-    :param edges: the pair (frame_id, child_frame_id) of each of the n poses.
-    :param poses: (n, 7) float64, n > 0: x, y, z (m) and the quaternion x, y, z, w of each pose.
-    :raises ValueError: if a pose is not valid; the text names the first such pose.
-    """
+    """Check many poses, (n, 7) float64 with n > 0, as `check_pose` does."""
     rotations = poses[:, 3:]
     with np.errstate(over='ignore', invalid='ignore'):
         norms_squared = np.einsum('ij,ij->i', rotations, rotations)

@@ -3,8 +3,8 @@ The C structs of rosidl that describe a message type, with their layout in ROS 2
 
 The structs are declared in rosidl_runtime_c/message_type_support_struct.h,
 rosidl_runtime_c/type_description/*.h, rosidl_typesupport_fastrtps_cpp/message_type_support.h and
-rosidl_typesupport_introspection_c/message_introspection.h. Only the module `type_support` uses
-the structs. Compare the structs with these headers before you support another distribution of ROS.
+rosidl_typesupport_introspection_c/message_introspection.h. Compare them with these headers before
+you support another distribution of ROS.
 """
 
 import ctypes
@@ -18,12 +18,7 @@ class String(ctypes.Structure):
 
     @classmethod
     def of(cls, text: str) -> 'String':
-        """
-        Create the struct from a Python string.
-
-        :param text: the Python string.
-        :returns: the struct. Python frees the bytes of the struct, so C code must not free them.
-        """
+        """Create the struct; Python owns its bytes, so C must not free them."""
         data = text.encode()
         return cls(data, len(data), len(data) + 1)
 
@@ -32,27 +27,18 @@ class String(ctypes.Structure):
 
 
 def sequence_of(element: type) -> type:
-    """
-    Create the ctypes class for a rosidl sequence.
-
-    :param element: the class of the elements.
-    :returns: the class. A loop over an object of this class yields the elements of the sequence.
-    """
+    """Create the ctypes class for a rosidl sequence."""
     fields = [('data', POINTER(element)), ('size', c_size_t), ('capacity', c_size_t)]
     return type(f'{element.__name__}Sequence', (ctypes.Structure,), {
         '_fields_': fields, '__iter__': lambda self: (self.data[i] for i in range(self.size))})
 
 
 class FieldType(ctypes.Structure):
-    """The type of a field."""
-
     _fields_ = [('type_id', c_uint8), ('capacity', c_uint64), ('string_capacity', c_uint64),
                 ('nested_type_name', String)]
 
 
 class Field(ctypes.Structure):
-    """A field of a message."""
-
     _fields_ = [('name', String), ('type', FieldType), ('default_value', String)]
 
 
@@ -60,8 +46,6 @@ Fields = sequence_of(Field)
 
 
 class IndividualTypeDescription(ctypes.Structure):
-    """The description of one type, without the descriptions of the types of its fields."""
-
     _fields_ = [('type_name', String), ('fields', Fields)]
 
 
@@ -69,15 +53,11 @@ IndividualTypeDescriptions = sequence_of(IndividualTypeDescription)
 
 
 class TypeDescription(ctypes.Structure):
-    """The description of a type, and of all types to which this type refers."""
-
     _fields_ = [('type_description', IndividualTypeDescription),
                 ('referenced_type_descriptions', IndividualTypeDescriptions)]
 
 
 class TypeSource(ctypes.Structure):
-    """The file that defines a type."""
-
     _fields_ = [('type_name', String), ('encoding', String), ('raw_file_contents', String)]
 
 

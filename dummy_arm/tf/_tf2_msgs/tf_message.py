@@ -1,17 +1,10 @@
 """
 The class `tf2_msgs/msg/TFMessage`, created at run time where tf2_msgs is not installed.
 
-A generated message class has compiled functions of two kinds. rclpy calls functions that convert
-a message between Python and C. The middleware calls functions that convert a message between C and
-bytes. The functions that the middleware calls cannot be written in Python, for two reasons:
-
-- Fast DDS holds a lock of its own while it calls such a function. A Python function would wait for
-  the GIL meanwhile, so two threads that publish could deadlock.
-- If Ctrl-C interrupts a Python function that C calls through ctypes, the result of the function is
-  undefined.
-
-Therefore rclpy exchanges a TFMessage with the middleware as bytes. See `install` in
-`_ros/rclpy_private.py`.
+The functions with which the middleware converts a message to bytes cannot be written in Python.
+Fast DDS holds a lock while it calls them, and they would wait for the GIL: a deadlock. And Ctrl-C
+in a function that C calls through ctypes makes its result undefined. So rclpy exchanges a
+TFMessage with the middleware as bytes; see `install` in `_ros/rclpy_private.py`.
 """
 
 from collections.abc import Collection
@@ -22,7 +15,7 @@ from rosidl_parser.definition import NamespacedType, UnboundedSequence
 
 from dummy_arm.tf._tf2_msgs import type_support
 
-#: The default of `check_fields`; it is the same as in generated messages.
+#: As in generated messages.
 _CHECK_FIELDS: bool = TransformStamped()._check_fields
 
 
@@ -41,7 +34,7 @@ class Metaclass_TFMessage(type):  # noqa: N801
 
 
 class TFMessage(metaclass=Metaclass_TFMessage):
-    """Message class 'TFMessage', with the interface of a generated message class."""
+    """The message, with the interface of a generated message class."""
 
     __slots__ = ['_transforms', '_check_fields']
 
@@ -51,15 +44,6 @@ class TFMessage(metaclass=Metaclass_TFMessage):
         UnboundedSequence(NamespacedType(['geometry_msgs', 'msg'], 'TransformStamped')),)
 
     def __init__(self, **kwargs: Any) -> None:
-        """
-        Create a message.
-
-        :param kwargs: `transforms` is a set or sequence of TransformStamped (default: empty).
-            `check_fields` is True if the values that are assigned to fields are to be checked
-            (default: as in generated messages).
-        :raises AssertionError: if `check_fields` is True and an argument has a wrong name or a
-            wrong type.
-        """
         self._check_fields = kwargs.pop('check_fields', _CHECK_FIELDS)
         if self._check_fields:
             unknown = sorted(kwargs.keys() - self._fields_and_field_types.keys())
@@ -74,16 +58,10 @@ class TFMessage(metaclass=Metaclass_TFMessage):
 
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]:
-        """
-        Return the names and types of the fields.
-
-        :returns: a dict from the name of each field to its type.
-        """
         return cls._fields_and_field_types.copy()
 
     @property
     def transforms(self) -> Any:
-        """Message field 'transforms'."""
         return self._transforms
 
     @transforms.setter

@@ -116,12 +116,7 @@ def _description_of(handle: TypeSupport) -> tuple[TypeDescription, Iterable[Type
 def _hash_of(description: TypeDescription) -> bytes:
     """Compute the hash of a type description: the SHA-256 of its canonical JSON (REP-2011)."""
     def plain(individual: IndividualTypeDescription) -> dict[str, Any]:
-        """
-        Convert a description to dicts and lists, with the keys in the order of REP-2011.
-
-        :param individual: the description of one type.
-        :returns: the dict that is written as JSON.
-        """
+        """Convert a description to dicts and lists, with the keys in the order of REP-2011."""
         return {'type_name': str(individual.type_name), 'fields': [
             {'name': str(field.name), 'type': {
                 'type_id': field.type.type_id, 'capacity': field.type.capacity,

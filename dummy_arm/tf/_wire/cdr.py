@@ -3,14 +3,12 @@ Serialisation of `tf2_msgs/msg/TFMessage` in CDR.
 
 A message is in plain CDR (XCDR1), as every RMW of Jazzy sends it:
 
-    00 01 00 00          encapsulation: 00 00 (big-endian) or 00 01 (little-endian); then two bytes
-                         of options
+    00 01 00 00          00 00 (big-endian) or 00 01 (little-endian), two bytes of options
     uint32               number of transforms. Positions are counted from the start of this field.
     for each transform:
       int32, uint32      stamp: seconds, nanoseconds; begins at the next multiple of 4
       string, string     frame_id, child_frame_id. Each begins at the next multiple of 4 with the
-                         length (uint32, in bytes, including the NUL). The name in UTF-8 and a NUL
-                         follow.
+                         length (uint32, bytes with the NUL); the name in UTF-8 and a NUL follow
       float64 x 3        translation x y z (m); begins at the next multiple of 8
       float64 x 4        rotation, quaternion x y z w
 """
@@ -27,8 +25,7 @@ from dummy_arm.tf._core.times import SECOND
 
 _ENCAPSULATION = b'\x00\x01\x00\x00'
 _BYTE_ORDER = {b'\x00\x00': '>', b'\x00\x01': '<'}
-#: The position of the first frame_id, counted from the first byte of the message.
-_FIRST_NAME = 16
+_FIRST_NAME = 16  # where the first frame_id begins
 _SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + POSE_BYTES
 _pack_stamp = struct.Struct('<iI').pack
 _pack_pose = struct.Struct('<7d').pack
@@ -58,32 +55,16 @@ def _pack_names(frame_id: str, child_frame_id: str, position: int) -> bytes:
     return packed
 
 
-#: The fields of one transform: sec, nanosec, frame_id, child_frame_id, pose. In received messages,
-#: nanosec may be 10**9 or more.
+#: sec, nanosec (which may be received as 10**9 or more), frame_id, child_frame_id, pose.
 Fields = tuple[int, int, str, str, Pose]
 
 
 def pack(rows: Iterable[Row]) -> bytes:
-    """
-    Serialise transforms to the bytes of one message.
-
-    :param rows: the transforms.
-    :returns: the message, little-endian.
-    :raises ValueError: as `pack_fields`, and if the seconds of a stamp do not fit an int32.
-    :raises struct.error: as `pack_fields`.
-    """
     return pack_fields((*split_stamp(row.stamp_ns), *row[1:]) for row in map(Row._make, rows))
 
 
 def pack_fields(transforms: Iterable[Fields]) -> bytes:
-    """
-    Serialise the fields of transforms to the bytes of one message.
-
-    :param transforms: the fields of each transform.
-    :returns: the message, little-endian.
-    :raises ValueError: if a frame id contains a NUL or is not valid Unicode.
-    :raises struct.error: if a value is not a number or does not fit its field.
-    """
+    """Serialise transforms; raise a ValueError for a bad name, a struct.error for a bad value."""
     parts = []
     position = 4
     for sec, nanosec, frame_id, child_frame_id, pose in transforms:
@@ -96,41 +77,19 @@ def pack_fields(transforms: Iterable[Fields]) -> bytes:
 
 
 def unpack(data: bytes) -> list[Row]:
-    """
-    Deserialise a message.
-
-    :param data: the message, of either byte order.
-    :returns: the transforms.
-    :raises MalformedMessage: as `fields`.
-    :raises TypeError: as `fields`.
-    """
     return list(rows(data))
 
 
 def rows(data: bytes) -> Iterator[Row]:
-    """
-    Deserialise a message, one transform after the other.
-
-    :param data: the message, of either byte order.
-    :returns: an iterator over the transforms.
-    :raises MalformedMessage: as `fields`.
-    :raises TypeError: as `fields`.
-    """
     for sec, nanosec, frame_id, child_frame_id, pose in fields(data):
         yield Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
 
 
 def fields(data: bytes) -> Iterator[Fields]:
     """
-    Deserialise a message, one transform after the other.
+    Deserialise a message of either byte order; the iteration may raise MalformedMessage.
 
-    Bytes after the last transform are ignored, as in Fast DDS. Errors are raised during the
-    iteration.
-
-    :param data: the message, of either byte order.
-    :returns: an iterator over the fields of each transform.
-    :raises MalformedMessage: if the bytes end too early or are in another encoding.
-    :raises TypeError: if `data` is not bytes.
+    Bytes after the last transform are ignored, as in Fast DDS.
     """
     if not isinstance(data, bytes):
         raise TypeError(f'expected bytes, got {type(data).__name__}')
@@ -176,13 +135,7 @@ def _text(field: bytes) -> str:
 
 
 def split_stamp(stamp_ns: int) -> tuple[int, int]:
-    """
-    Split a time into seconds and nanoseconds.
-
-    :param stamp_ns: time (ns).
-    :returns: sec and nanosec, as in a ROS stamp.
-    :raises ValueError: if the seconds do not fit the int32 of a ROS stamp.
-    """
+    """Split a time (ns) into sec and nanosec; raise a ValueError if sec does not fit an int32."""
     sec, nanosec = divmod(stamp_ns, SECOND)
     if not -2**31 <= sec < 2**31:
         raise ValueError(f'a stamp must be from -2**31 to 2**31 - 1 seconds, got {stamp_ns} ns')
@@ -190,20 +143,9 @@ def split_stamp(stamp_ns: int) -> tuple[int, int]:
 
 
 class MessageTemplate:
-    """
-    A template for the fast serialisation of messages with the same frames.
-
-    Each transform ends at a multiple of 8 bytes, counted from the end of the encapsulation. So
-    numpy can treat the bytes after the encapsulation as an array of float64.
-    """
+    """Packs messages with the same frames as an array of float64, to which poses are aligned."""
 
     def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
-        """
-        Create the template.
-
-        :param edges: (frame_id, child_frame_id) of each of the n transforms, n >= 1.
-        :raises ValueError: if a frame id contains a NUL or is not valid Unicode.
-        """
         lengths = [len(_pack_names(parent, child, 0 if i else 4)) + 8
                    for i, (parent, child) in enumerate(edges)]
         ends = 4 + np.cumsum(np.array(lengths) + 56)
@@ -213,15 +155,7 @@ class MessageTemplate:
         self._sec_at = (ends - 56 - lengths) // 4
 
     def pack(self, stamp_ns: int, poses: ArrayLike) -> bytes:
-        """
-        Serialise a message in which all transforms have the same stamp.
-
-        :param stamp_ns: time (ns).
-        :param poses: (n, 7) float64: x, y, z (m), quaternion x, y, z, w.
-        :returns: the message, little-endian.
-        :raises ValueError: if the shape of `poses` is not (n, 7), or if the seconds of the stamp
-            do not fit an int32.
-        """
+        """Serialise n poses, (n, 7) float64, with one stamp; a ValueError names what is wrong."""
         sec, nanosec = split_stamp(stamp_ns)
         values: NDArray[np.float64] = np.asarray(poses, np.float64)
         if values.shape != self._poses_at.shape:
@@ -237,14 +171,10 @@ class MessageTemplate:
 
 def key(data: bytes) -> bytes:
     """
-    Return a key that depends only on the two names of the first transform.
+    Return the bytes of the two names of the first transform.
 
-    So messages with the same frames have the same key. Two messages with different frames may have
-    the same key, too.
-
-    :param data: a little-endian message.
-    :returns: the bytes of these two names. If a name is longer than 254 bytes, the key is only a
-        part of these bytes. If the message is too short, the key is b''.
+    They are the same in messages with the same frames. If a name is longer than 254 bytes, they
+    are a part of the names.
     """
     try:
         end = _FIRST_NAME + 7 + data[_FIRST_NAME] & ~3
@@ -254,13 +184,7 @@ def key(data: bytes) -> bytes:
 
 
 def header_frame(data: bytes) -> str:
-    """
-    Return the frame_id of a message that begins with a std_msgs/Header.
-
-    :param data: the message, of either byte order.
-    :returns: the frame_id.
-    :raises struct.error: if the bytes end too early.
-    """
+    """Return the frame_id of a message that begins with a std_msgs/Header; or a struct.error."""
     # The header begins with the stamp (8 bytes), after the encapsulation (4 bytes).
     (length,) = struct.unpack_from(f'{_BYTE_ORDER.get(data[:2], "<")}I', data, 12)
     if 16 + length > len(data):
@@ -268,24 +192,16 @@ def header_frame(data: bytes) -> str:
     return _text(data[16:16 + length])
 
 
-#: The type of the seconds of a stamp, for numpy.
-SECONDS = '<i4'
-#: Unpack the eight bytes of a stamp to sec and nanosec.
-unpack_stamp = struct.Struct('<iI').unpack
-#: The first two bytes of a little-endian message.
+STAMP = '<iI'
 HEAD = _ENCAPSULATION[:2]
 
 
 def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     """
-    Return the layout of little-endian messages with certain frames.
+    Return the format of little-endian messages, for `struct`, and the bytes of the 2 n names.
 
-    :param edges: (frame_id, child_frame_id) of each of the n transforms.
-    :returns: a format and a list. The format is for the module `struct`. Its fields are the head,
-        the number of transforms, and four fields of bytes for each transform: the stamp, the two
-        names and the pose. The list has the bytes of the 2 n names, as they are in the message:
-        length, UTF-8 and NUL.
-    :raises ValueError: if a frame id contains a NUL or is not valid Unicode.
+    Its fields are the head, the number of transforms, and four fields of bytes for each transform:
+    the stamp, the two names and the pose.
     """
     struct_format = '<2s2xI'
     position = 4

@@ -1,5 +1,5 @@
 """
-MessageBufferCore, which is tf2_py's BufferCore: its velocities, times and messages.
+BufferCore, which is tf2_py's TransformBuffer: its velocities, times and messages.
 
 data/tf2_velocity.json has recorded answers of lookupVelocityCore and lookupVelocityFullCore.
 """
@@ -16,7 +16,7 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from dummy_arm import tf
-from dummy_arm.tf import MessageBufferCore
+from dummy_arm.tf import BufferCore
 
 CASES = json.loads((DATA / 'tf2_velocity.json').read_text())
 
@@ -32,7 +32,7 @@ def transform(parent, child, stamp, x=2.0):
 @pytest.mark.parametrize('case', CASES)
 def test_velocities_as_in_tf2(case):
     """The velocities are the same up to rounding, with tf2's mistakes; so are the errors."""
-    buffer = MessageBufferCore()
+    buffer = BufferCore()
     for op in case['ops']:
         buffer.insert(op['stamp_ns'], op['parent'], op['child'], (*op['xyz'], *op['xyzw']),
                       is_static=op['static'])
@@ -61,7 +61,7 @@ def test_velocities_as_in_tf2(case):
     lambda ns, kind: SimpleNamespace(sec=ns // 10**9, nanosec=ns % 10**9)])
 def test_times_and_durations(convert):
     """A time or duration is anything with sec and nanosec, or with nanoseconds."""
-    buffer = MessageBufferCore(Duration(seconds=20))
+    buffer = BufferCore(Duration(seconds=20))
     for second in range(5):  # the stamp may be rclpy's Time, and x an int
         buffer.set_transform(transform('PARENT', 'THISFRAME', Time(seconds=second), 3 * second),
                              'test')
@@ -81,16 +81,16 @@ def test_a_stamp_of_another_type():
     made = transform('PARENT', 'THISFRAME', Time().to_msg())
     made.header._stamp = 5
     with pytest.raises(ValueError, match=r'header\.stamp must be'):
-        MessageBufferCore().set_transform(made, 'test')
+        BufferCore().set_transform(made, 'test')
     made.header._stamp = Time(seconds=1)
     made.transform.translation._x = None
     with pytest.raises(ValueError, match=r'translation\.x must be a number, got None'):
-        MessageBufferCore().set_transform(made, 'test')
+        BufferCore().set_transform(made, 'test')
 
 
 def test_an_interval_of_length_zero():
     """tf2 returns NaN, which is an error here."""
-    buffer = MessageBufferCore()
+    buffer = BufferCore()
     buffer.set_transform(transform('PARENT', 'THISFRAME', Time(seconds=1).to_msg()), 'test')
     with pytest.raises(ValueError, match='averaging_interval is too short at this time: 0 ns'):
         buffer.lookupVelocityCore('THISFRAME', 'PARENT', Time(seconds=1), Duration())
@@ -98,7 +98,7 @@ def test_an_interval_of_length_zero():
 
 def test_the_latest_common_time():
     """It is the newest stamp, although an older transform was inserted last."""
-    buffer = MessageBufferCore()
+    buffer = BufferCore()
     for seconds in 0, 1, 0.5:
         buffer.set_transform(transform('bar', 'foo', Time(seconds=seconds).to_msg()), 'test')
     assert buffer.get_latest_common_time('bar', 'foo') == Time(seconds=1)

@@ -1,19 +1,15 @@
-"""
-Statistics of the messages on /tf and /tf_static, for the checks in the module `diagnosis`.
-
-The statistics are made from tables of messages, one after the other. Their size depends on the
-number of frames, but not on the number of messages.
-"""
+"""Statistics of the messages on /tf and /tf_static; their size depends on the frames only."""
 
 from collections import Counter
+from collections.abc import Iterable, Mapping
 from math import ceil, log2
 from typing import Any, Optional
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf.formatting import SECOND
-from dummy_arm.tf.transform_table import TransformTable
+from dummy_arm.tf.formatting import SECOND, shortened
+from dummy_arm.tf.transform_table import Message, transform_tables, TransformTable
 
 #: A stamp that is farther than this from the time of arrival (ns) is from another clock.
 OTHER_CLOCK = 60 * SECOND
@@ -28,10 +24,8 @@ _SAME_POSITION, _SAME_ROTATION = 1e-6, 1e-11
 #: The histogram of the steps from stamp to stamp: the upper end of the first bin (ns), the number
 #: of bins for a factor of two, and the number of bins. The last bin is beyond the range of int64.
 _FIRST_BIN, _BINS_PER_OCTAVE, _BINS = 1000, 8, 426
-#: The largest number of tracks.
-_MOST = 10_000
+_MOST_TRACKS = 10_000
 
-#: The statistics of a track.
 _FIELDS = np.dtype([
     ('count', 'i8'),  # the number of transforms
     ('invalid', 'i8'),  # of those: with NaN or infinite numbers
@@ -58,37 +52,17 @@ class Track:
     """The transforms of one child from one publisher on one topic."""
 
     def __init__(self, number: int, child: str, publisher: str, is_static: bool) -> None:
-        """
-        Create a track without transforms.
-
-        :param number: the number of the track.
-        :param child: the name of the child, without a leading slash.
-        :param publisher: an identifier of the publisher.
-        :param is_static: True if the transforms are on /tf_static.
-        """
         self.number, self.child = number, child
         self.publisher, self.is_static = publisher, is_static
-        #: The parents, without a leading slash; the newest parent is the last one.
-        self.parents: dict[str, None] = {}
-        #: The names that were sent with a leading slash.
-        self.slashed: set[str] = set()
+        self.parents: dict[str, None] = {}  #: the newest parent is the last one
+        self.slashed: set[str] = set()  #: the names that were sent with a leading slash
         self._values: Any = np.zeros((), _FIELDS)
 
     def __getitem__(self, field: str) -> Any:
-        """
-        Return one of the statistics.
-
-        :param field: the name, from the list at the beginning of this module.
-        :returns: the value.
-        """
+        """Return one of the statistics in `_FIELDS`."""
         return self._values[field]
 
     def update(self, values: Any) -> None:
-        """
-        Set the statistics.
-
-        :param values: the values of all fields.
-        """
         self._values = values
 
     @property
@@ -113,10 +87,9 @@ class Track:
 
     def steps_beyond(self, step: float) -> int:
         """
-        Return how many steps from stamp to stamp are larger than a step.
+        Count the steps from stamp to stamp that are larger than a step (ns, at least 1000).
 
-        :param step: the step (ns), at least 1000.
-        :returns: the number, without some of the steps that are larger by less than 10 %.
+        Some of those that are larger by less than 10 % are missed.
         """
         return int(self['steps'][1 + ceil(log2(step / _FIRST_BIN) * _BINS_PER_OCTAVE):].sum())
 
@@ -126,42 +99,54 @@ class Statistics:
 
     def __init__(self, settling: int = 0) -> None:
         """
-        Create the statistics, without a message.
+        Ignore the delays of a publisher for a time (ns) after its first message.
 
-        :param settling: for how long after the first message of a publisher the delays are not
-            counted (ns). These messages may have waited until the publisher had discovered the
-            subscription.
+        These messages may have waited until the publisher had discovered the subscription.
         """
         self._settling = settling
         #: By publisher: the time of arrival of the first message (ns).
         self._since: dict[str, int] = {}
         self._tracks: dict[tuple[str, str, bool], Track] = {}
-        #: (n,) the statistics of the tracks, by the number of the track.
-        self._values: Any = np.zeros(16, _FIELDS)
-        #: The number of transforms, and of those that were not counted since there are too many
-        #: frames.
+        self._values: Any = np.zeros(16, _FIELDS)  #: by the number of the track
+        #: The number of transforms, and of those that belong to too many frames.
         self.count = self.not_counted = 0
+        self.malformed = Counter[str]()  #: the errors of messages that cannot be decoded
         #: By publisher and topic (True: static): the other names of the transforms with an empty
         #: name, and how many there are.
         self.empty_names: dict[tuple[str, bool], Counter[str]] = {}
 
     def tracks(self) -> list[Track]:
-        """
-        Return the tracks.
-
-        :returns: the tracks, in the order of their first messages.
-        """
+        """Return the tracks, in the order of their first messages."""
         for track, values in zip(self._tracks.values(), self._values):
             track.update(values)
         return [*self._tracks.values()]
 
+    def publishers(self) -> set[str]:
+        """Return all publishers, also those of empty names only."""
+        return {publisher for _, publisher, _ in self._tracks} | {
+            publisher for publisher, _ in self.empty_names}
+
+    def publishers_by_child(self, nodes: Mapping[str, str]) -> dict[str, str]:
+        """
+        Return who publishes each child, as a text.
+
+        :param nodes: by publisher: the name of its node, if it is another one.
+        """
+        names: dict[str, dict[str, None]] = {}
+        for child, publisher, _ in self._tracks:
+            names.setdefault(child, {})[nodes.get(publisher, publisher)] = None
+        return {child: ', '.join(map(shortened, each)) for child, each in names.items()}
+
+    def add_messages(self, messages: Iterable[Message], offset: Optional[int] = 0) -> None:
+        """Count the transforms of messages; see `add`."""
+        for table in transform_tables(messages, lambda error: self.malformed.update([str(error)])):
+            self.add(table, offset)
+
     def add(self, table: TransformTable, offset: Optional[int] = 0) -> None:
         """
-        Count the transforms of messages.
+        Count transforms.
 
-        :param table: the messages.
-        :param offset: what is added to the times of arrival (ns), so that they are on the clock of
-            the stamps; None: not known.
+        :param offset: the clock of the stamps minus that of the arrivals (ns); None: not known.
         """
         columns = [self._number(table, *edge) for edge in table.edges]
         kept = [i for i, number in enumerate(columns) if number is not None]
@@ -192,7 +177,6 @@ class Statistics:
         self._values[numbers] = values
 
     def _number(self, table: TransformTable, parent: str, child: str) -> Optional[int]:
-        """Return the number of the track of an edge; None if the edge is not counted."""
         names = parent.removeprefix('/'), child.removeprefix('/')
         if not all(names):
             others = self.empty_names.setdefault((table.publisher, table.is_static), Counter())
@@ -201,7 +185,7 @@ class Statistics:
         key = names[1], table.publisher, table.is_static
         track = self._tracks.get(key)
         if track is None:
-            if len(self._tracks) >= _MOST:
+            if len(self._tracks) >= _MOST_TRACKS:
                 self.not_counted += len(table.times)
                 return None
             if len(self._tracks) == len(self._values):
@@ -217,12 +201,7 @@ class Statistics:
 
 
 def _add_poses(values: Any, poses: NDArray[np.float64], is_compared: NDArray[np.bool_]) -> None:
-    """
-    Count invalid and changed poses.
-
-    :param poses: (m, n, 7) poses.
-    :param is_compared: (m, n) True where a change from the pose before is counted.
-    """
+    """Take (m, n, 7) poses, and (m, n) whether a change from the pose before is counted."""
     is_valid = np.isfinite(poses).all(axis=2)
     values['invalid'] += (~is_valid).sum(axis=0)
     with np.errstate(over='ignore', invalid='ignore'):
@@ -239,7 +218,6 @@ def _add_poses(values: Any, poses: NDArray[np.float64], is_compared: NDArray[np.
 
 
 def _differ(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Compare poses of shape (..., 7); return an array of shape (...)."""
     with np.errstate(over='ignore', invalid='ignore'):
         is_moved = (np.abs(poses[..., :3] - others[..., :3]) > _SAME_POSITION).any(axis=-1)
         a, b = poses[..., 3:], others[..., 3:]
@@ -249,12 +227,7 @@ def _differ(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[
 
 
 def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64]) -> None:
-    """
-    Count stamps of zero, and the steps between other stamps.
-
-    :param stamps: (m, n) stamps (ns).
-    :param before: (m, n) the stamps before them; of the first one, itself.
-    """
+    """Take (m, n) stamps (ns) and the stamps before them; before the first one, itself."""
     is_zero = stamps == 0
     values['zero_stamps'] += is_zero.sum(axis=0)
     largest = np.iinfo(np.int64).max
@@ -279,23 +252,13 @@ def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64
 
 
 def _add_times(values: Any, times: NDArray[np.int64]) -> None:
-    """
-    Extend the range of the times of arrival.
-
-    :param times: (m,) times of arrival (ns).
-    """
     is_new = values['first_time'] == 0
     values['first_time'] = np.where(is_new, times.min(), values['first_time'])
     values['last_time'] = np.maximum(values['last_time'], times.max())
 
 
 def _add_delays(values: Any, times: NDArray[np.int64], stamps: NDArray[np.int64]) -> None:
-    """
-    Count the delays of the transforms whose stamp is not 0.
-
-    :param times: (m,) times of arrival (ns).
-    :param stamps: (m, n) stamps (ns).
-    """
+    """Take (m,) times of arrival and (m, n) stamps (ns)."""
     delays = times[:, None] - stamps
     known = stamps != 0
     limits = np.iinfo(np.int64)

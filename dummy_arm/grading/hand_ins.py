@@ -12,8 +12,6 @@ import time
 
 from dummy_arm.cli.parser import CommandError
 from dummy_arm.cli.signals import signals_blocked
-from dummy_arm.grading.arm_check import NOT_JUDGED, NOT_OK
-from dummy_arm.grading.observer import report_of
 from dummy_arm.grading.processes import (
     become_subreaper,
     descendants,
@@ -23,10 +21,10 @@ from dummy_arm.grading.processes import (
     Signal,
     Worker,
 )
-from dummy_arm.grading.supervisor import Grade, remove, SIGNAL
+from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK, Report
+from dummy_arm.grading.supervisor import remove, SIGNAL
 from dummy_arm.tf.formatting import visible
 
-NOT_RUN = 'not run'
 #: A process is given up if it writes nothing for this time (s).
 _SILENCE = 60.0
 #: How long to wait for a signal before the next look at the processes (s).
@@ -40,8 +38,7 @@ _ENDING = (signal.SIGINT, signal.SIGTERM) if sys.platform == 'win32' else (
     signal.SIGHUP, signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGTSTP)
 
 
-def grade(files: Sequence[str], seconds: float, jobs: int = 1,
-          ros_args: Sequence[str] = ('check_arm',), has_feedback: bool = False,
+def grade(files: Sequence[str], seconds: float = 25.0, jobs: int = 1,
           silence: float = _SILENCE) -> Generator[Grade, None, None]:
     """
     Run each program in a ROS domain of its own, and judge the arm that it publishes.
@@ -54,19 +51,16 @@ def grade(files: Sequence[str], seconds: float, jobs: int = 1,
 
     :param files: the paths of the programs, or of the folders in which they lie.
     :param seconds: how long to observe each arm (s).
-    :param jobs: how many programs run at the same time.
-    :param ros_args: the command line, with the name of the command, for the nodes that listen.
-    :param has_feedback: also judge the frames.pdf that lies beside a program.
+    :param jobs: how many programs run at the same time, at most 17.
     :param silence: how long to wait for a sign of life of the processes that observe (s).
-    :returns: an iterator of the grades, in the order in which the programs end.
+    :returns: an iterator of the grades, in the order in which the programs end; closing it ends
+        the programs.
     :raises CommandError: if this is not Linux.
     :raises KeyboardInterrupt: if Ctrl-C, SIGTERM or another signal was received that no program
         has sent.
     """
     if sys.platform != 'linux':
         raise CommandError('programs can be run on Linux only; record a bag, and use --bag')
-    os.environ['ROS_AUTOMATIC_DISCOVERY_RANGE'] = 'LOCALHOST'
-    os.environ.pop('ROS_STATIC_PEERS', None)
     older = descendants(os.getpid()).keys()
     running: list[_Run] = []
     uncertain: dict[str, bool] = {}  # by file: whether it may have sent a signal
@@ -82,7 +76,7 @@ def grade(files: Sequence[str], seconds: float, jobs: int = 1,
                 while waiting and len(running) < (1 if is_again else jobs):
                     file = waiting.popleft()
                     try:
-                        running.append(_Run(file, seconds, ros_args, silence, has_feedback))
+                        running.append(_Run(file, seconds, silence))
                     except OSError as error:  # for example, the disk is full
                         yield Grade(file, None, f'check_arm failed: {error}', NOT_JUDGED)
                 _note_signals(running, _STEP)
@@ -159,19 +153,16 @@ def _forget_signals() -> None:
 class _Run:
     """A process that runs a program; see `dummy_arm.grading.supervisor`."""
 
-    def __init__(self, file: str, seconds: float, ros_args: Sequence[str], silence: float,
-                 has_feedback: bool) -> None:
-        """Start the process."""
+    def __init__(self, file: str, seconds: float, silence: float) -> None:
         self.file = file
         #: A signal that the program has sent, and one that it may have sent.
         self.fault = self.suspicion = ''
         self._directory = mkdtemp(prefix='check_arm_')
-        self.worker = Worker('supervisor', file, seconds, [*ros_args], silence, self._directory,
-                             has_feedback)
+        self.worker = Worker('supervisor', file, seconds, silence, self._directory)
         self._read = 0  # how much of what the worker has written was looked at (bytes)
 
     def signals(self) -> Iterator[Signal]:
-        """Yield the signals that the process has received."""
+        """Yield the signals that the process has received since the last call."""
         end = self.worker.written.rfind(b'\n') + 1
         for line in self.worker.written[self._read:end].splitlines():
             if line.startswith(SIGNAL.encode()):
@@ -198,7 +189,6 @@ class _Run:
             how = (f'has said nothing for {_SILENCE:g} s: it was stopped, or hangs.' if is_silent
                    else f'ended {how_it_ended(code)}.')
             return Grade(self.file, None, f'The process that runs it {how}', NOT_JUDGED), True
-        values, is_certain = json.loads(self.worker.last_line)
-        result = Grade(*values)
-        return result._replace(report=result.report and report_of(result.report),
-                               reason=visible(result.reason)), is_certain and not self.suspicion
+        (file, report, reason, *rest), is_certain = json.loads(self.worker.last_line)
+        result = Grade(file, report and Report.from_json(*report), visible(reason), *rest)
+        return result, is_certain and not self.suspicion

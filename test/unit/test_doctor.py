@@ -1,4 +1,4 @@
-"""tf_doctor for bags: each fault is found, with its evidence, and nothing else is."""
+"""The doctor, for bags: each fault is found, with its evidence, and nothing else is."""
 
 from itertools import cycle
 import json
@@ -10,7 +10,8 @@ import sys
 from processes import tool_without_ros
 import pytest
 
-from dummy_arm.inspection.diagnosis import CHECKS
+from dummy_arm.doctor import ERROR, examine
+from dummy_arm.doctor.checks import CHECKS
 from dummy_arm.tools.tf_doctor import main
 
 bags = pytest.importorskip('bags')
@@ -356,6 +357,32 @@ def test_healthy(capsys, tmp_path, name, kind):
     status, found = doctor(capsys, bags.make(tmp_path, kind, converted(HEALTHY[name], kind)))
     assert (status, found['findings']) == (0, [])
     assert found['verdict'].startswith('healthy: ')
+
+
+# In a program
+
+
+def test_examine(tmp_path):
+    """A program gets the findings as objects, and the text of the command."""
+    path = bags.make(tmp_path, 'mcap', in_order(FAULTS['static_and_dynamic'][0]))
+    done: list[float] = []
+    report = examine(path, on_progress=done.append)
+    (finding,) = report.findings
+    assert report.has_errors
+    assert (finding.code, finding.severity, finding.frames) == (
+        'static_and_dynamic', ERROR, ('base_link',))
+    assert str(report).startswith('error static_and_dynamic: base_link\n')
+    assert str(report).endswith(f'\n1 error: 203 transforms of 5 frames in {path}')
+    assert done[-1] == 1.0
+    assert not examine(str(path), ignore=['static_and_dynamic']).has_errors
+
+
+def test_examine_refuses(tmp_path):
+    """An unknown code and a bag that does not exist are errors."""
+    with pytest.raises(ValueError, match="unknown code 'gaps'"):
+        examine(tmp_path, ignore=['gaps'])
+    with pytest.raises(FileNotFoundError, match='missing'):
+        examine(tmp_path / 'missing')
 
 
 # The command

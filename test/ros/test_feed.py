@@ -5,7 +5,7 @@ from rclpy.node import Node
 from ros_node import stamped
 
 from dummy_arm.tf import TransformBroadcaster
-from dummy_arm.view.source import LiveSource, Publication
+from dummy_arm.view.feed import LiveFeed, Publication
 
 
 @pytest.fixture
@@ -16,7 +16,7 @@ def publication(ros):
     def publication(*names):
         nodes.extend(Node(name, context=ros.context) for name in names)
         broadcasters = [TransformBroadcaster(node) for node in nodes]
-        source = LiveSource(ros.node)
+        feed = LiveFeed(ros.node)
 
         def send():
             now = ros.node.get_clock().now().nanoseconds
@@ -24,8 +24,8 @@ def publication(ros):
                 broadcaster.sendTransform(stamped('map', 'robot', now))
 
         def is_measured():
-            frames = source.buffer.frames()
-            found.extend(map(source.publication, frames))
+            frames = feed.buffer.frames()
+            found.extend(map(feed.publication, frames))
             return found and found[-1].rate is not None
 
         found: list[Publication] = []

@@ -1,0 +1,578 @@
+"""The checks: each is a function that looks for one kind of fault in an `Observation`."""
+
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from itertools import chain, combinations, pairwise
+from operator import attrgetter, itemgetter
+import re
+from typing import NamedTuple, Optional
+
+from dummy_arm.doctor.observation import in_words, Observation, SHOWN, total
+from dummy_arm.doctor.tf_statistics import FUTURE, LATE, NORM_TOLERANCE, OTHER_CLOCK, Track
+from dummy_arm.inspection.forest import Forest
+from dummy_arm.tf import Frame
+from dummy_arm.tf.formatting import (
+    comma_list,
+    display_time,
+    quoted,
+    SECOND,
+    shortened,
+    suggest_names,
+    TF_MESSAGE,
+)
+
+SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
+#: A step from stamp to stamp is a gap if it is longer than this many periods. Shorter gaps than
+#: `_SHORTEST_GAP` (ns) are jitter, which a busy computer causes. They are reported if they are
+#: this part of all steps, and at least this many.
+_GAP, _SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
+#: The smallest number of steps that are judged. A shorter period (ns) counts as this one, since
+#: some programs send several transforms of a frame at once.
+_FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
+#: Transforms are late or from the future if at least this part of them is.
+_SHARE = 0.05
+#: The frames of REP 105, from the root to the robot.
+_REP_105 = 'earth', 'map', 'odom', 'base_link'
+#: Names that are shorter than this are not compared letter by letter.
+_SHORTEST_NAME = 3
+#: The names of this many roots are compared with those of the other frames.
+_MOST_ROOTS = 100
+_child_of = attrgetter('child')
+
+
+class Finding(NamedTuple):
+    """A fault, or something remarkable."""
+
+    code: str  #: the name of the check, such as 'two_publishers'
+    severity: str  #: ERROR, WARNING or INFO
+    frames: tuple[str, ...]  #: the frames with the fault
+    topics: tuple[str, ...]  #: the topics of their transforms
+    nodes: tuple[str, ...]  #: the full names of the nodes that publish them, if known
+    evidence: str  #: what was observed, in numbers
+    remedy: str  #: what to do, in one sentence
+
+
+class _Fault(NamedTuple):
+    """A fault that a check has found."""
+
+    evidence: str
+    tracks: Sequence[Track] = ()  #: the tracks whose frames, topics and nodes are named
+    frames: Optional[Iterable[str]] = None  #: None: those of the tracks
+    topics: Sequence[str] = ()  #: further topics
+    nodes: Sequence[str] = ()  #: further nodes
+
+
+_Find = Callable[[Observation], Iterator[_Fault]]
+
+
+class Check(NamedTuple):
+    """A check, which looks for one kind of fault."""
+
+    code: str
+    severity: str  #: ERROR, WARNING or INFO
+    meaning: str  #: what the fault is
+    remedy: str  #: what to do, in one sentence
+    needs: str  #: what must be known: 'nodes', 'qos', 'arrivals', 'headers'; '': nothing special
+    find: _Find
+
+
+#: All checks, by their codes.
+CHECKS: dict[str, Check] = {}
+
+
+def _check(code: str, severity: str, meaning: str, remedy: str, needs: str = ''
+           ) -> Callable[[_Find], _Find]:
+    def add(find: _Find) -> _Find:
+        CHECKS[code] = Check(code, severity, meaning, remedy, needs, find)
+        return find
+
+    return add
+
+
+def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Finding]:
+    """Make all checks but the ignored ones; return errors first, then warnings, then infos."""
+    findings = []
+    for check in CHECKS.values():
+        if check.code in ignored or check.needs in observation.not_known:
+            continue
+        for fault in check.find(observation):
+            topics = (observation.topics[track.is_static] for track in fault.tracks)
+            nodes = map(observation.node_of, fault.tracks)
+            frames = map(_child_of, fault.tracks) if fault.frames is None else fault.frames
+            findings.append(Finding(
+                check.code, check.severity, tuple(dict.fromkeys(frames)),
+                tuple(dict.fromkeys((*fault.topics, *topics))),
+                tuple(dict.fromkeys(filter(None, (*fault.nodes, *nodes)))), fault.evidence,
+                check.remedy))
+    return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
+
+
+def not_checked(observation: Observation, ignored: Collection[str] = ()) -> list[str]:
+    """Return a text for each thing that is not known: the checks that need it, and why."""
+    return [f'{", ".join(codes)}: {reason}' for need, reason in observation.not_known.items()
+            if (codes := [check.code for check in CHECKS.values()
+                          if check.needs == need and check.code not in ignored])]
+
+
+def _names(names: Iterable[str]) -> str:
+    return comma_list([*names], SHOWN, shortened)
+
+
+def _hertz(track: Track) -> str:
+    return 'once' if track.rate is None else f'{track.rate:.1f} Hz'
+
+
+# Errors
+
+
+@_check('no_transforms', ERROR,
+        'Nothing was received on /tf and /tf_static.',
+        'Start the nodes that publish transforms, in the same ROS domain.')
+def _no_transforms(observation: Observation) -> Iterator[_Fault]:
+    is_explained = observation.other_namespaces or observation.recreated or any(
+        endpoint.wrong_type for endpoint in observation.endpoints)
+    if not observation.tracks and not is_explained:
+        refused = [each for each in observation.endpoints if each.mismatch or each.is_unlatched]
+        yield _Fault(f'{len(observation.endpoints)} publishers exist, but {len(refused)} of them '
+                     'do not match the QoS of a listener' if refused else
+                     observation.why_no_transforms or '0 transforms', topics=observation.topics)
+
+
+@_check('wrong_type', ERROR,
+        f'Messages on /tf or /tf_static have another type than {TF_MESSAGE}; no listener '
+        'receives them.',
+        'Send transforms with a TransformBroadcaster or a StaticTransformBroadcaster '
+        '(sendTransform), and other messages on another topic.')
+def _wrong_type(observation: Observation) -> Iterator[_Fault]:
+    for endpoint in observation.endpoints:
+        if endpoint.wrong_type:
+            yield _Fault(f'{endpoint.node or "a node"} publishes {endpoint.wrong_type} on '
+                         f'{endpoint.topic}, not {TF_MESSAGE}', topics=[endpoint.topic],
+                         nodes=[endpoint.node])
+
+
+@_check('two_publishers', ERROR,
+        'Two publishers send the transform of one child at the same time, so the frame jumps '
+        'between two poses.',
+        'Stop one of the publishers, or give its frame another name.', 'nodes')
+def _two_publishers(observation: Observation) -> Iterator[_Fault]:
+    pairs: dict[tuple[str, str, bool], list[tuple[Track, Track]]] = {}
+    again = {*chain.from_iterable(observation.recreated.values())}
+    for tracks in observation.by_child.values():
+        for a, b in combinations(tracks, 2):
+            if (a.is_static == b.is_static and not {a.publisher, b.publisher} <= again
+                    and _exist_together(observation, a, b)):
+                pairs.setdefault((a.publisher, b.publisher, a.is_static), []).append((a, b))
+    for group in pairs.values():
+        a, b = group[0]
+        names = [observation.node_of(track) or 'a publisher' for track in (a, b)]
+        how_often = ('one transform each' if a.is_static else
+                     f'{a["count"]} transforms ({_hertz(a)}) and {b["count"]} ({_hertz(b)})')
+        children = [a.child for a, _ in group]
+        yield _Fault(f'{names[0]} and {names[1]} both publish {_names(children)}: {how_often}',
+                     [a, b], children)
+
+
+def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
+    """Return False if one publisher ends before the other begins, as when a node is restarted."""
+    if a.is_static:
+        # The publisher of a node that was killed exists for some seconds more.
+        is_same = (a['pose'] == b['pose']).all() and [*a.parents][-1] == [*b.parents][-1]
+        if observation.present is None:
+            return not is_same
+        return {a.publisher, b.publisher} <= {*observation.present} and not (
+            is_same and observation.node_of(a) == observation.node_of(b))
+    return bool(max(a['first_time'], b['first_time']) <= min(a['last_time'], b['last_time']))
+
+
+@_check('many_publishers', ERROR,
+        'A node creates publishers on /tf or /tf_static again and again: what a new publisher '
+        'sends can be lost, and each of them costs all listeners memory and time.',
+        'Create the broadcaster once, with the node, and not in the callback of a timer.', 'nodes')
+def _many_publishers(observation: Observation) -> Iterator[_Fault]:
+    for (node, topic), publishers in observation.recreated.items():
+        found = {*publishers}
+        frames = [track.child for track in observation.tracks if track.publisher in found]
+        where = ', from one node' if node.startswith('/') else ''
+        yield _Fault(f'{len(found)} publishers, one after another{where}', (), frames, [topic],
+                     [node])
+
+
+@_check('changing_parent', ERROR,
+        'The parent of a frame changes, so the tree has another shape at each change.',
+        'Let only one parent be published for the frame; if it has to be in two trees, publish '
+        'the inverse of one transform, with parent and child exchanged.')
+def _changing_parent(observation: Observation) -> Iterator[_Fault]:
+    for child, tracks in observation.by_child.items():
+        parents = [*dict.fromkeys(parent for track in tracks for parent in track.parents)]
+        if len(parents) > 1:
+            count = sum(track['count'] for track in tracks)
+            yield _Fault(f'{shortened(child)} has {len(parents)} parents in {count} transforms: '
+                         f'{_names(parents)}', tracks)
+
+
+@_check('static_and_dynamic', ERROR,
+        'A frame is published on /tf and on /tf_static; listeners use sometimes one of the two '
+        'transforms, and sometimes the other.',
+        'Publish the frame on one of the two topics only.')
+def _static_and_dynamic(observation: Observation) -> Iterator[_Fault]:
+    for child, tracks in observation.by_child.items():
+        counts = [sum(track['count'] for track in tracks if track.is_static == is_static)
+                  for is_static in (False, True)]
+        if all(counts):
+            dynamic, static = observation.topics
+            yield _Fault(f'{shortened(child)}: {counts[0]} transforms on {dynamic}, {counts[1]} '
+                         f'on {static}', tracks)
+
+
+@_check('loop', ERROR,
+        'Frames are parents of each other in a circle, so a lookup through them fails, or its '
+        'result depends on where it begins.',
+        'Remove one of the transforms: the frame at the top, such as map, must have no parent.')
+def _loop(observation: Observation) -> Iterator[_Fault]:
+    forest = Forest(Frame(child, parent, '', False, 1, 0, 0)
+                    for child, parent in observation.parents.items())
+    for loop in forest.loops:
+        tracks = [track for name in loop for track in observation.by_child[name]]
+        more = ['...'] if len(loop) > SHOWN else []
+        yield _Fault(f'{len(loop)} {"frames form" if len(loop) > 1 else "frame forms"} a loop: '
+                     f'{" -> ".join(map(shortened, [*loop[:SHOWN], *more, loop[0]]))}', tracks)
+
+
+@_check('unknown_frame', ERROR,
+        'The headers of other messages name a frame that no transform leads to, so these '
+        'messages cannot be transformed.',
+        'Publish a transform to this frame, or correct the name in the program that sends the '
+        'messages.', 'headers')
+def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
+    known = tuple(observation.tree_of)
+    static = '' if any(track.is_static for track in observation.tracks) else (
+        f' (there are no transforms on {observation.topics[1]})')
+    for frame, topics in observation.topics_of.items():
+        if frame.strip('/') and frame.removeprefix('/') not in observation.tree_of:
+            yield _Fault(f'{quoted(frame)} is in the headers on {_names(topics)}, but not among '
+                         f'the {len(known)} frames of the transforms{static}. '
+                         f'{suggest_names(frame, known)}', frames=[frame], topics=topics)
+
+
+@_check('disconnected', ERROR,
+        'The headers of other messages name frames of different trees, so these messages cannot '
+        'be transformed into one frame.',
+        'Publish a transform between the trees.', 'headers')
+def _disconnected(observation: Observation) -> Iterator[_Fault]:
+    # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
+    # a namespace for their topics and their frames may have trees of their own.
+    robots: dict[str, dict[int, dict[str, list[str]]]] = {}
+    for topic, frames in observation.own_headers.items():
+        namespace = topic.split('/')[1]
+        for frame in sorted(frames):
+            name = frame.removeprefix('/')
+            if name in observation.tree_of:
+                robot = namespace if name.startswith(f'{namespace}/') else ''
+                trees = robots.setdefault(robot, {})
+                names = trees.setdefault(observation.tree_of[name], {})
+                names.setdefault(name, []).append(topic)
+    for trees in robots.values():
+        if len(trees) > 1:
+            yield _Fault(
+                f'headers use frames of {len(trees)} trees: ' + '; '.join(
+                    f'{_names(names)} (root '
+                    f'{_names(observation.roots(observation.trees[i])) or "none"}) on '
+                    f'{_names(dict.fromkeys(chain(*names.values())))}'
+                    for i, names in [*trees.items()][:SHOWN]), (), chain(*trees.values()),
+                [topic for names in trees.values() for topic in chain(*names.values())])
+
+
+@_check('static_not_latched', ERROR,
+        'A publisher on /tf_static does not keep its messages for later listeners.',
+        'Give the publisher the durability TRANSIENT_LOCAL, or use a StaticTransformBroadcaster.',
+        'qos')
+def _static_not_latched(observation: Observation) -> Iterator[_Fault]:
+    for endpoint in observation.endpoints:
+        if endpoint.is_unlatched:
+            yield _Fault(f'1 publisher of {endpoint.node} on {endpoint.topic} has the '
+                         'durability VOLATILE', topics=[endpoint.topic], nodes=[endpoint.node])
+
+
+@_check('incompatible_qos', ERROR,
+        'A listener receives nothing from a publisher, because their QoS do not match.',
+        'Give the publisher the QoS of a TransformBroadcaster (reliable), or correct that of the '
+        'listener.', 'qos')
+def _incompatible_qos(observation: Observation) -> Iterator[_Fault]:
+    for endpoint in observation.endpoints:
+        if endpoint.mismatch and not endpoint.is_unlatched:
+            yield _Fault(f'1 publisher of {endpoint.node} on {endpoint.topic} does not match '
+                         f'{endpoint.mismatch}', topics=[endpoint.topic], nodes=[endpoint.node])
+
+
+@_check('not_a_number', ERROR,
+        'A transform contains NaN or an infinite number; listeners refuse it.',
+        'Find out where the program computes the number: often a division by zero or a missing '
+        'measurement.')
+def _not_a_number(observation: Observation) -> Iterator[_Fault]:
+    yield from _counted(observation, 'invalid', 'with NaN or an infinite number')
+
+
+@_check('unnormalized', ERROR,
+        f'The norm of a quaternion differs from 1 by more than {NORM_TOLERANCE:g}, so it is not '
+        'a rotation.',
+        'Normalise the quaternion before it is sent; all zeros often mean that it was never set: '
+        'set w = 1.')
+def _unnormalized(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(itemgetter('unnormalized')):
+        worst = max(tracks, key=lambda track: abs(track['worst_norm'] - 1.0))
+        yield _Fault(f'{_share(tracks, "unnormalized")} with a quaternion of a wrong norm; the '
+                     f'worst norm is {worst["worst_norm"]:.6g} ({shortened(worst.child)})', tracks)
+
+
+def _counted(observation: Observation, field: str, what: str,
+             is_fault: Callable[[Track], object] = lambda track: True) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(lambda track: track[field] and is_fault(track)):
+        yield _Fault(f'{_share(tracks, field)} {what}', tracks)
+
+
+def _share(tracks: Sequence[Track], field: str) -> str:
+    return (f'{total(tracks, field)} of {total(tracks, "count")} transforms of '
+            f'{_names(map(_child_of, tracks))}')
+
+
+@_check('other_clock', ERROR,
+        f'Stamps are more than {OTHER_CLOCK // SECOND} s away from the time of arrival: they are '
+        'from another clock, so lookups at the present time fail.',
+        'Let all nodes use the same clock: set use_sim_time on all of them or on none, and '
+        'synchronise the clocks of the computers.')
+def _other_clock(observation: Observation) -> Iterator[_Fault]:
+    if observation.clock:
+        yield from _other_clock_than(observation, observation.clock)
+        return
+    for tracks in observation.by_publisher(itemgetter('foreign')):
+        worst = max(tracks, key=lambda track: max(-track['least_delay'], track['greatest_delay']))
+        is_before = worst['greatest_delay'] > -worst['least_delay']
+        delay = worst['greatest_delay' if is_before else 'least_delay']
+        yield _Fault(
+            f'{_share(tracks, "foreign")} with stamps that are far from their arrival, up to '
+            f'{in_words(delay)} {"before" if is_before else "after"} it; the last stamp of '
+            f'{shortened(worst.child)} is {display_time(int(worst["stamp"]))}'
+            f'{observation.clock_hint}', tracks)
+
+
+def _other_clock_than(observation: Observation, clock: Track) -> Iterator[_Fault]:
+    # The delays are not compared, because a simulation can be slow, or pause.
+    for track in observation.tracks:
+        before = int(clock['oldest'] - track['latest'])
+        after = int(track['oldest'] - clock['latest'])
+        if track['delays'] and max(before, after) > OTHER_CLOCK:
+            yield _Fault(f'all stamps of {shortened(track.child)} are at least '
+                         f'{in_words(max(before, after))} {"before" if before > 0 else "after"} '
+                         f'those of {shortened(clock.child)}', [track])
+
+
+@_check('zero_stamp', ERROR,
+        'Transforms on /tf have the stamp 0, so lookups at any other time fail.',
+        'Set the stamp to the time for which the transform is valid; with use_sim_time, wait '
+        'until /clock is received.')
+def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
+    # A simulation may begin with a single stamp 0.
+    yield from _counted(observation, 'zero_stamps', 'with the stamp 0', lambda track: (
+        track['zero_stamps'] > 1 or not 0 < track['oldest'] < OTHER_CLOCK))
+
+
+# Warnings
+
+
+@_check('gap', WARNING,
+        f'The time from one stamp to the next one is often longer than {_GAP} periods, or once '
+        f'much longer (at least {_SHORTEST_GAP / SECOND:g} s), or the frame is not published any '
+        'more; lookups in between interpolate over the gap or wait.',
+        'Look at the node that publishes the frame: has it stopped, is it busy, does it lose '
+        'input, or does it publish only when something happens?')
+def _gap(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(_has_gap):
+        worst = max(tracks, key=itemgetter('largest_step'))
+        beyond = worst.steps_beyond(_GAP * max(worst.period, _SHORTEST_PERIOD))
+        before = display_time(int(worst['largest_step_at']))
+        yield _Fault(
+            f'no transform of {shortened(worst.child)} for {in_words(worst["largest_step"])} '
+            f'after {before}; the usual period is {worst.period / SECOND:.2g} s; {beyond} of '
+            f'{worst["steps"].sum()} steps from stamp to stamp are longer than {_GAP} periods',
+            tracks)
+    end = max((track['last_time'] for track in observation.tracks if not track.is_static),
+              default=0)
+    end = max(end, observation.end)
+    ended = {track for tracks in observation.by_child.values()
+             if (track := max(tracks, key=itemgetter('last_time')))['steps'].sum() >= _FEWEST
+             and end - track['last_time'] > max(_GAP * track.period, _SHORTEST_GAP)}
+    for tracks in observation.by_publisher(ended.__contains__):
+        silence = max(end - track['last_time'] for track in tracks)
+        yield _Fault(f'nothing was received of {_names(map(_child_of, tracks))} in the '
+                     f'last {in_words(silence)}, and {_hertz(tracks[0])} before', tracks)
+
+
+def _has_gap(track: Track) -> bool:
+    steps, period = int(track['steps'].sum()), max(track.period, _SHORTEST_PERIOD)
+    return steps >= _FEWEST and bool(
+        track['largest_step'] > max(_GAP * period, _SHORTEST_GAP)
+        or track.steps_beyond(_GAP * period) >= max(_FEWEST_GAPS, _JITTER * steps))
+
+
+@_check('late', WARNING,
+        f'Transforms arrive more than {LATE / SECOND:g} s after their stamp; lookups at the '
+        'present time wait for them.',
+        'Look at the node that publishes the frame and at the network: one of them is too slow, '
+        'or the clocks of two computers differ.', 'arrivals')
+def _late(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'late')):
+        worst = max(tracks, key=itemgetter('greatest_delay'))
+        yield _Fault(f'{_share(tracks, "late")} arrived more than {LATE / SECOND:g} s after their '
+                     f'stamp; the mean delay of {shortened(worst.child)} is '
+                     f'{in_words(worst.mean_delay)}, the largest '
+                     f'{in_words(worst["greatest_delay"])}', tracks)
+
+
+def _is_frequent(track: Track, field: str) -> bool:
+    return bool(track[field] > _SHARE * track['delays'])
+
+
+@_check('future', WARNING,
+        f'Stamps are more than {FUTURE / SECOND:g} s later than the arrival.',
+        'Synchronise the clocks of the computers; some localisation nodes date their transforms '
+        'into the future on purpose (transform_tolerance).', 'arrivals')
+def _future(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'future')):
+        worst = min(tracks, key=itemgetter('least_delay'))
+        yield _Fault(f'{_share(tracks, "future")} with a stamp more than {FUTURE / SECOND:g} s '
+                     f'after their arrival; the farthest is {in_words(worst["least_delay"])} '
+                     f'ahead ({shortened(worst.child)})', tracks)
+
+
+@_check('time_goes_back', WARNING,
+        'A stamp is earlier than the one before it.',
+        'Send the transforms of a frame in the order of their stamps; if a simulation or a bag '
+        'was started again, restart the listeners, too.')
+def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(itemgetter('backwards')):
+        worst = max(tracks, key=itemgetter('step_back'))
+        yield _Fault(f'{_share(tracks, "backwards")} with an earlier stamp than the one before; '
+                     f'the largest step back is {in_words(worst["step_back"])} '
+                     f'({shortened(worst.child)})', tracks)
+
+
+@_check('same_stamp', WARNING,
+        'Two transforms of a frame have the same stamp and different poses; which of them is '
+        'used depends on the listener.',
+        'Set the stamp of each transform to its own time; if two nodes publish the frame, stop '
+        'one of them.')
+def _same_stamp(observation: Observation) -> Iterator[_Fault]:
+    yield from _counted(observation, 'changes', 'with the stamp of the one before, and another '
+                        'pose', lambda track: not track.is_static)
+
+
+@_check('leading_slash', WARNING,
+        'The name of a frame begins with a slash, as in ROS 1; tf2 refuses lookups of such a '
+        'name.',
+        'Leave out the slash.')
+def _leading_slash(observation: Observation) -> Iterator[_Fault]:
+    for tracks in observation.by_publisher(attrgetter('slashed')):
+        names = sorted({name for track in tracks for name in track.slashed})
+        yield _Fault(f'{len(names)} {"names begin" if len(names) > 1 else "name begins"} with a '
+                     f'slash in transforms: {_names(names)}', tracks, names)
+    for frame, topics in observation.topics_of.items():
+        if frame.startswith('/'):
+            yield _Fault(f'the headers on {_names(topics)} name {quoted(frame)}',
+                         frames=[frame], topics=topics)
+
+
+@_check('empty_name', WARNING,
+        'The name of a frame is empty; listeners refuse the transform.',
+        'Set frame_id and child_frame_id of each transform.')
+def _empty_name(observation: Observation) -> Iterator[_Fault]:
+    for (publisher, is_static), names in observation.statistics.empty_names.items():
+        others = sorted(filter(None, names))
+        text = f'; the other name is {_names(others)}' if others else ''
+        count = sum(names.values())
+        yield _Fault(f'{count} transform{"s" if count > 1 else ""} with an empty frame_id or '
+                     f'child_frame_id{text}', (), others, [observation.topics[is_static]],
+                     [observation.nodes.get(publisher, '')])
+
+
+@_check('similar_name', WARNING,
+        'The root of a tree has almost the same name as a frame of another tree; it may be a '
+        'mistake in the name that separates the trees.',
+        'If both are the same frame, use the same name.')
+def _similar_name(observation: Observation) -> Iterator[_Fault]:
+    plain = {name: re.sub(r'[\W_]', '', name.lower()) for name in observation.tree_of}
+    roots = [root for tree in observation.trees for root in observation.roots(tree)]
+    seen = set()
+    for root in roots[:_MOST_ROOTS]:
+        for name, tree in observation.tree_of.items():
+            if (tree != observation.tree_of[root] and (name, root) not in seen
+                    and _is_similar(plain[root], plain[name])
+                    and not _are_alike(*([plain[each] for each in observation.trees[i]]
+                                         for i in (tree, observation.tree_of[root])))):
+                seen.add((root, name))
+                yield _Fault(
+                    f'{quoted(root)} is a root, and {quoted(name)} is in another tree',
+                    [track for track in observation.tracks if root in track.parents], [root, name])
+
+
+def _is_similar(a: str, b: str) -> bool:
+    """Return whether two names are equal or differ by one letter."""
+    if a == b or abs(len(a) - len(b)) > 1 or min(len(a), len(b)) < _SHORTEST_NAME:
+        return a == b != ''
+    if re.sub(r'\d', '', a) == re.sub(r'\d', '', b):  # numbered on purpose
+        return False
+    same = next((i for i, (x, y) in enumerate(zip(a, b)) if x != y), min(len(a), len(b)))
+    a, b = a[same:], b[same:]
+    return a[1:] == b[1:] or a[1:] == b or a == b[1:]
+
+
+def _are_alike(names: list[str], others: list[str]) -> bool:
+    """Return whether two trees are those of similar robots: the names differ on purpose."""
+    return len(names) == len(others) and all(
+        a != b and _is_similar(a, b) for a, b in zip(sorted(names), sorted(others)))
+
+
+@_check('other_namespace', WARNING,
+        'Nothing publishes on /tf, but there are transforms on the topic tf of a namespace.',
+        'Use the option that is named above, or publish on /tf and /tf_static.')
+def _other_namespace(observation: Observation) -> Iterator[_Fault]:
+    if observation.other_namespaces:
+        yield _Fault(observation.other_namespaces, topics=observation.topics[:1])
+
+
+# Infos
+
+
+@_check('several_trees', INFO,
+        'The transforms form several trees; lookups from one to another fail.',
+        'If the trees belong to one robot, publish a transform between them.')
+def _several_trees(observation: Observation) -> Iterator[_Fault]:
+    if len(observation.trees) > 1:
+        roots = [(observation.roots(tree) or tree)[0] for tree in observation.trees]
+        yield _Fault(f'{len(roots)} trees, with the roots {_names(roots)}', frames=roots)
+
+
+@_check('static_changes', INFO,
+        'A transform on /tf_static changes; late listeners know only the newest one, for all '
+        'times.',
+        'Publish a transform that changes on /tf.')
+def _static_changes(observation: Observation) -> Iterator[_Fault]:
+    yield from _counted(observation, 'changes', 'with another pose than the one before',
+                        attrgetter('is_static'))
+
+
+@_check('rep_105', INFO,
+        'The order of earth, map, odom and base_link is not that of REP 105.',
+        'Publish these frames as earth -> map -> odom -> base_link; leave out those that you do '
+        'not need.')
+def _rep_105(observation: Observation) -> Iterator[_Fault]:
+    known = [name for name in _REP_105 if name in observation.tree_of]
+    for upper, lower in pairwise(known):
+        if (observation.tree_of[upper] == observation.tree_of[lower]
+                and upper not in observation.ancestors(lower)):
+            is_above = lower in observation.ancestors(upper)
+            lowest = upper if is_above else lower
+            path = [lowest, *observation.ancestors(lowest)][::-1]
+            yield _Fault(f'{lower} is {"above" if is_above else "not below"} {upper}: '
+                         f'{" -> ".join(map(shortened, path[-SHOWN:]))}',
+                         [track for name in (upper, lower)
+                          for track in observation.by_child.get(name, ())], [upper, lower])

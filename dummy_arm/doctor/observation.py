@@ -1,0 +1,221 @@
+"""What is checked: the statistics of the transforms, and what is known about their publishers."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from operator import itemgetter
+from typing import NamedTuple, Optional, TYPE_CHECKING, Union
+
+from dummy_arm.doctor.tf_statistics import Statistics, Track
+from dummy_arm.inspection.traffic import recreated
+from dummy_arm.tf.bag import messages, NOT_RECORDED, TopicHeaders
+from dummy_arm.tf.formatting import comma_list, namespace_path, SECOND
+
+if TYPE_CHECKING:
+    import os
+
+#: The largest number of names in a text.
+SHOWN = 5
+
+
+class Endpoint(NamedTuple):
+    """A publisher on /tf or /tf_static."""
+
+    topic: str
+    node: str  #: the full name of its node
+    publisher: str = ''  #: as `Track.publisher`; '': not known
+    wrong_type: str = ''  #: its type, if it is not TFMessage
+    is_unlatched: bool = False  #: True if the topic is /tf_static and later listeners miss it
+    mismatch: str = ''  #: the listener whose QoS it does not match, and why; '': it matches all
+
+
+@dataclass
+class Observation:
+    """What was received or recorded within some time."""
+
+    statistics: Statistics
+    where: str  #: where the transforms are from, such as 'in 5 s'
+    topics: tuple[str, str] = ('/tf', '/tf_static')  #: of dynamic and of static transforms
+    #: By publisher: the full name of its node.
+    nodes: Mapping[str, str] = field(default_factory=dict)
+    present: Optional[Collection[str]] = None  #: the publishers that exist at the end; None: all
+    endpoints: Sequence[Endpoint] = ()  #: those on the topics; of a bag, those of a wrong type
+    #: By topic: the frames that the headers of its messages name.
+    headers: Mapping[str, Collection[str]] = field(default_factory=dict)
+    tf_topics: Collection[str] = ()  #: the other topics with transforms
+    #: What is not known, and why: 'nodes', 'qos', 'arrivals' or 'headers'; see `Check.needs`.
+    not_known: dict[str, str] = field(default_factory=dict)
+    left_out: list[str] = field(default_factory=list)  #: what was not counted, and why
+    why_no_transforms: str = ''  #: where to look if there are no transforms
+    other_namespaces: str = ''  #: which topics have transforms if /tf has none
+    #: True if the arrivals are times of a recording, which may be on another clock than all stamps
+    has_record_times: bool = False
+    end: int = 0  #: the end of the observation (ns), on the clock of the arrivals; 0: not known
+    clock_hint: str = ''  #: a text about this computer's clock, for stamps from another clock
+    #: The track with the most transforms, if a bag was recorded with another clock than that of
+    #: most stamps.
+    clock: Optional[Track] = None
+
+    def __post_init__(self) -> None:
+        """Add what follows from the statistics."""
+        self.tracks = self.statistics.tracks()
+        if self.statistics.not_counted:
+            self.not_known['headers'] = 'there are too many frames'
+            self.left_out.append(
+                f'{self.statistics.not_counted} transforms: there are too many frames')
+        for error, count in self.statistics.malformed.most_common(SHOWN):
+            self.left_out.append(
+                f'{count} message{"s" if count > 1 else ""} of this kind: {error}')
+        if self.has_record_times and 2 * total(self.tracks, 'foreign') > total(
+                self.tracks, 'delays'):
+            self.clock = max(self.tracks, key=itemgetter('delays'))
+            self.not_known.setdefault(
+                'arrivals', 'the bag was recorded with another clock than that of the stamps; '
+                f'they are about {in_words(self.clock.mean_delay)} apart')
+
+    @cached_property
+    def by_child(self) -> dict[str, list[Track]]:
+        """The tracks of each child."""
+        tracks: dict[str, list[Track]] = {}
+        for track in self.tracks:
+            tracks.setdefault(track.child, []).append(track)
+        return tracks
+
+    @cached_property
+    def parents(self) -> dict[str, str]:
+        """By child: the newest parent."""
+        return {child: [*max(tracks, key=itemgetter('last_time')).parents][-1]
+                for child, tracks in self.by_child.items()}
+
+    @cached_property
+    def trees(self) -> list[list[str]]:
+        """The frames of each tree, in the order of appearance; earlier parents count, too."""
+        neighbours: dict[str, list[str]] = {}
+        for track in self.tracks:
+            for parent in track.parents:
+                neighbours.setdefault(parent, []).append(track.child)
+                neighbours.setdefault(track.child, []).append(parent)
+        trees: list[list[str]] = []
+        seen: set[str] = set()
+        for start in neighbours:
+            if start not in seen:
+                seen.add(start)
+                tree = [start]
+                for name in tree:
+                    new = [other for other in neighbours[name] if other not in seen]
+                    seen.update(new)
+                    tree += dict.fromkeys(new)
+                trees.append(tree)
+        return trees
+
+    @cached_property
+    def tree_of(self) -> dict[str, int]:
+        """By frame: the index of its tree in `trees`."""
+        return {name: i for i, tree in enumerate(self.trees) for name in tree}
+
+    @cached_property
+    def own_headers(self) -> dict[str, Collection[str]]:
+        """Those `headers` whose nearest namespace with transforms is that of `topics`."""
+        namespace = self.topics[0].rpartition('/')[0]
+        namespaces = {namespace, *(topic.rpartition('/')[0] for topic in self.tf_topics)}
+
+        def nearest(topic: str) -> str:
+            while topic and topic not in namespaces:
+                topic = topic.rpartition('/')[0]
+            return topic
+
+        return {topic: frames for topic, frames in self.headers.items()
+                if nearest(topic) == namespace}
+
+    @cached_property
+    def topics_of(self) -> dict[str, list[str]]:
+        """By the frame of headers, in alphabetical order: the topics with these headers."""
+        topics: dict[str, list[str]] = {}
+        for topic, frames in self.own_headers.items():
+            for frame in frames:
+                topics.setdefault(frame, []).append(topic)
+        return dict(sorted(topics.items()))
+
+    @cached_property
+    def recreated(self) -> dict[tuple[str, str], list[str]]:
+        """
+        By node and topic: the publishers that the node creates one after another.
+
+        A publisher that is destroyed at once has no known node: it is not found in the ROS graph.
+        """
+        groups: dict[tuple[str, str], dict[str, set[str]]] = {}
+        for endpoint in self.endpoints:
+            if endpoint.publisher:
+                group = groups.setdefault((endpoint.node, endpoint.topic), {})
+                group[endpoint.publisher] = set()
+        for track in self.tracks:
+            key = self.node_of(track), self.topics[track.is_static]
+            groups.setdefault(key, {}).setdefault(track.publisher, set()).add(track.child)
+        return {key: found for key, group in groups.items() if (found := recreated(group))}
+
+    def roots(self, tree: Iterable[str]) -> list[str]:
+        """Return the frames of a tree that have no parent: none if the tree is a loop."""
+        return [name for name in tree if name not in self.parents]
+
+    def ancestors(self, name: str) -> list[str]:
+        """Return the frames above a frame, the parent first; in a loop, each frame once."""
+        found: dict[str, None] = {}
+        while (name := self.parents.get(name, '')) and name not in found:
+            found[name] = None
+        return [*found]
+
+    def by_publisher(self, is_wanted: Callable[[Track], object]) -> list[list[Track]]:
+        """Group the tracks that meet a condition by publisher and topic."""
+        groups: dict[tuple[str, bool], list[Track]] = {}
+        for track in filter(is_wanted, self.tracks):
+            groups.setdefault((track.publisher, track.is_static), []).append(track)
+        return [*groups.values()]
+
+    def node_of(self, track: Track) -> str:
+        """Return the full name of the node of a track; '' if it is not known."""
+        return self.nodes.get(track.publisher, '')
+
+
+def total(tracks: Iterable[Track], statistic: str) -> int:
+    """Return the sum of one statistic of tracks."""
+    return sum(int(track[statistic]) for track in tracks)
+
+
+def in_words(nanoseconds: float) -> str:
+    """Return a time span in s, with three significant digits at least."""
+    seconds = abs(nanoseconds) / SECOND
+    return f'{seconds:.3g} s' if seconds < 1000 else f'{seconds:.0f} s'
+
+
+def observe_bag(bag: 'Union[str, os.PathLike[str]]', namespace: str = '', partial: bool = False,
+                on_progress: Optional[Callable[[float], object]] = None) -> Observation:
+    """Read the transforms of a bag, and the headers on its other topics; see `bag.messages`."""
+    statistics, topics = Statistics(), list[TopicHeaders]()
+    statistics.add_messages(messages(
+        bag, namespace=namespace, partial=partial, on_progress=on_progress,
+        on_headers=topics.extend))
+    nodes = {name: name for name in statistics.publishers() - {NOT_RECORDED}}
+    not_known = {'qos': 'the QoS of the publishers is not read from a bag'}
+    if not nodes:
+        not_known['nodes'] = 'the bag does not record which node has sent a message'
+    tracks = statistics.tracks()
+    if not any(track['delays'] for track in tracks):
+        not_known['arrivals'] = 'there are no dynamic transforms with a time of the recording'
+    path = namespace_path(namespace)
+    own_topics = f'{path}/tf', f'{path}/tf_static'
+    tf_topics = [topic.topic for topic in topics if topic.frames == frozenset()
+                 and topic.topic.removesuffix('_static').endswith('/tf')
+                 and topic.topic not in own_topics]
+    others = [topic for topic in tf_topics if topic.endswith('/tf')]
+    return Observation(
+        statistics, f'in {bag}', own_topics, nodes=nodes,
+        endpoints=[Endpoint(topic.topic, '', wrong_type=topic.msgtype) for topic in topics
+                   if topic.topic in own_topics],
+        headers={topic.topic: topic.frames for topic in topics if topic.frames},
+        tf_topics=tf_topics, not_known=not_known, has_record_times=True,
+        left_out=[
+            f'headers on {topic.topic}: the definition of its type {topic.msgtype} is not known'
+            for topic in topics if topic.frames is None],
+        other_namespaces='' if not others or not all(track.is_static for track in tracks) else (
+            f'there is no dynamic transform on {path}/tf, but there are transforms on '
+            f'{comma_list(others, SHOWN)}: use --namespace'))

@@ -1,0 +1,79 @@
+"""The report of all checks."""
+
+from collections.abc import Callable, Collection
+from typing import NamedTuple, Optional, TYPE_CHECKING, Union
+
+from dummy_arm.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked, SEVERITIES
+from dummy_arm.doctor.observation import Observation, observe_bag, SHOWN
+from dummy_arm.inspection.terminal import wrapped
+from dummy_arm.tf.formatting import comma_list, shortened, suggest_names, visible
+
+if TYPE_CHECKING:
+    import os
+
+
+class Report(NamedTuple):
+    """What was found; `str` returns the text that `tf_doctor` prints."""
+
+    findings: list[Finding]  #: errors first, then warnings, then infos
+    not_checked: list[str]  #: what could not be checked, and why
+    verdict: str  #: the number of findings, of transforms and of frames, in one line
+
+    @property
+    def has_errors(self) -> bool:
+        """True if a finding is an error."""
+        return any(finding.severity == ERROR for finding in self.findings)
+
+    def __str__(self) -> str:
+        """Return the text that `tf_doctor` prints, wrapped at the width of a terminal."""
+        lines = []
+        for finding in self.findings:
+            names = comma_list(finding.frames or finding.topics, SHOWN, shortened)
+            topics, nodes = (comma_list(each, SHOWN) for each in (finding.topics, finding.nodes))
+            where = ', '.join(filter(None, [topics and f'on {topics}', nodes and f'by {nodes}']))
+            texts = [f'{finding.evidence.rstrip(".")}.',
+                     *([f'{where[0].upper()}{where[1:]}.'] if where else []), finding.remedy]
+            lines += [visible(f'{finding.severity} {finding.code}: {names}'),
+                      *(line for text in texts for line in wrapped(visible(text), '    ')), '']
+        for text in self.not_checked:
+            lines += wrapped(visible(f'not checked: {text}'))
+        return '\n'.join([*lines, *([''] if self.not_checked else []), self.verdict])
+
+
+def examine(observed: 'Union[str, os.PathLike[str], Observation]', *, ignore: Collection[str] = (),
+            namespace: str = '', partial: bool = False,
+            on_progress: Optional[Callable[[float], object]] = None) -> Report:
+    """
+    Make all checks of the transforms of a bag.
+
+    :param observed: path of the bag; or what `tf_doctor` has observed in a live system.
+    :param ignore: the codes of checks that are not made.
+    :param namespace: as for `dummy_arm.tf.bag.read`.
+    :param partial: as for `dummy_arm.tf.bag.read`.
+    :param on_progress: as for `dummy_arm.tf.bag.read`.
+    :raises ValueError: if a code is unknown.
+    :raises BagError: if the bag cannot be read, or has no topic with transforms.
+    :raises OSError: if the file cannot be read.
+    """
+    check_codes(ignore)
+    observation = observed if isinstance(observed, Observation) else observe_bag(
+        observed, namespace, partial, on_progress)
+    findings = diagnose(observation, ignore)
+    counts = {severity: sum(finding.severity == severity for finding in findings)
+              for severity in SEVERITIES}
+    found = ', '.join(_count(count, severity) for severity, count in counts.items() if count)
+    return Report(findings, [*not_checked(observation, ignore), *observation.left_out], visible(
+        f'{found or "healthy"}: {_count(observation.statistics.count, "transform")} of '
+        f'{_count(len(observation.tree_of), "frame")} {observation.where}'))
+
+
+def check_codes(codes: Collection[str]) -> None:
+    """Raise a ValueError if no check has one of the codes."""
+    for code in codes:
+        if code not in CHECKS:
+            raise ValueError(
+                f'unknown code {code!r}. {suggest_names(code, tuple(CHECKS), "codes")}')
+
+
+def _count(number: int, noun: str) -> str:
+    return f'{number} {noun}{"s" if number != 1 else ""}'

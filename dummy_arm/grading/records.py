@@ -1,0 +1,88 @@
+"""What is observed, and what is found: plain values, which need neither numpy nor ROS."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple, Optional
+
+from dummy_arm.tf.formatting import visible
+
+#: The verdicts of a line, of a hand-in (NOT_RUN, too), and of good practice (ADVICE, too).
+OK, NOT_OK, NOT_JUDGED, NOT_RUN, ADVICE = 'ok', 'not ok', 'not judged', 'not run', 'advice'
+
+
+class Message(NamedTuple):
+    """A message that was received or recorded."""
+
+    time: int  #: the time of arrival or of the recording (ns); 0: not known
+    is_static: bool  #: True if the message is from /tf_static
+    publisher: str  #: an identifier of the publisher
+    #: The transforms: `stamp_ns`, `frame_id`, `child_frame_id`, and `pose` (x, y, z in m, then the
+    #: quaternion x, y, z, w).
+    rows: Sequence[Any]
+
+
+class Publisher(NamedTuple):
+    """A publisher on /tf or /tf_static that has been in the ROS graph during the observation."""
+
+    gid: str  #: as `Message.publisher`
+    node: str  #: the full name of its node
+    is_static: bool  #: True if it is on /tf_static
+    pid: int  #: the process id; 0: not known
+
+
+class Line(NamedTuple):
+    """A line of the table: a requirement, and what was measured."""
+
+    requirement: str
+    measured: str
+    verdict: str  #: OK, NOT_OK or NOT_JUDGED; ADVICE for good practice that is not followed
+    text: str = ''  #: the likely cause, why it is not judged, or the advice, in a sentence
+
+
+class Report(NamedTuple):
+    """The result of a check."""
+
+    lines: list[Line]  #: the requirements
+    advice: list[Line]  #: good practice, which has no influence on `passed`
+    passed: bool  #: True if every requirement is met; a late listener need not be judged
+
+    @classmethod
+    def from_json(cls, lines: list[list[str]], advice: list[list[str]], passed: bool) -> 'Report':
+        return cls([Line(*each) for each in lines], [Line(*each) for each in advice], passed)
+
+    @property
+    def first_failure(self) -> Optional[Line]:
+        """The first line with the verdict NOT_OK; if there is none, the first with NOT_JUDGED."""
+        if self.passed:
+            return None
+        return next((line for verdict in (NOT_OK, NOT_JUDGED) for line in self.lines
+                     if line.verdict == verdict), None)
+
+    @property
+    def reason(self) -> str:
+        """The first failure, and the number of the others; '' if the arm passed."""
+        line = self.first_failure
+        if line is None:
+            return ''
+        others = sum(each.verdict == NOT_OK for each in self.lines) - (line.verdict == NOT_OK)
+        measured = f' ({line.measured})' if line.measured else ''
+        return (f'{line.requirement}{measured}. {line.text}'
+                f'{f" ({others} more)" if others else ""}')
+
+
+class Grade(NamedTuple):
+    """The result of a hand-in, or of a drawing."""
+
+    file: str
+    report: Optional[Report]  #: None if the program could not be judged
+    reason: str  #: why it did not pass; '' if it passed
+    verdict: str  #: OK, NOT_OK, NOT_JUDGED or NOT_RUN
+    drawing: str = ''  #: the result for the frames.pdf beside it; '' if there is none
+
+    @property
+    def line(self) -> str:
+        """The grade in one line, with the good practice that is not followed."""
+        advice = [f'{line.requirement} ({line.measured})' for line in self.report.advice
+                  if line.verdict == ADVICE] if self.report else []
+        more = f': {self.reason}' if self.reason else (
+            f'; advice: {"; ".join(advice)}' if advice else '')
+        return f'{visible(self.file)}: {self.verdict}{more}'

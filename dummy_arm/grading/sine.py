@@ -1,0 +1,98 @@
+"""Fit a sine to the angles of a joint."""
+
+from math import hypot, pi
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+#: The smallest number of samples that show a wave.
+FEWEST = 20
+#: The largest angular frequency that is looked for (rad/s).
+FASTEST = 20.0
+#: The time at the beginning of an observation in which the speed is looked for (s), and the
+#: largest number of samples that are used.
+_FIRST_WINDOW, _MOST_SAMPLES = 60.0, 1000
+
+
+class Sine(NamedTuple):
+    """A sine with a constant term."""
+
+    amplitude: float  #: rad
+    speed: float  #: the angular frequency: the speed of the phase (rad/s)
+    phase: float  #: the phase at the first time (rad)
+    residual: float  #: the root mean square of the residuals, divided by the amplitude
+    periods: float  #: the number of periods between the first and the last time
+
+    @property
+    def span(self) -> float:
+        """The time from the first to the last angle (s)."""
+        return self.periods * 2 * pi / self.speed
+
+    @property
+    def fastest(self) -> float:
+        """The largest speed of the joint (rad/s)."""
+        return self.amplitude * self.speed
+
+
+def fit_sine(times: Floats, angles: Floats) -> Sine:
+    """
+    Fit c + a sin(speed t) + b cos(speed t) to angles by least squares.
+
+    The speed is searched on a grid, in a window at the beginning. Then it is improved by
+    Gauss-Newton steps, as in the four-parameter sine fit of IEEE Std 1057, in windows that grow to
+    the whole observation.
+
+    :param times: (n,) times (s), n >= 20, in ascending order.
+    :param angles: (n,) angles (rad), which are not all equal.
+    """
+    t = times - times[0]
+    span, window = t[-1], min(t[-1], max(_FIRST_WINDOW, t[FEWEST - 1]))
+    step, speed = pi / (4 * window), 0.0
+    while True:
+        count = int(np.searchsorted(t, window, 'right'))
+        used = slice(0, count, -(-count // _MOST_SAMPLES))
+        if not speed:
+            fastest = min(FASTEST, 0.9 * pi * (count - 1) / window)
+            speed = _best(t[used], angles[used], np.arange(step, fastest, step))
+        speed = _improved(t[used], angles[used], speed, pi / (4 * window), fastest)
+        if window == span:
+            break
+        window = min(4 * window, span)
+    (_, a, b), residual = fit(_columns(t, speed), angles)
+    amplitude = max(hypot(a, b), 1e-12)
+    return Sine(amplitude, speed, float(np.arctan2(b, a)), residual / amplitude,
+                speed * span / (2 * pi))
+
+
+def _best(t: Floats, y: Floats, speeds: Floats) -> float:
+    """Return the speed whose sine fits best, by the normal equations of all speeds at once."""
+    phases = speeds[:, None] * t
+    columns = np.ones_like(phases), np.sin(phases), np.cos(phases)
+    left = np.stack([[np.einsum('ij,ij->i', one, other) for other in columns] for one in columns])
+    right = np.stack([column @ (y - y.mean()) for column in columns], axis=-1)
+    found = np.linalg.pinv(left.T, 1e-10, True) @ right[..., None]
+    return float(speeds[np.sum(found[..., 0] * right, axis=1).argmax()])
+
+
+def _improved(t: Floats, y: Floats, speed: float, step: float, fastest: float) -> float:
+    """Return the speed after Gauss-Newton steps, each of which is at most `step` (rad/s)."""
+    for _ in range(10):
+        columns = _columns(t, speed)
+        (_, a, b), _ = fit(columns, y)
+        slope = t * (a * columns[:, 2] - b * columns[:, 1])
+        change = float(fit(np.column_stack([columns, slope]), y)[0][3])
+        speed = min(max(speed + min(max(change, -step), step), step / 2), fastest)
+    return speed
+
+
+def _columns(t: Floats, speed: float) -> Floats:
+    return np.column_stack([np.ones_like(t), np.sin(speed * t), np.cos(speed * t)])
+
+
+def fit(columns: Floats, y: Floats) -> tuple[Floats, float]:
+    """Return the least-squares coefficients, and the root mean square of the residuals."""
+    found = np.asarray(np.linalg.lstsq(columns, y, rcond=None)[0], np.float64)
+    return found, float(np.sqrt(np.mean((columns @ found - y) ** 2)))

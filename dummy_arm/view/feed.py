@@ -1,0 +1,152 @@
+"""Where the frames come from: a bag that is played, or the topics /tf and /tf_static."""
+
+from collections.abc import Iterable
+from time import monotonic
+from typing import NamedTuple, Optional, Protocol, TYPE_CHECKING, Union
+
+from dummy_arm.inspection.forest import frequency
+from dummy_arm.inspection.traffic import Traffic
+from dummy_arm.tf import Frame, TransformBuffer
+from dummy_arm.tf.formatting import SECOND
+
+if TYPE_CHECKING:
+    from rclpy.node import Node
+
+    from dummy_arm.tf import Buffer
+
+AnyBuffer = Union[TransformBuffer, 'Buffer']
+#: Stamps that differ this much (ns) from the median are outliers.
+_FAR = 24 * 3600 * SECOND
+#: The length of a trail, and the time for which a live buffer keeps transforms (both in s).
+LENGTH = 20
+
+
+class Player:
+    """The playback clock of a bag: it runs at the speed of the recording, in a loop."""
+
+    def __init__(self, frames: Iterable[Frame]) -> None:
+        dynamic = [frame for frame in frames if not frame.is_static and frame.oldest > 0]
+        self._begin = min(_without_outliers([frame.oldest for frame in dynamic]))
+        self._end = max(self._begin, *_without_outliers([frame.latest for frame in dynamic]))
+        self._position, self._last = 0, monotonic()
+
+    @property
+    def length(self) -> float:
+        """The length of the bag (s); 0 if it has no dynamic frames."""
+        return (self._end - self._begin) / SECOND
+
+    @property
+    def position(self) -> float:
+        """Seconds after the start of the bag."""
+        return self._position / SECOND
+
+    @property
+    def time(self) -> int:
+        """The time on the clock of the stamps (ns)."""
+        return self._begin + self._position
+
+    def advance(self, plays: bool) -> None:
+        """Advance by the time since the last call; from the end of the bag, go to its start."""
+        now = monotonic()
+        passed, self._last = now - self._last, now
+        if plays:
+            self._position = (
+                0 if self.time >= self._end else
+                min(self._end - self._begin, self._position + round(passed * SECOND)))
+
+    def seek(self, position: float) -> None:
+        """Go to a time, in seconds after the start of the bag."""
+        self._position = min(max(0, round(position * SECOND)), self._end - self._begin)
+
+
+def _without_outliers(stamps: list[int]) -> list[int]:
+    """
+    Return the stamps (ns) near the median; [1] if there are none.
+
+    The stamps of a node that publishes before its clock is set can be wrong by years.
+    """
+    if not stamps:
+        return [1]
+    median = sorted(stamps)[len(stamps) // 2]
+    return [stamp for stamp in stamps if abs(stamp - median) < _FAR]
+
+
+class Publication(NamedTuple):
+    """How a frame is published."""
+
+    rate: Optional[float]  #: Hz; None if the rate is not known
+    delay: Optional[float]  #: the average time from stamp to reception (s); None if not known
+    publisher: str  #: the names of the nodes that publish the frame; for a bag, the authority
+
+
+class Feed(Protocol):
+    """Where the frames come from."""
+
+    name: str  #: as shown in the panel
+    buffer: AnyBuffer
+    player: Optional[Player]  #: the playback clock of a bag; None if the frames are live
+
+    def publication(self, frame: Frame) -> Publication:
+        """Return how a frame is published."""
+
+    def topics_hint(self) -> str:
+        """Return which publishers have a wrong type, and which other topics have transforms."""
+
+    def why_no_frames(self) -> str:
+        """Return the likely reason that there are no frames."""
+
+
+class BagFeed:
+    """A bag that is played."""
+
+    def __init__(self, buffer: TransformBuffer, name: str) -> None:
+        self.buffer: AnyBuffer = buffer
+        self.name = name
+        self.player: Optional[Player] = Player(buffer.frames())
+
+    def publication(self, frame: Frame) -> Publication:
+        return Publication(frequency(frame), None, frame.authority)
+
+    def topics_hint(self) -> str:
+        return ''  # when the bag is opened, the command checks its topics
+
+    def why_no_frames(self) -> str:
+        return 'The bag has no transforms up to this time.'
+
+
+class LiveFeed:
+    """The frames on /tf and /tf_static."""
+
+    def __init__(self, node: 'Node') -> None:
+        from dummy_arm.inspection.frame_listener import FrameListener
+        self.player: Optional[Player] = None
+        self._measured_frame = ''
+        self._traffic: Optional[Traffic] = None
+        self._frame_listener = FrameListener(node, LENGTH)
+        self.name = ' and '.join(reversed(self._frame_listener.topics))
+        self.buffer: AnyBuffer = self._frame_listener.buffer
+
+    def publication(self, frame: Frame) -> Publication:
+        """Return how a frame is published; a call for another frame starts a new measurement."""
+        listener = self._frame_listener.publisher_listener
+        messages, _ = listener.received()
+        if self._traffic is None or frame.name != self._measured_frame:
+            self._measured_frame = frame.name
+            self._traffic = Traffic(self._frame_listener.now, frame.name)
+        else:
+            self._traffic.observe(messages)
+        publisher = listener.names_of([frame.authority])[frame.authority]
+        nodes = [each for each in self._traffic.by_node(listener)
+                 if each.frame == frame.name and each.is_present is not False]
+        summary = next((each.summary for each in nodes if each.node == publisher), None)
+        if len(several := [each.node for each in nodes if each.is_present]) > 1:
+            publisher = f'{" and ".join(several)} (more than one publisher)'
+        if summary is None:
+            return Publication(None, None, publisher)
+        return Publication(summary.rate, summary.average_delay, publisher)
+
+    def topics_hint(self) -> str:
+        return self._frame_listener.topics_hint()
+
+    def why_no_frames(self) -> str:
+        return self._frame_listener.why_no_frames()
