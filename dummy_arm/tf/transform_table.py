@@ -97,9 +97,12 @@ class _Groups:
             self._layouts[message.encoding] = Layouts(message.encoding)
         layouts = self._layouts[message.encoding]
         data = message.data
-        parts = layouts.read(data) or layouts.learn(data, message.rows())
+        parts = layouts.read(data)
         if parts is None:
-            return [*self.close(), *(_table_of(message, row) for row in message.rows())]
+            rows = message.rows()
+            parts = layouts.learn(data, rows)
+            if parts is None:
+                return [*self.close(), *(_table_of(message, row) for row in rows)]
         layout, stamps, poses = parts
         complete = self.close() if self._size > _MOST_BYTES else []
         key = message.publisher, message.is_static, layout

@@ -113,7 +113,7 @@ class Engine:
         """
         Insert what the sources have received, unless this thread holds the lock already.
 
-        Return the generation, a number that grows with each insertion.
+        Return the generation.
         """
         is_held = self.is_held()
         with self.lock:
@@ -148,10 +148,8 @@ class Engine:
         if self._sources or self._is_changing:
             self.update()  # messages that arrived before this call are inserted first
         with self.lock:
-            before, self._is_changing = self._is_changing, True
-            is_accepted = self.insertion.insert(stamp, frame_id, child_frame_id, pose, authority,
-                                                is_static)
-            self._is_changing = before  # True if this call has interrupted another one
+            is_accepted = self._change(self.insertion.insert, stamp, frame_id, child_frame_id,
+                                       pose, authority, is_static)
             if is_accepted:
                 self._notify_lookups()
         self.after_insertion()
@@ -165,10 +163,15 @@ class Engine:
         self.after_insertion()
 
     def _insert(self, batches: Iterable[BatchOrRows]) -> None:
-        before, self._is_changing = self._is_changing, True
-        self.insertion.insert_batches(batches)
-        self._is_changing = before
+        self._change(self.insertion.insert_batches, batches)
         self._notify_lookups()
+
+    def _change(self, change: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Call a function that changes the data; the lock is held."""
+        before, self._is_changing = self._is_changing, True
+        result = change(*arguments)
+        self._is_changing = before  # True if this call has interrupted another one
+        return result
 
     def _notify_lookups(self) -> None:
         self._generation += 1
@@ -196,10 +199,7 @@ class Engine:
     def clear(self) -> None:
         self.update_for_user()  # so that messages that have arrived are removed, too
         with self.lock:
-            before, self._is_changing = self._is_changing, True
-            self.tree.clear()
-            self.lookups.paths.clear()
-            self._is_changing = before
+            self._change(self.insertion.clear)
 
     def _mend(self) -> None:
         """Drop what an interrupted change has left inconsistent; the lock is held."""

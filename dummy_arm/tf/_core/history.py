@@ -180,16 +180,13 @@ class History:
 
     def release(self) -> None:
         """Copy the arrays that numpy arrays of a thread that is gone use: they cannot grow."""
-        try:
-            self.stamps.append(0)
-            self.stamps.pop()
-        except BufferError:
-            self.stamps = self.stamps[:]
-        try:
-            self.poses.append(0)
-            self.poses.pop()
-        except BufferError:
-            self.poses = self.poses[:]
+        for name in 'stamps', 'poses':
+            array = getattr(self, name)
+            try:
+                array.append(0)
+                array.pop()
+            except BufferError:
+                setattr(self, name, array[:])
 
     def _delete(self, index: int) -> None:
         if self.parents is not None:

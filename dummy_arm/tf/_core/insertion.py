@@ -127,6 +127,11 @@ class Insertion:
                 self.log.warn(format_exc())
                 self.mend()
 
+    def clear(self) -> None:
+        """Remove all dynamic transforms."""
+        self._tree.clear()
+        self._lookups.paths.clear()
+
     def mend(self) -> None:
         """Drop what an insertion that did not end has left inconsistent."""
         self._tree.mend()
