@@ -40,6 +40,17 @@ class NodeThread(Thread):
         """End the wait of the thread."""
         raise NotImplementedError
 
+    def work_until_end(self) -> None:
+        raise NotImplementedError
+
+    def run(self) -> None:
+        """Work; errors of rcl are those of the end of the node or its context, if it has ended."""
+        try:
+            self.work_until_end()
+        except (InvalidHandle, RCLError):
+            if not self.has_ended and self._node.context.ok():
+                raise
+
     def end(self) -> None:
         self._node.destroy_guard_condition(self._guard)  # calls `stop`, but only once
 
@@ -67,7 +78,7 @@ class SpinThread(NodeThread):
         super().stop()
         self._on_end()
 
-    def run(self) -> None:
+    def work_until_end(self) -> None:
         executor = SingleThreadedExecutor(context=self._node.context)
         try:
             executor.add_node(self._node)
@@ -110,18 +121,18 @@ class ListenerThread(NodeThread):
 
     def run(self) -> None:
         try:
-            tf = self._tf or self._tf_static
-            with self._wake.handle, self._tf_static.handle, tf.handle:
-                self._listen()
-        except (InvalidHandle, RCLError):
-            if not self.has_ended and self._node.context.ok():
-                raise
+            super().run()
         finally:
             self.has_ended = True
             # Ctrl-C shuts ROS down, but does not always wake an executor that is spinning.
             with suppress(InvalidHandle, RCLError):
                 self._guard.trigger()
             self._on_end()
+
+    def work_until_end(self) -> None:
+        tf = self._tf or self._tf_static
+        with self._wake.handle, self._tf_static.handle, tf.handle:
+            self._listen()
 
     def _listen(self) -> None:
         context = self._node.context.handle
