@@ -46,8 +46,10 @@ def test_no_arm(domain_id, arm_domain, monkeypatch):
 
 def test_another_type(ros, monkeypatch):
     """A warning names the node that publishes another type than TFMessage."""
-    def wait(_, what, poll):  # what is created later is discovered later
-        eventually(lambda: poll() or poll.__self__.messages)
+    def wait(_, what, poll):  # what is created later, and the name of a node, is discovered later
+        observer = poll.__self__
+        eventually(lambda: poll() or (
+            observer.messages and '/test' in observer.listener.wrong_type_hint()))
 
     monkeypatch.setattr(check_arm, 'wait', wait)
     ros.node.create_publisher(TransformStamped, '/tf', 10)
