@@ -13,7 +13,7 @@ from dummy_arm.tf._core import pose as poses
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import IDENTITY
 from dummy_arm.tf._wire import cdr
-from dummy_arm.tf._wire.layouts import MessageReader
+from dummy_arm.tf._wire.message_reader import MessageReader
 
 _S = 10**9
 _PARENTS, _FRAMES = 20_000, 100_000

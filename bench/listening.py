@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dummy_arm.tf import TransformBuffer
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._wire import cdr
-from dummy_arm.tf._wire.layouts import MessageReader
+from dummy_arm.tf._wire.message_reader import MessageReader
 
 ROLES = str(Path(__file__).parent / 'roles.py')
 MS = 1_000_000

@@ -26,7 +26,7 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 from dummy_arm.tf import bag, TransformBuffer
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._wire import cdr, ros1
-from dummy_arm.tf._wire.layouts import MessageReader
+from dummy_arm.tf._wire.message_reader import MessageReader
 from dummy_arm.tools import tf_doctor
 
 TF = 'tf2_msgs/msg/TFMessage'

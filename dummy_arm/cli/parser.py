@@ -1,4 +1,4 @@
-"""Arguments, errors and exit codes of the commands; this module works without ROS."""
+"""The options, errors and exit codes that the commands share; this module works without ROS."""
 
 import argparse
 from collections.abc import Callable, Sequence

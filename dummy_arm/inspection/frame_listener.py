@@ -11,13 +11,12 @@ from rclpy.node import Node
 from dummy_arm.tf import Buffer, Frame
 from dummy_arm.tf.formatting import (
     comma_list,
-    full_name,
     match_candidates,
     quoted,
     suggest_names,
     TF_MESSAGE,
 )
-from dummy_arm.tf.publisher_listener import PublisherListener
+from dummy_arm.tf.publisher_listener import node_of, PublisherListener
 
 #: The largest number of known frames that a message lists.
 _SHOWN = 20
@@ -64,8 +63,7 @@ class FrameListener:
     def wrong_type_hint(self) -> str:
         """Return who publishes another type than TFMessage on the topics of transforms."""
         wrong = dict.fromkeys(
-            f'{full_name(info.node_namespace, info.node_name)} publishes {info.topic_type} on '
-            f'{topic}' for topic in self.topics
+            f'{node_of(info)} publishes {info.topic_type} on {topic}' for topic in self.topics
             for info in self.node.get_publishers_info_by_topic(topic)
             if info.topic_type != TF_MESSAGE)
         if not wrong:

@@ -1,8 +1,8 @@
 """
 All that depends on a terminal: whether stdout is one, its size and escapes, the width of texts.
 
-Nothing is printed in colours; those of an option `--color` would belong here. Control characters
-in names are escaped before names are printed: see `visible` of `dummy_arm.tf.formatting`.
+Control characters in names are escaped before names are printed: see `visible` of
+`dummy_arm.tf.formatting`.
 """
 
 from collections.abc import Iterable, Sequence

@@ -9,18 +9,12 @@ import os
 from pathlib import Path
 from typing import Any, NamedTuple, Optional, Union
 
-from dummy_arm.tf._bag.context import (
-    BagContext,
-    BagError,
-    HEADERS,
-    kind_of,
-    NOT_RECORDED,
-    Stream,
-)
+from dummy_arm.tf._bag.context import BagContext, HEADERS, NOT_RECORDED, Stream
+from dummy_arm.tf._bag.formats import BagError, kind_of
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire.cdr import MalformedMessage
-from dummy_arm.tf._wire.layouts import Encoding, MessageReader
+from dummy_arm.tf._wire.message_reader import Encoding, MessageReader
 from dummy_arm.tf.transform_buffer import TransformBuffer
 
 __all__ = ['HEADERS', 'NOT_RECORDED', 'BagError', 'BagMessage', 'TopicHeaders', 'messages', 'read']

@@ -18,9 +18,10 @@ from rclpy.utilities import get_default_context
 
 from dummy_arm.tf._core.buffer_base import debug_tuple
 from dummy_arm.tf._core.times import nanoseconds, SECOND
+from dummy_arm.tf._core.waiting import wait, why_not
 from dummy_arm.tf._ros.futures import PendingFutures
 from dummy_arm.tf._ros.messages import FrameGraph
-from dummy_arm.tf.buffer_core import BufferCore, message
+from dummy_arm.tf.buffer_core import BufferCore, to_message
 from dummy_arm.tf.buffer_interface import BufferInterface, NO_WAIT
 
 
@@ -78,8 +79,8 @@ class Buffer(BufferCore, BufferInterface):
         """
         if timeout is NO_WAIT:
             return self.lookup_transform_core(target_frame, source_frame, time)
-        return message(target_frame, source_frame, self._engine.wait(
-            _seconds(timeout), self._engine.lookups.pose, target_frame, source_frame,
+        return to_message(target_frame, source_frame, wait(
+            self._engine, _seconds(timeout), self._engine.lookups.pose, target_frame, source_frame,
             nanoseconds(time)))
 
     def lookup_transform_full(
@@ -102,8 +103,8 @@ class Buffer(BufferCore, BufferInterface):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        return message(target_frame, source_frame, self._engine.wait(
-            _seconds(timeout), self._engine.lookups.pose_full, target_frame,
+        return to_message(target_frame, source_frame, wait(
+            self._engine, _seconds(timeout), self._engine.lookups.pose_full, target_frame,
             nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame))
 
     async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time,
@@ -152,9 +153,9 @@ class Buffer(BufferCore, BufferInterface):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = self._engine.why_not(
-            _seconds(timeout), self._engine.lookups.check, target_frame, source_frame,
-            nanoseconds(time))
+        error = why_not(
+            self._engine, _seconds(timeout), self._engine.lookups.check, target_frame,
+            source_frame, nanoseconds(time))
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def can_transform_full(
@@ -175,8 +176,8 @@ class Buffer(BufferCore, BufferInterface):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = self._engine.why_not(
-            _seconds(timeout), self._engine.lookups.check_full, target_frame,
+        error = why_not(
+            self._engine, _seconds(timeout), self._engine.lookups.check_full, target_frame,
             nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame)
         return debug_tuple(error) if return_debug_tuple else error is None
 

@@ -15,6 +15,7 @@ from dummy_arm.tf._core.frames import as_dot
 from dummy_arm.tf._core.pose import Pose, Row
 from dummy_arm.tf._core.times import nanoseconds, SECOND
 from dummy_arm.tf._core.velocity import tf2_velocity
+from dummy_arm.tf._core.waiting import why_not
 from dummy_arm.tf._ros.transform_stamped import explain_bad_fields, message_of, row_of
 from dummy_arm.tf.transform import Transform, Vector
 
@@ -87,7 +88,7 @@ class BufferCore(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame or the time has a wrong type.
         """
-        return message(target_frame, source_frame, self._engine.look(
+        return to_message(target_frame, source_frame, self._engine.read(
             self._engine.lookups.pose, target_frame, source_frame, nanoseconds(time)))
 
     def lookup_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
@@ -108,7 +109,7 @@ class BufferCore(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame or a time has a wrong type.
         """
-        return message(target_frame, source_frame, self._engine.look(
+        return to_message(target_frame, source_frame, self._engine.read(
             self._engine.lookups.pose_full, target_frame, nanoseconds(target_time), source_frame,
             nanoseconds(source_time), fixed_frame))
 
@@ -123,8 +124,9 @@ class BufferCore(BufferBase):
             there is no error).
         :raises TypeError: if a frame or the time has a wrong type.
         """
-        return debug_tuple(self._engine.why_not(
-            0.0, self._engine.lookups.check, target_frame, source_frame, nanoseconds(time)))
+        return debug_tuple(why_not(
+            self._engine, 0.0, self._engine.lookups.check, target_frame, source_frame,
+            nanoseconds(time)))
 
     def can_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                 source_time: Time, fixed_frame: str) -> tuple[bool, str]:
@@ -140,9 +142,9 @@ class BufferCore(BufferBase):
             there is no error).
         :raises TypeError: if a frame or a time has a wrong type.
         """
-        return debug_tuple(self._engine.why_not(
-            0.0, self._engine.lookups.check_full, target_frame, nanoseconds(target_time),
-            source_frame, nanoseconds(source_time), fixed_frame))
+        return debug_tuple(why_not(
+            self._engine, 0.0, self._engine.lookups.check_full, target_frame,
+            nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame))
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time:
         """
@@ -154,7 +156,7 @@ class BufferCore(BufferBase):
         :raises TransformException: if there is no path.
         :raises TypeError: if a frame is not a str.
         """
-        return Time(nanoseconds=self._engine.look(
+        return Time(nanoseconds=self._engine.read(
             self._engine.lookups.latest_common_time, target_frame, source_frame))
 
     def lookupVelocityCore(  # noqa: N802
@@ -200,7 +202,7 @@ class BufferCore(BufferBase):
         :returns: as `lookupVelocityCore`.
         """
         x, y, z = map(float, reference_point)
-        return self._engine.look(
+        return self._engine.read(
             tf2_velocity, self._engine.lookups, tracking_frame, observation_frame, reference_frame,
             (x, y, z), reference_point_frame, nanoseconds(time),
             nanoseconds(averaging_interval, 'averaging_interval'))
@@ -212,7 +214,7 @@ class BufferCore(BufferBase):
 
         The path leads via the fixed frame.
         """
-        return self._engine.look(
+        return self._engine.read(
             self._engine.lookups.chain, target_frame, nanoseconds(target_time), source_frame,
             nanoseconds(source_time), fixed_frame)
 
@@ -222,14 +224,14 @@ class BufferCore(BufferBase):
 
     def _frameExists(self, frame_id: str) -> bool:  # noqa: N802
         """Return whether the buffer has a frame of this name."""
-        return self._engine.look(self._engine.tree.histories.__contains__, frame_id)
+        return self._engine.read(self._engine.tree.histories.__contains__, frame_id)
 
     def _getFrameStrings(self) -> list[str]:  # noqa: N802
         """Return the names of all frames."""
         return self.frame_names()
 
 
-def message(target_frame: str, source_frame: str, answer: tuple[int, Pose]) -> TransformStamped:
+def to_message(target_frame: str, source_frame: str, answer: tuple[int, Pose]) -> TransformStamped:
     """
     Convert the result of a lookup to a message.
 

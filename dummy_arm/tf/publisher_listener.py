@@ -18,9 +18,9 @@ from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf._core.pose import BatchOrRows, Row
 from dummy_arm.tf._core.texts import comma_list, full_name, TF_MESSAGE
 from dummy_arm.tf._ros.rclpy_private import GID_SIZE, rcl_take, Taker
-from dummy_arm.tf._ros.subscription import SubscriptionSource, Topic
+from dummy_arm.tf._ros.subscription import SubscriptionSource, TopicSubscription
 from dummy_arm.tf._wire import cdr
-from dummy_arm.tf._wire.layouts import Encoding
+from dummy_arm.tf._wire.message_reader import Encoding
 from dummy_arm.tf.transform_listener import TransformListener
 
 #: The name of a publisher whose node is not known.
@@ -82,6 +82,12 @@ def gid_of(info: TopicEndpointInfo) -> str:
     return bytes(info.endpoint_gid[:GID_SIZE]).hex()
 
 
+def node_of(info: TopicEndpointInfo) -> str:
+    """Return the full name of a node in the ROS graph; UNKNOWN if it is not discovered yet."""
+    return (UNKNOWN if info.node_name == _UNKNOWN_NODE
+            else full_name(info.node_namespace, info.node_name))
+
+
 class _GidSource(SubscriptionSource):
     """A source with the gid of the publisher as authority; it keeps the newest messages."""
 
@@ -89,27 +95,27 @@ class _GidSource(SubscriptionSource):
                  ) -> None:
         super().__init__(*args)
         self._query, self._add_topic = query, add_topic
-        #: By topic. Empty if rcl cannot be called; then no gid is known.
-        self._takers = {topic: Taker(topic.handle, ReceivedMessage.of)
-                        for topic in self._topics if rcl_take()}
+        #: By subscription. Empty if rcl cannot be called; then no gid is known.
+        self._takers = {each: Taker(each.handle, ReceivedMessage.of)
+                        for each in self._subscriptions if rcl_take()}
         self._has_gids = all(taker.has_gids for taker in self._takers.values())
         self._has_reception_times = bool(self._takers) and all(
             taker.has_reception_times for taker in self._takers.values())
         self._kept: deque[ReceivedMessage] = deque()
         self._size = self._dropped = 0
 
-    def _take(self, topic: Topic) -> list[ReceivedMessage]:
-        if taker := self._takers.get(topic):
-            return taker.take(topic.max_messages)
-        return [ReceivedMessage.of(data) for data, _ in topic.take()]
+    def _take(self, subscription: TopicSubscription) -> list[ReceivedMessage]:
+        if taker := self._takers.get(subscription):
+            return taker.take(subscription.max_messages)
+        return [ReceivedMessage.of(data) for data, _ in subscription.take()]
 
-    def _read(self, topic: Topic, messages: list[Any]) -> list[BatchOrRows]:
-        self._keep(messages, topic.is_static)
+    def _read(self, subscription: TopicSubscription, messages: list[Any]) -> list[BatchOrRows]:
+        self._keep(messages, subscription.is_static)
         batches: list[BatchOrRows] = []
         for gid, group in groupby(messages, attrgetter('publisher')):
             if not self._has_gids:
-                self._add_topic(gid, topic.name)
-            batches += topic.reader.read(group, gid, topic.is_static)
+                self._add_topic(gid, subscription.name)
+            batches += subscription.reader.read(group, gid, subscription.is_static)
         return batches
 
     def _keep(self, messages: list[ReceivedMessage], is_static: bool) -> None:
@@ -121,9 +127,9 @@ class _GidSource(SubscriptionSource):
             self._size -= len(self._kept.popleft())
             self._dropped += 1
 
-    def end_round(self) -> float:
+    def next_pause(self) -> float:
         self._query()
-        pause = super().end_round()
+        pause = super().next_pause()
         # A pause would count as delay of the messages.
         return pause if self._has_reception_times else 0.0
 
@@ -156,7 +162,7 @@ class PublisherListener(TransformListener):
         self._next_query = 0.0
         self._present: frozenset[str] = frozenset()
         super().__init__(*args, **kwargs)
-        if self._calls_back:
+        if self._uses_callbacks:
             self.unregister()
             raise TypeError('a PublisherListener needs a buffer of dummy_arm.tf and no overridden '
                             f'callbacks or setters, got {self.buffer!r}')
@@ -256,8 +262,8 @@ class PublisherListener(TransformListener):
                     continue
                 gid = gid_of(info)
                 present.add(gid)
-                if info.node_name != _UNKNOWN_NODE:
-                    self._nodes[gid] = full_name(info.node_namespace, info.node_name), topic
+                if (name := node_of(info)) != UNKNOWN:
+                    self._nodes[gid] = name, topic
         self._present = frozenset(present)
         if (surplus := len(self._nodes) - _MOST_NAMES) > 0:
             gone = [gid for gid in tuple(self._nodes) if gid not in present]

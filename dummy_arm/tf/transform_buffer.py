@@ -4,6 +4,7 @@ from typing import Any, Optional, Union
 
 from dummy_arm.tf._core.buffer_base import BufferBase, debug_tuple
 from dummy_arm.tf._core.times import nanoseconds_or_int, SECOND
+from dummy_arm.tf._core.waiting import wait, why_not
 from dummy_arm.tf.transform import Transform
 
 
@@ -82,8 +83,8 @@ class TransformBuffer(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        stamp, pose = self._engine.wait(
-            _seconds(timeout), self._engine.lookups.pose, target_frame, source_frame,
+        stamp, pose = wait(
+            self._engine, _seconds(timeout), self._engine.lookups.pose, target_frame, source_frame,
             nanoseconds_or_int(time))
         return Transform(stamp, target_frame, source_frame, pose[:3], pose[3:])
 
@@ -106,8 +107,8 @@ class TransformBuffer(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        stamp, pose = self._engine.wait(
-            _seconds(timeout), self._engine.lookups.pose_full, target_frame,
+        stamp, pose = wait(
+            self._engine, _seconds(timeout), self._engine.lookups.pose_full, target_frame,
             nanoseconds_or_int(target_time), source_frame, nanoseconds_or_int(source_time),
             fixed_frame)
         return Transform(stamp, target_frame, source_frame, pose[:3], pose[3:])
@@ -126,9 +127,9 @@ class TransformBuffer(BufferBase):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = self._engine.why_not(
-            _seconds(timeout), self._engine.lookups.check, target_frame, source_frame,
-            nanoseconds_or_int(time))
+        error = why_not(
+            self._engine, _seconds(timeout), self._engine.lookups.check, target_frame,
+            source_frame, nanoseconds_or_int(time))
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def can_transform_full(self, target_frame: str, target_time: Any, source_frame: str,
@@ -148,8 +149,8 @@ class TransformBuffer(BufferBase):
             this bool and the text of the error ('' if there is no error).
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        error = self._engine.why_not(
-            _seconds(timeout), self._engine.lookups.check_full, target_frame,
+        error = why_not(
+            self._engine, _seconds(timeout), self._engine.lookups.check_full, target_frame,
             nanoseconds_or_int(target_time), source_frame, nanoseconds_or_int(source_time),
             fixed_frame)
         return debug_tuple(error) if return_debug_tuple else error is None
@@ -163,7 +164,7 @@ class TransformBuffer(BufferBase):
         :raises TransformException: if there is no path.
         :raises TypeError: if a frame is not a str.
         """
-        return self._engine.look(
+        return self._engine.read(
             self._engine.lookups.latest_common_time, target_frame, source_frame)
 
 

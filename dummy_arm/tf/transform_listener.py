@@ -71,7 +71,7 @@ class TransformListener:
         self.malformed = 0
         self._log = ThrottledLog()
         self._log.write = get_logger('tf2_listener').warning
-        self._buffer, self._calls_back = buffer, self._must_call_back(buffer)
+        self._buffer, self._uses_callbacks = buffer, self._needs_callbacks(buffer)
         #: The engine of the buffer to which the source was added; None if there is none.
         self._engine: Optional[Engine] = None
         #: The engine and its generation after the last update by the listener's thread.
@@ -88,7 +88,7 @@ class TransformListener:
         self._qos_monitors: list[QosMonitor] = []
         self._thread: NodeThread
         self._source: Any
-        if self._calls_back:
+        if self._uses_callbacks:
             self._thread = SpinThread(node, self.group, self._close)
             self._source = NoMessages(node.context.ok)
         else:
@@ -98,12 +98,12 @@ class TransformListener:
             self._source = self._create_source(
                 self.tf_static_sub, self.tf_sub, self._on_fault, self._thread.wake)
         self._attach(_engine_or_none(buffer))
-        if spin_thread or not self._calls_back:
+        if spin_thread or not self._uses_callbacks:
             self._thread.start()
 
     def _subscribe(self, topic: str, callback: Callable[[TFMessage], None], qos: QoSProfile
                    ) -> Subscription:
-        if self._calls_back:
+        if self._uses_callbacks:
             return self.node.create_subscription(
                 TFMessage, topic, callback, qos, callback_group=self.group)
         return subscribe(self.node, TFMessage, topic, callback, qos, self.group)
@@ -136,15 +136,16 @@ class TransformListener:
     def buffer(self, buffer: Any) -> None:
         if buffer is self._buffer:
             return
-        if self._must_call_back(buffer) != self._calls_back:
+        if self._needs_callbacks(buffer) != self._uses_callbacks:
+            verb = 'calls' if self._uses_callbacks else 'does not call'
             raise TypeError(
-                f'this listener {"calls" if self._calls_back else "does not call"} the methods '
+                f'this listener {verb} the methods '
                 f'set_transform and set_transform_static of its buffer, but {buffer!r} needs the '
                 'opposite; create a new listener')
         self._buffer = buffer
         self._attach(_engine_or_none(buffer))
 
-    def _must_call_back(self, buffer: Any) -> bool:
+    def _needs_callbacks(self, buffer: Any) -> bool:
         return (_engine_or_none(buffer) is None
                 or _overrides(self, [TransformListener], 'callback', 'static_callback')
                 or _overrides(buffer, [TransformBuffer, BufferCore],
@@ -153,7 +154,7 @@ class TransformListener:
     def _attach(self, engine: Optional[Engine]) -> None:
         """Move the source from the current engine to another; None: only remove it."""
         with self._lock:
-            if self._thread.has_ended:
+            if self._thread.must_end:
                 engine = None
             before, self._engine = self._engine, engine
         if before is not None:
@@ -161,7 +162,7 @@ class TransformListener:
         if engine is not None:
             engine.add_source(self._source)
             # Another thread may have replaced `_engine` or ended the listener meanwhile.
-            if self._engine is not engine or self._thread.has_ended:
+            if self._engine is not engine or self._thread.must_end:
                 self._detach(engine)
 
     def _detach(self, engine: Engine) -> None:
@@ -197,8 +198,8 @@ class TransformListener:
                     is_urgent = engine.after_insertion()
                 except BaseException as error:  # raised by a done callback of a future
                     self._on_fault(error)
-            pause = self._source.end_round()
-            if engine.has_waiters:
+            pause = self._source.next_pause()
+            if engine.is_awaited:
                 pause = 0.0
         self._log.flush()
         return Round(has_news, is_urgent, pause)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire import cdr
-from dummy_arm.tf._wire.layouts import Encoding, Layout, Layouts
+from dummy_arm.tf._wire.message_reader import Encoding, KnownLayouts, Layout
 
 #: Tables are made when the messages take more than `_MOST_BYTES`; each takes its data and
 #: `_OVERHEAD` (bytes).
@@ -87,14 +87,14 @@ class _Groups:
     """The messages that are not converted yet."""
 
     def __init__(self) -> None:
-        self._layouts: dict[Encoding, Layouts] = {}
+        self._layouts: dict[Encoding, KnownLayouts] = {}
         self._groups: dict[tuple[str, bool, Layout], _Group] = {}
         self._size = 0
 
     def add(self, message: Message) -> list[TransformTable]:
         """Add a message, and return the tables that precede it; raise MalformedMessage."""
         if message.encoding not in self._layouts:
-            self._layouts[message.encoding] = Layouts(message.encoding)
+            self._layouts[message.encoding] = KnownLayouts(message.encoding)
         layouts = self._layouts[message.encoding]
         data = message.data
         parts = layouts.read(data)

@@ -25,7 +25,7 @@ from dummy_arm.doctor.report import check_codes, examine, Report
 from dummy_arm.doctor.tf_statistics import Statistics
 from dummy_arm.inspection.terminal import wrapped
 from dummy_arm.tf.bag import HEADERS, messages, NOT_RECORDED, read
-from dummy_arm.tf.formatting import full_name, in_seconds, SECOND, TF_MESSAGE
+from dummy_arm.tf.formatting import in_seconds, SECOND, TF_MESSAGE
 from dummy_arm.tf.transform_table import header_frame
 
 if TYPE_CHECKING:
@@ -262,19 +262,19 @@ def _clock_hint(node: 'Node') -> str:
 def _endpoints(node: 'Node', topics: tuple[str, str]) -> Iterator[Endpoint]:
     from rclpy.qos import DurabilityPolicy
 
-    from dummy_arm.tf.publisher_listener import gid_of
+    from dummy_arm.tf.publisher_listener import gid_of, node_of
     own_name = node.get_fully_qualified_name()
     for topic in topics:
         # The subscription of this node has the QoS of tf2's TransformListener; it comes first.
         listeners = sorted((info for info in node.get_subscriptions_info_by_topic(topic)
                             if info.topic_type == TF_MESSAGE),
-                           key=lambda info: _full_name(info) != own_name)
+                           key=lambda info: node_of(info) != own_name)
         for publisher in node.get_publishers_info_by_topic(topic):
             if publisher.topic_type != TF_MESSAGE:
-                yield Endpoint(topic, _full_name(publisher), wrong_type=publisher.topic_type)
+                yield Endpoint(topic, node_of(publisher), wrong_type=publisher.topic_type)
                 continue
             yield Endpoint(
-                topic, _full_name(publisher), gid_of(publisher),
+                topic, node_of(publisher), gid_of(publisher),
                 is_unlatched=topic == topics[1]
                 and publisher.qos_profile.durability == DurabilityPolicy.VOLATILE,
                 mismatch=_mismatch(publisher, listeners, own_name))
@@ -283,17 +283,15 @@ def _endpoints(node: 'Node', topics: tuple[str, str]) -> Iterator[Endpoint]:
 def _mismatch(publisher: Any, listeners: Sequence[Any], own_name: str) -> str:
     """Return the first listener whose QoS a publisher does not match, and why."""
     from rclpy.qos import qos_check_compatible, QoSCompatibility
+
+    from dummy_arm.tf.publisher_listener import node_of
     for listener in listeners:
         compatibility, reason = qos_check_compatible(publisher.qos_profile, listener.qos_profile)
         if compatibility == QoSCompatibility.ERROR:
-            name = _full_name(listener)
+            name = node_of(listener)
             return (f'{"a TransformListener" if name == own_name else name} '
                     f'({reason.replace("ERROR: ", "").rstrip(";. ")})')
     return ''
-
-
-def _full_name(info: Any) -> str:
-    return full_name(info.node_namespace, info.node_name)
 
 
 def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: Sequence[str],

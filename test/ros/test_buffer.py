@@ -54,7 +54,7 @@ def new_threads(before):
 def feed(buffer, *transforms):
     """Insert transforms in another thread as soon as the buffer has waiters; return the thread."""
     def run():
-        eventually(lambda: engine_of(buffer).has_waiters)
+        eventually(lambda: engine_of(buffer).is_awaited)
         for transform in transforms:
             buffer.set_transform(transform, 'test')
 
@@ -283,7 +283,7 @@ def test_a_wait_ends_when_ros_is_shut_down(domain_id, with_node):
         return True
 
     def shut_down():
-        eventually(lambda: engine_of(buffer).has_waiters)
+        eventually(lambda: engine_of(buffer).is_awaited)
         context.try_shutdown()
 
     shutting_down = threading.Thread(target=shut_down)
@@ -316,7 +316,7 @@ def test_a_coroutine_waits_for_what_is_not_there():
         with pytest.raises(StopIteration) as done:
             coroutine.send(None)
         assert done.value.value == stamped()
-    assert not engine_of(buffer).has_waiters
+    assert not engine_of(buffer).is_awaited
 
 
 def test_a_future_times_out():
@@ -328,7 +328,7 @@ def test_a_future_times_out():
             r"^Timed out after 0\.05 s, waiting for the transform from 'tool' to 'map': "
             '"map" passed to lookupTransform argument target_frame does not exist')):
         future.result()
-    assert not engine_of(buffer).has_waiters
+    assert not engine_of(buffer).is_awaited
     full = buffer.wait_for_transform_full_async('map', T, 'tool', T, 'map', timeout=LONG)
     buffer.set_transform(stamped(), 'test')
     assert full.result() == stamped()
@@ -342,24 +342,24 @@ def test_an_abandoned_wait_leaves_nothing_behind(ros, quick_gc, abandon):
     if abandon == 'close':
         coroutine = buffer.lookup_transform_async('map', 'tool', T, timeout=LONG)
         coroutine.send(None)
-        assert engine_of(buffer).has_waiters
+        assert engine_of(buffer).is_awaited
         coroutine.close()
         del coroutine
     else:
         waiting = buffer.wait_for_transform_async('map', 'tool', T, timeout=LONG)
-        assert engine_of(buffer).has_waiters
+        assert engine_of(buffer).is_awaited
         if abandon == 'stop spinning':
             ros.executor.spin_until_future_complete(waiting, 0.05)
             ros.executor.spin_once(timeout_sec=0.0)  # else the executor holds the future
         if abandon == 'cancel':
             waiting.add_done_callback(lambda _: None)
             waiting.cancel()
-            assert not engine_of(buffer).has_waiters
+            assert not engine_of(buffer).is_awaited
             buffer.set_transform(stamped(), 'test')
             assert waiting.cancelled()
         del waiting
     gc.collect()
-    assert not engine_of(buffer).has_waiters
+    assert not engine_of(buffer).is_awaited
     eventually(lambda: not new_threads(before))
     gone = weakref.ref(buffer)
     del buffer
@@ -476,7 +476,7 @@ def test_a_finalizer_may_cancel_a_wait(quick_gc):
     finally:
         gc.set_threshold(*thresholds)
     gc.collect()
-    assert not engine_of(buffer).has_waiters
+    assert not engine_of(buffer).is_awaited
 
 
 def test_a_callback_may_use_the_buffer():

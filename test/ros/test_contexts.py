@@ -75,7 +75,7 @@ def test_two_contexts(domain_id, is_elsewhere, ended):
     for thread in waiting:
         thread.start()
     stays = 1 - ended
-    while not all(engine_of(buffer).has_waiters for buffer in buffers):
+    while not all(engine_of(buffer).is_awaited for buffer in buffers):
         time.sleep(0.01)
     contexts[ended].shutdown()
     waiting[ended].join()

@@ -540,7 +540,7 @@ def test_it_ends(ros, by_node):
         setup.filter.unregister()
         assert not [*node.subscriptions, *node.timers]
         setup.filter.unregister()
-    assert not engine_of(setup.buffer).has_waiters
+    assert not engine_of(setup.buffer).is_awaited
     setup.insert(1 * S)
     setup.add(point(1 * S))
     assert setup.stamps() == []
@@ -564,7 +564,7 @@ def test_messages_of_a_node_that_ends(ros):
     setup = Setup(ros, node=node, buffer=Buffer(), buffer_timeout=Duration(seconds=100))
     node.destroy_node()
     assert added
-    assert not engine_of(setup.buffer).has_waiters
+    assert not engine_of(setup.buffer).is_awaited
 
 
 def test_the_node_keeps_the_filter_alive(ros):

@@ -201,7 +201,7 @@ def test_no_pause_where_the_time_of_reception_is_that_of_the_take(ros, handles, 
         return of(data, *args)
 
     monkeypatch.setattr(ReceivedMessage, 'of', record)
-    monkeypatch.setattr(SubscriptionSource, 'end_round', lambda self: 1000.0)
+    monkeypatch.setattr(SubscriptionSource, 'next_pause', lambda self: 1000.0)
     listener = PublisherListener(Buffer(node=ros.node), ros.node)
     publisher = TransformBroadcaster(ros.node).pub_tf
     eventually(publisher.get_subscription_count)

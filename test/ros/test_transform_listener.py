@@ -131,7 +131,7 @@ def threads_of_listeners():
 def feed(buffer, send):
     """Call a function in a thread as soon as the buffer has waiters; return the thread."""
     def run():
-        eventually(lambda: engine_of(buffer).has_waiters)
+        eventually(lambda: engine_of(buffer).is_awaited)
         send()
 
     thread = threading.Thread(target=run)
@@ -321,7 +321,7 @@ def test_a_shutdown_ends_lookups_of_a_listener_that_calls_back(domain_id, spin_t
     thread = threading.Thread(target=lambda: found.append(
         buffer.can_transform('map', 'robot', timeout=int(30 * TIMEOUT) * 10**9)))
     thread.start()
-    eventually(lambda: engine_of(buffer).has_waiters)
+    eventually(lambda: engine_of(buffer).is_awaited)
     context.shutdown()
     thread.join(TIMEOUT)
     assert found == [False]
@@ -378,7 +378,7 @@ def test_a_done_callback_may_wait_and_fail(sender, listen, log_lines):
 
     buffer.wait_for_transform_async('map', 'robot', LATEST).add_done_callback(wait)
     sender.send(stamped(1))
-    eventually(lambda: engine_of(buffer).has_waiters)
+    eventually(lambda: engine_of(buffer).is_awaited)
     assert not found
     sender.send(stamped(1, child='moving'))
     sender.static.sendTransform(stamped(child='static'))
@@ -890,11 +890,11 @@ def test_in_a_pause_half_of_the_queue_stays_free(source_of):
             (100, 11, 0.1, 0.1),
             (100, 0, 0.1, 0.0)):
         source, publish = sources[depth]
-        source.end_round()
+        source.next_pause()
         publish(messages)
         now += seconds
-        assert source.end_round() == pytest.approx(expected)
-        assert source.end_round() == 0.0
+        assert source.next_pause() == pytest.approx(expected)
+        assert source.next_pause() == 0.0
 
 
 def test_messages_are_inserted_without_lookups(ros, sender, listen):
@@ -1090,7 +1090,7 @@ def test_a_blocked_lookup_ends_when_the_last_listener_ends(ros, end, kind):
 
     thread = threading.Thread(target=look_up, daemon=True)
     thread.start()
-    eventually(lambda: engine_of(buffer).has_waiters)
+    eventually(lambda: engine_of(buffer).is_awaited)
     listeners[0].unregister()
     wait_for_a_retry(buffer)
     assert not results
@@ -1113,7 +1113,7 @@ def test_a_lookup_that_began_before_any_listener_waits_on(ros, sender, listen):
     thread = threading.Thread(target=lambda: found.append(
         buffer.lookup_transform('map', 'robot', LATEST, timeout=WAIT)))
     thread.start()
-    eventually(lambda: engine_of(buffer).has_waiters)
+    eventually(lambda: engine_of(buffer).is_awaited)
     TransformListener(buffer, ros.node).unregister()
     wait_for_a_retry(buffer)
     assert thread.is_alive()

@@ -265,7 +265,7 @@ class Interrupted:
         self.has_sent.set()
         self.sender.join()
         gc.collect()
-        assert not engine_of(self.buffer).has_waiters
+        assert not engine_of(self.buffer).is_awaited
         assert not self.problems, self.problems[:3]
 
     def until(self, condition, problem):

@@ -157,7 +157,7 @@ def by_lookup():
     ending = Ending()
 
     def report_ready():
-        while not engine_of(ending.buffer).has_waiters:
+        while not engine_of(ending.buffer).is_awaited:
             time.sleep(0.001)
         print('ready', flush=True)
 

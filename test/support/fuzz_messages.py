@@ -31,7 +31,7 @@ from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire import cdr, ros1
 from dummy_arm.tf._wire.cdr import MalformedMessage
-from dummy_arm.tf._wire.layouts import Encoding, MessageReader
+from dummy_arm.tf._wire.message_reader import Encoding, MessageReader
 from dummy_arm.tf.bag import BagError, BagMessage, messages, read
 
 S = 10**9

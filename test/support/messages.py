@@ -11,7 +11,7 @@ from dummy_arm.tf._bag.context import Stream
 from dummy_arm.tf._core.pose import BatchOrRows, Row
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.cdr import Fields
-from dummy_arm.tf._wire.layouts import MessageReader
+from dummy_arm.tf._wire.message_reader import MessageReader
 from dummy_arm.tf.bag import BagMessage
 
 

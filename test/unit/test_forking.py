@@ -140,7 +140,7 @@ def test_the_child_has_no_sources():
 
     def look():
         assert x(buffer) == 5
-        assert not engine_of(buffer).has_waiters
+        assert not engine_of(buffer).is_awaited
 
     in_child(look)
     assert buffer.lookup_transform('map', 'tool').stamp == 7

@@ -79,7 +79,7 @@ def test_what_may_not_be_imported_is_noticed():
     assert may_import('dummy_arm.tf._wire.cdr', 'dummy_arm.tf._core.pose')
     assert not may_import('dummy_arm.tf.bag', 'dummy_arm.cli.signals')
     assert not may_import('dummy_arm.tools.view_frames', 'dummy_arm.tf._core.texts')
-    assert not may_import('dummy_arm.tf._core.engine', 'dummy_arm.tf._wire.layouts')
+    assert not may_import('dummy_arm.tf._core.engine', 'dummy_arm.tf._wire.message_reader')
 
 
 def test_no_module_imports_itself_by_way_of_others():

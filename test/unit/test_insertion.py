@@ -22,7 +22,7 @@ from dummy_arm.tf._core.history import History
 from dummy_arm.tf._core.insertion import normalize_poses
 from dummy_arm.tf._core.pose import Batch, Row
 from dummy_arm.tf._wire import cdr
-from dummy_arm.tf._wire.layouts import MessageReader
+from dummy_arm.tf._wire.message_reader import MessageReader
 
 S = 1_000_000_000
 T = 1_700_000_000
@@ -419,12 +419,12 @@ def test_messages_wake_a_lookup_that_waits():
     waiting = threading.Thread(target=lambda: found.append(
         buffer.lookup_transform('f0', 'f1', T * S, timeout=60 * S)))
     waiting.start()
-    while not engine_of(buffer).has_waiters:
+    while not engine_of(buffer).is_awaited:
         pass
     insert(buffer, reader, chain(1, T * S))
     waiting.join(60.0)
     assert found[0].stamp == T * S
-    assert not engine_of(buffer).has_waiters
+    assert not engine_of(buffer).is_awaited
 
 
 def test_numbers_that_are_not_finite_give_no_warning():

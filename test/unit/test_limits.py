@@ -21,7 +21,7 @@ from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._core.texts import abbreviated, in_log, visible, visible_lines
 from dummy_arm.tf._core.tree import FrameTree
 from dummy_arm.tf._wire import cdr, ros1
-from dummy_arm.tf._wire.layouts import MessageReader
+from dummy_arm.tf._wire.message_reader import MessageReader
 
 S = 1_000_000_000
 T = 1_700_000_000 * S

@@ -44,15 +44,11 @@ from typing import Any, BinaryIO, Optional, Union
 import numpy as np
 
 from dummy_arm.tf._bag.context import (
-    BAG_DEFINITION,
     BagContext,
-    BagError,
     HEADERS,
     HeaderStream,
-    kind_of,
     NOT_RECORDED,
     Record,
-    refuse_special,
     Stream,
 )
 from dummy_arm.tf._bag.decompression import (
@@ -68,6 +64,7 @@ from dummy_arm.tf._bag.decompression import (
     ZSTD,
     zstd,
 )
+from dummy_arm.tf._bag.formats import BAG_DEFINITION, BagError, kind_of, refuse_special
 from dummy_arm.tf._core.texts import visible
 from dummy_arm.tf._wire import cdr
 

@@ -13,6 +13,7 @@ from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf._core.pose import Pose
 from dummy_arm.tf._core.times import nanoseconds_or_int
 from dummy_arm.tf._core.velocity import twist
+from dummy_arm.tf._core.waiting import why_not
 from dummy_arm.tf.exceptions import TransformException
 from dummy_arm.tf.transform import Transform, Twist
 
@@ -87,8 +88,8 @@ class BufferBase:
         :returns: the text of the error; '' if there is a transform.
         :raises TypeError: if a frame is not a str.
         """
-        return str(self._engine.why_not(
-            0.0, self._engine.lookups.check, target_frame, source_frame, time) or '')
+        return str(why_not(
+            self._engine, 0.0, self._engine.lookups.check, target_frame, source_frame, time) or '')
 
     def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike
                           ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
@@ -110,7 +111,7 @@ class BufferBase:
         poses, known = np.empty((len(times), 7)), np.empty(len(times), np.bool_)
         for begin in range(0, len(times), _CHUNK):
             part = order[begin:begin + _CHUNK]
-            poses[part], known[part] = self._engine.look(
+            poses[part], known[part] = self._engine.read(
                 self._engine.lookups.poses, target_frame, source_frame, times[part])
         return poses[:, :3], poses[:, 3:], known
 
@@ -135,7 +136,7 @@ class BufferBase:
         :raises TypeError: if a frame is not a str, or the time or the interval has a wrong type.
         :raises ValueError: if the interval is not longer than 0.
         """
-        return self._engine.look(
+        return self._engine.read(
             twist, self._engine.lookups, target_frame, source_frame, nanoseconds_or_int(time),
             nanoseconds_or_int(interval, 'interval'))
 
@@ -164,7 +165,7 @@ class BufferBase:
         targets = list(target_frames)
         return [{name: Transform(time, target, name, pose[:3], pose[3:])
                  for name, (time, pose) in placed.items()}
-                for target, placed in zip(targets, self._engine.look(
+                for target, placed in zip(targets, self._engine.read(
                     self._engine.lookups.all_poses, targets, until, children))]
 
     def chain(self, target_frame: str, source_frame: str) -> list[str]:
@@ -176,7 +177,7 @@ class BufferBase:
 
         :raises TransformException: if there is no such path.
         """
-        return self._engine.look(
+        return self._engine.read(
             self._engine.lookups.chain, target_frame, 0, source_frame, 0, source_frame)
 
     def path_stamps(self, target_frame: str, source_frame: str) -> NDArray[np.int64]:
@@ -193,11 +194,11 @@ class BufferBase:
         :raises TransformException: if a frame does not exist, or if there is no path at any time.
         :raises TypeError: if a frame is not a str.
         """
-        return self._engine.look(self._engine.lookups.stamps, target_frame, source_frame)
+        return self._engine.read(self._engine.lookups.stamps, target_frame, source_frame)
 
     def frame_names(self) -> list[str]:
         """Return the names of all frames, roots included, in the order of their first use."""
-        return self._engine.look(list, self._engine.tree.histories)
+        return self._engine.read(list, self._engine.tree.histories)
 
     def frames(self, until: int = 0) -> list[Frame]:
         """
@@ -206,7 +207,7 @@ class BufferBase:
         :param until: use only samples up to this time (ns); 0: use all samples.
         :returns: one `Frame` for each frame with such samples, in the order of `frame_names`.
         """
-        states = self._engine.look(self._engine.tree.states, until)
+        states = self._engine.read(self._engine.tree.states, until)
         return [Frame(name, *state) for name, state in states]
 
     def all_frames_as_yaml(self) -> str:
@@ -216,7 +217,7 @@ class BufferBase:
 
     def all_frames_as_string(self) -> str:
         """Return one line of tf2's text for each frame that has had a parent."""
-        return frames.as_string(self._engine.look(self._engine.tree.newest_edges))
+        return frames.as_string(self._engine.read(self._engine.tree.newest_edges))
 
     def dump(self) -> dict[str, dict[str, Any]]:
         """
@@ -229,7 +230,7 @@ class BufferBase:
             sample that was inserted last, and `is_static` is a bool. A static frame has one
             sample, with stamp 0. A frame that has occurred only as a parent has no samples.
         """
-        return self._engine.look(self._engine.tree.dump)
+        return self._engine.read(self._engine.tree.dump)
 
 
 def debug_tuple(error: Optional[TransformException]) -> tuple[bool, str]:

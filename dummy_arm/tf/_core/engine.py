@@ -9,13 +9,11 @@ thread that holds the lock already neither updates nor waits. Such lookups are t
 
 from array import array
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 import logging
 from operator import index
 import os
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from threading import RLock
-from time import monotonic
 from typing import Any, Optional, Protocol, TypeVar
 from weakref import WeakSet
 
@@ -29,9 +27,6 @@ from dummy_arm.tf.exceptions import TransformException
 _Result = TypeVar('_Result')
 
 _INT64 = 1 << 63
-#: The longest time between two attempts of a blocked lookup (s); nothing wakes it when ROS is
-#: shut down.
-_RETRY_INTERVAL = 0.2
 
 
 class Source(Protocol):
@@ -83,9 +78,8 @@ class Engine:
         self._waiters: tuple[Waiter, ...] = ()
         #: A number that grows when blocked lookups should try again.
         self._generation = 0
-        #: The queues of the blocked lookups. Each insertion puts the new generation into them.
-        #: A KeyboardInterrupt inside a `Condition` could leave a lock held.
-        self._queues: set[SimpleQueue[int]] = set()
+        #: The queues of the blocked lookups; each insertion puts the new generation into them.
+        self.queues: set[SimpleQueue[int]] = set()
         #: True during a change of the data, and after a change that was interrupted.
         self._is_changing = False
         _engines.add(self)
@@ -175,7 +169,7 @@ class Engine:
 
     def _notify_lookups(self) -> None:
         self._generation += 1
-        for queue in tuple(self._queues):
+        for queue in tuple(self.queues):
             queue.put(self._generation)
 
     def after_insertion(self) -> bool:
@@ -185,13 +179,13 @@ class Engine:
         Call this without the lock. Return True if the executor that spins the node of a listener
         must be woken.
         """
-        self.insertion.log.flush()
         is_urgent, error = False, None
         for waiter in self._waiters:
             try:
                 is_urgent |= waiter.is_waiting and waiter.check()
             except BaseException as raised:  # raised by a done callback of a future
                 error = raised
+        self.insertion.log.flush()
         if error is not None:
             raise error
         return is_urgent
@@ -206,15 +200,15 @@ class Engine:
         self.insertion.mend()
         self._is_changing = False
 
-    # Lookups, and waiting for transforms
+    # Lookups
 
-    def look(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
+    def read(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
         """Update, then call a function that reads the data."""
         if self._sources:
             self.update_for_user()
-        return self._look(lookup, *arguments)
+        return self.read_now(lookup, *arguments)
 
-    def _look(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
+    def read_now(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
         is_held = self._is_changing and self.is_held()
         with self.lock:
             if self._is_changing:
@@ -225,54 +219,8 @@ class Engine:
                 self._mend()
             return lookup(*arguments)
 
-    def wait(self, timeout: float, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
-        """
-        Repeat a lookup whenever data arrive, until it succeeds or the timeout (s) is over.
-
-        Also give up if ROS is shut down, or if the last source is removed. A thread that holds the
-        lock does not wait.
-
-        :raises TransformException: the last error of the lookup.
-        """
-        try:
-            return self.look(lookup, *arguments)
-        except TransformException:
-            if timeout <= 0.0 or self.is_held():
-                raise
-        deadline, before = monotonic() + timeout, self._liveness()
-        queue: SimpleQueue[int] = SimpleQueue()
-        try:
-            # In this order, no data are missed: the next update takes what has arrived by then,
-            # and the listeners' threads do not pause afterwards, because the queue exists.
-            self._queues.add(queue)
-            self.wake_sources()
-            while True:
-                # If no source is left before the update, this attempt can be the last.
-                is_over = any(
-                    was and not is_now for was, is_now in zip(before, self._liveness()))
-                seen = self.update_for_user()
-                try:
-                    return self._look(lookup, *arguments)
-                except TransformException:
-                    if is_over or monotonic() >= deadline:
-                        raise
-                next_attempt = min(deadline, monotonic() + _RETRY_INTERVAL)
-                with suppress(Empty):
-                    while queue.get(timeout=max(0.0, next_attempt - monotonic())) <= seen:
-                        pass
-        finally:
-            self._queues.discard(queue)
-
-    def why_not(self, timeout: float, check: Callable[..., None], *arguments: Any
-                ) -> Optional[TransformException]:
-        """Wait as `wait` until a check passes; return its last error, or None."""
-        try:
-            self.wait(timeout, check, *arguments)
-        except TransformException as error:
-            return error
-        return None
-
-    def _liveness(self) -> tuple[bool, bool]:
+    def liveness(self) -> tuple[bool, bool]:
+        """Return whether messages may arrive, and whether blocked lookups may go on."""
         return any(source.is_alive() for source in self._sources), self.is_alive()
 
     def availability(self, target: str, source: str, times: Sequence[int]
@@ -283,13 +231,13 @@ class Engine:
         The second value is a time (ns): a transform for an earlier time, other than 0, that is not
         available now never will be. It is older than the latest common time by the cache time.
         """
-        available, latest = self.look(self.lookups.available, target, source, times)
+        available, latest = self.read(self.lookups.available, target, source, times)
         return available, latest - self.tree.cache_time if latest else -_INT64
 
     @property
-    def has_waiters(self) -> bool:
+    def is_awaited(self) -> bool:
         """True if a blocked lookup or a waiter waits for a transform."""
-        return bool(self._queues) or any(waiter.is_waiting for waiter in self._waiters)
+        return bool(self.queues) or any(waiter.is_waiting for waiter in self._waiters)
 
     def add_waiter(self, waiter: Waiter) -> None:
         with self.lock:
@@ -307,7 +255,7 @@ class Engine:
     def after_fork(self) -> None:
         """Keep the data in the child of a fork, where only the forking thread exists."""
         self.lock = RLock()  # another thread may have held the old one
-        self._sources, self._waiters, self._queues = (), (), set()
+        self._sources, self._waiters, self.queues = (), (), set()
         self.is_alive = lambda: True
         self.insertion.log.write = logging.getLogger('dummy_arm.tf').warning
         self.tree.release()

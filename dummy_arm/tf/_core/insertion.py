@@ -16,7 +16,15 @@ from dummy_arm.tf._core.frames import is_too_long, LONGEST_NAME
 from dummy_arm.tf._core.history import History, MAX_SAMPLES_PER_STAMP
 from dummy_arm.tf._core.lookup import Lookups
 from dummy_arm.tf._core.pose import BatchOrRows, Pose, POSE_BYTES, Rows
-from dummy_arm.tf._core.texts import in_log, old_data, refusals, ThrottledLog
+from dummy_arm.tf._core.texts import (
+    old_data,
+    refusals,
+    ThrottledLog,
+    too_long_name,
+    too_many_frames,
+    too_many_samples,
+    too_many_samples_of_a_frame,
+)
 from dummy_arm.tf._core.times import SECOND
 
 #: One frame may have at most this number of samples per second of cache time.
@@ -63,11 +71,11 @@ class Insertion:
             # tf2 accepts an infinite translation, and lookups in tf2 then return NaN. So NaN is
             # inserted here.
             pose = (math.nan, math.nan, math.nan, *pose[3:])
-        has_edge = self._tree.has_edge(parent, child, is_static)
-        if not has_edge and not self._accepts_names(parent, child, authority):
+        is_known_edge = self._tree.is_known_edge(parent, child, is_static)
+        if not is_known_edge and not self._accepts_names(parent, child, authority):
             return False
         is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
-        if not has_edge:
+        if not is_known_edge:
             self._lookups.paths.clear()
         if not is_accepted:
             self.log.warn(old_data(child, stamp, authority))
@@ -82,7 +90,8 @@ class Insertion:
     def _accepts_names(self, parent: str, child: str, authority: str) -> bool:
         """Return True if both names are short enough, and `max_frames` allows the new frames."""
         if is_too_long(parent) or is_too_long(child):
-            self.log.warn(too_long_name(parent, child, authority))
+            what, name = ('child_frame_id', child) if is_too_long(child) else ('frame_id', parent)
+            self.log.warn(too_long_name(child, what, name, LONGEST_NAME, authority))
             return False
         frames = self._tree.histories
         if len(frames) + (child not in frames) + (parent not in frames) > self._max_frames:
@@ -222,37 +231,3 @@ def _large_angles(
             result[j, n] = (above[k, n] + below[k, n]) * scale
             result[k, n] = (above[j, n] + below[j, n]) * scale
             result[3, n] = (above[i, n] - below[i, n]) * scale
-
-
-def too_many_frames(child: str, limit: int, authority: str) -> str:
-    return (f'TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "{in_log(child)}" from '
-            f'authority "{in_log(authority)}" because max_frames of the buffer allows {limit} '
-            'frames. All other transforms with a new frame are ignored, too. Check whether a node '
-            'publishes a new frame name again and again.')
-
-
-def too_long_name(parent: str, child: str, authority: str) -> str:
-    what, name = ('child_frame_id', child) if is_too_long(child) else ('frame_id', parent)
-    size = len(name.encode('utf-8', 'surrogatepass'))
-    return (f'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id "{in_log(child)}" from '
-            f'authority "{in_log(authority)}" because its {what} has {size} bytes; at most '
-            f'{LONGEST_NAME} are allowed')
-
-
-def too_many_samples_of_a_frame(child: str, limit: int, authority: str) -> str:
-    return (f'TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
-            f'"{in_log(child)}" from authority "{in_log(authority)}" before the cache time is '
-            f'over: at most {limit} are kept of one frame ({_MAX_SAMPLES_PER_SECOND} per second '
-            f'of cache time, at least {MAX_SAMPLES_PER_STAMP}). The oldest transforms of every '
-            'other frame with too many transforms are dropped, too. Check whether the stamps of '
-            'this frame advance too slowly.')
-
-
-def too_many_samples(child: str, limit: int, authority: str) -> str:
-    return (f'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "{in_log(child)}" '
-            f'from authority "{in_log(authority)}" before the cache time is over: max_samples of '
-            f'the buffer allows {limit} dynamic transforms. The oldest transforms of every '
-            'other frame that receives new transforms are dropped, too. Use a shorter cache time, '
-            'or raise max_samples.')
-
-

@@ -176,7 +176,7 @@ class Lookups:
                   ) -> list[dict[str, tuple[int, Pose]]]:
         """Compute what `BufferBase.lookup_all` returns, as times and poses."""
         edges: dict[str, list[_Edge]] = {}
-        for child, parent, history in self.tree.parents(until):
+        for child, parent, history in self.tree.edges(until):
             if children is None or child in children:
                 edges.setdefault(parent, []).append((child, True, history))
                 edges.setdefault(child, []).append((parent, False, history))
@@ -186,12 +186,12 @@ class Lookups:
                    ) -> dict[str, tuple[int, Pose]]:
         if target not in self.tree.histories:
             self.tree.check(target, 'lookup_all')
-        history, poses = self.tree.histories[target], self._walk(edges, target, until)
+        history, poses = self.tree.histories[target], self._timed_poses(edges, target, until)
         if history is not None:
             poses[target] = min(until, history.latest) if until else history.latest, IDENTITY
         return {name: (time, pose) for name, (time, pose) in poses.items() if pose is not None}
 
-    def _walk(self, edges: dict[str, list[_Edge]], target: str, until: int
+    def _timed_poses(self, edges: dict[str, list[_Edge]], target: str, until: int
               ) -> dict[str, _TimedPose]:
         """Walk the tree from a target frame, breadth first, and compute the pose of each frame."""
         poses: dict[str, _TimedPose] = {target: (0, IDENTITY)}

@@ -237,6 +237,39 @@ def old_data(child: str, stamp: int, authority: str) -> str:
             'Possible reasons are listed at http://wiki.ros.org/tf/Errors%20explained')
 
 
+# The warnings of this package, in the style of tf2's.
+
+
+def too_many_frames(child: str, limit: int, authority: str) -> str:
+    return (f'TF_TOO_MANY_FRAMES: Ignoring transform for child_frame_id "{in_log(child)}" from '
+            f'authority "{in_log(authority)}" because max_frames of the buffer allows {limit} '
+            'frames. All other transforms with a new frame are ignored, too. Check whether a node '
+            'publishes a new frame name again and again.')
+
+
+def too_long_name(child: str, what: str, name: str, longest: int, authority: str) -> str:
+    size = len(name.encode('utf-8', 'surrogatepass'))
+    return (f'TF_LONG_FRAME_ID: Ignoring transform for child_frame_id "{in_log(child)}" from '
+            f'authority "{in_log(authority)}" because its {what} has {size} bytes; at most '
+            f'{longest} are allowed')
+
+
+def too_many_samples_of_a_frame(child: str, limit: int, authority: str) -> str:
+    return (f'TF_TOO_MANY_SAMPLES: Dropping the oldest transforms of child_frame_id '
+            f'"{in_log(child)}" from authority "{in_log(authority)}" before the cache time is '
+            f'over: at most {limit} are kept of one frame with this cache time. The oldest '
+            'transforms of every other frame with too many transforms are dropped, too. Check '
+            'whether the stamps of this frame advance too slowly.')
+
+
+def too_many_samples(child: str, limit: int, authority: str) -> str:
+    return (f'TF_FULL_BUFFER: Dropping the oldest transforms of child_frame_id "{in_log(child)}" '
+            f'from authority "{in_log(authority)}" before the cache time is over: max_samples of '
+            f'the buffer allows {limit} dynamic transforms. The oldest transforms of every '
+            'other frame that receives new transforms are dropped, too. Use a shorter cache time, '
+            'or raise max_samples.')
+
+
 # The hints that follow tf2's words.
 
 

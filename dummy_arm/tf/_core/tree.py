@@ -76,7 +76,7 @@ class FrameTree:
             histories[child] = history = History(self.cache_time)
         return history.insert(stamp, parent, pose, authority)
 
-    def has_edge(self, parent: str, child: str, is_static: bool) -> bool:
+    def is_known_edge(self, parent: str, child: str, is_static: bool) -> bool:
         """Return True if the paths that `Lookups` keeps stay valid when a sample is inserted."""
         history = self.histories.get(child)
         return (history is not None and history.is_static is is_static
@@ -318,7 +318,7 @@ class FrameTree:
         return [(name, state) for name, history in self.histories.items()
                 if history is not None and (state := history.state(until)) is not None]
 
-    def parents(self, until: int = 0) -> Iterator[tuple[str, str, AnyHistory]]:
+    def edges(self, until: int = 0) -> Iterator[tuple[str, str, AnyHistory]]:
         """Yield each frame of `states` with its newest parent and its history."""
         for name, history in self.histories.items():
             if history is not None and (state := history.state(until)) is not None:

@@ -33,7 +33,7 @@ class NodeThread(Thread):
     def __init__(self, node: Node, group: CallbackGroup, on_end: Callable[[], object]) -> None:
         super().__init__(name=f'tf of {node.get_name()}', daemon=True)
         self._node, self._on_end = node, on_end
-        self.has_ended = False
+        self.must_end = False
         self._guard = guard_condition(node, group, self.stop)
 
     def wake(self) -> None:
@@ -48,7 +48,7 @@ class NodeThread(Thread):
         try:
             self.work_until_end()
         except (InvalidHandle, RCLError):
-            if not self.has_ended and self._node.context.ok():
+            if not self.must_end and self._node.context.ok():
                 raise
 
     def end(self) -> None:
@@ -56,7 +56,7 @@ class NodeThread(Thread):
 
     def stop(self) -> None:
         """Let the thread end, and wait for its end, but not long."""
-        self.has_ended = True
+        self.must_end = True
         if self.is_alive():  # not so in the child of a fork
             self.wake()
             if self is not current_thread():
@@ -71,7 +71,7 @@ class SpinThread(NodeThread):
         self._end = Future()
 
     def wake(self) -> None:
-        if self.has_ended:
+        if self.must_end:
             self._end.set_result(None)
 
     def stop(self) -> None:
@@ -123,7 +123,7 @@ class ListenerThread(NodeThread):
         try:
             super().run()
         finally:
-            self.has_ended = True
+            self.must_end = True
             # Ctrl-C shuts ROS down, but does not always wake an executor that is spinning.
             with suppress(InvalidHandle, RCLError):
                 self._guard.trigger()
@@ -139,9 +139,9 @@ class ListenerThread(NodeThread):
         assert context is not None  # a context with a node has a handle
         wait_set = WaitSet(2, 1, 0, 0, 0, 0, context)
         pause = 0.0
-        while context.ok() and not self.has_ended:
+        while context.ok() and not self.must_end:
             self._wait(wait_set, pause)
-            if self.has_ended:
+            if self.must_end:
                 return
             has_news, is_urgent, pause = self._work()
             self._is_wake_pending |= has_news
@@ -167,7 +167,7 @@ def _stop_all() -> None:
     """Stop all threads at exit, because a thread that still waits in rcl aborts the process."""
     threads = [each for each in running_threads() if isinstance(each, NodeThread)]
     for thread in threads:
-        thread.has_ended = True
+        thread.must_end = True
         thread.wake()
     for thread in threads:
         thread.stop()

@@ -16,7 +16,7 @@ from rclpy.subscription import Subscription
 from dummy_arm.tf._core.pose import BatchOrRows
 from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._ros.rclpy_private import incompatible_qos, RCLError, take_message
-from dummy_arm.tf._wire.layouts import MessageReader
+from dummy_arm.tf._wire.message_reader import MessageReader
 
 #: What the Python listener of tf2_ros passes as the authority of every transform.
 AUTHORITY = 'default_authority'
@@ -31,7 +31,7 @@ _LONGEST_PAUSE = 0.1
 _LOW_RATE = 100.0
 
 
-class Topic:
+class TopicSubscription:
     """A subscription whose messages are taken as bytes."""
 
     def __init__(self, subscription: Subscription, is_static: bool,
@@ -75,11 +75,11 @@ class SubscriptionSource:
         :param wake: a function that makes the listener's thread update the buffer now.
         """
         self.wake, self._on_fault, self._clock = wake, on_fault, clock
-        self._topics = [Topic(each, each is tf_static, on_fault)
+        self._subscriptions = [TopicSubscription(each, each is tf_static, on_fault)
                         for each in (tf, tf_static) if each is not None]
         qos = (tf or tf_static).qos_profile
         self._depth = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
-        #: The time of the last call of `end_round` (s), and the messages that have arrived since.
+        #: The time of the last call of `next_pause` (s), and the messages that have arrived since.
         self._last, self._count = clock(), 0
 
     def is_alive(self) -> bool:
@@ -91,26 +91,27 @@ class SubscriptionSource:
         # transform without a static one that was sent before it.
         arrived, batches = [], []
         try:
-            for topic in self._topics:
-                arrived.append((topic, self._take(topic)))
+            for subscription in self._subscriptions:
+                arrived.append((subscription, self._take(subscription)))
         except (InvalidHandle, RCLError):  # another thread ends the listener
             pass
-        for topic, messages in reversed(arrived):
+        for subscription, messages in reversed(arrived):
             if messages:
                 self._count += len(messages)
                 try:
-                    batches += self._read(topic, messages)
+                    batches += self._read(subscription, messages)
                 except Exception as error:  # a bug in this package must not end the thread
                     self._on_fault(error)
         return batches
 
-    def _take(self, topic: Topic) -> list[Any]:
-        return topic.take()
+    def _take(self, subscription: TopicSubscription) -> list[Any]:
+        return subscription.take()
 
-    def _read(self, topic: Topic, messages: list[Any]) -> list[BatchOrRows]:
-        return topic.reader.read(map(itemgetter(0), messages), AUTHORITY, topic.is_static)
+    def _read(self, subscription: TopicSubscription, messages: list[Any]) -> list[BatchOrRows]:
+        return subscription.reader.read(
+            map(itemgetter(0), messages), AUTHORITY, subscription.is_static)
 
-    def end_round(self) -> float:
+    def next_pause(self) -> float:
         """
         Return for how long (s) the listener's thread may leave messages of /tf in the queue.
 

@@ -81,7 +81,7 @@ class Layout:
                 np.frombuffer(poses, '<f8').reshape(-1, number, 7))
 
 
-class Layouts:
+class KnownLayouts:
     """The layouts of messages of one encoding; each is learned from a message."""
 
     def __init__(self, encoding: Encoding) -> None:
@@ -120,7 +120,7 @@ class MessageReader:
     def __init__(self, on_malformed: Callable[[MalformedMessage], object], encoding: Encoding = cdr
                  ) -> None:
         self._on_malformed, self._unpack = on_malformed, encoding.unpack
-        self._layouts = Layouts(encoding)
+        self._layouts = KnownLayouts(encoding)
         self._unpack_stamp = struct.Struct(encoding.STAMP).unpack
 
     def read(self, messages: Iterable[bytes], authority: str, is_static: bool

@@ -1,0 +1,35 @@
+"""The formats of bags: which one a file has, by its first bytes."""
+
+from pathlib import Path
+
+from dummy_arm.tf._bag.decompression import ZSTD
+
+_KINDS = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3', b'#ROSBAG V': '.bag'}
+#: The definition of a bag, for the texts of errors.
+BAG_DEFINITION = ('a bag is a directory written by ros2 bag record, a .mcap or .db3 file in it, '
+                  'or a .bag file of ROS 1')
+
+
+class BagError(Exception):
+    """A bag cannot be read or has no transforms; the text says why, and what to do."""
+
+
+def kind_of(path: Path) -> str:
+    """Return 'dir' or, by the first bytes of the file, '.mcap', '.db3' or '.bag'."""
+    if path.is_dir():
+        return 'dir'
+    refuse_special(path)
+    with path.open('rb') as file:
+        beginning = file.read(16)
+    for magic, kind in _KINDS.items():
+        if beginning.startswith(magic):
+            return kind
+    if beginning.startswith(ZSTD):
+        raise BagError(f'{path} is a compressed file: read the directory of its bag instead')
+    raise BagError(f'{path} is not a bag: ' + (BAG_DEFINITION if beginning else 'it is empty'))
+
+
+def refuse_special(path: Path) -> None:
+    """Refuse pipes and devices, whose end might never be reached."""
+    if path.exists() and not path.is_file():
+        raise BagError(f'{path} is not a bag: it is not a regular file')
