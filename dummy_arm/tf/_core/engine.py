@@ -206,9 +206,13 @@ class Engine:
         """Update, then call a function that reads the data."""
         if self._sources:
             self.update_for_user()
+        with self.lock:
+            if not self._is_changing:
+                return lookup(*arguments)
         return self.read_now(lookup, *arguments)
 
     def read_now(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
+        """Call a function that reads the data; mend what an interrupted change has left."""
         is_held = self._is_changing and self.is_held()
         with self.lock:
             if self._is_changing:
