@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from ros_node import eventually, stamped
 from std_msgs.msg import String
 
@@ -28,7 +29,12 @@ from dummy_arm.tf import (
 from dummy_arm.tf._ros import rclpy_private
 from dummy_arm.tf._ros.rclpy_private import subscribe, Taker
 from dummy_arm.tf._ros.subscription import SubscriptionSource
-from dummy_arm.tf.publisher_listener import PublisherListener, ReceivedMessage, UNKNOWN
+from dummy_arm.tf.publisher_listener import (
+    node_of,
+    PublisherListener,
+    ReceivedMessage,
+    UNKNOWN,
+)
 
 S = 10**9
 
@@ -424,3 +430,12 @@ def test_the_names_that_are_kept_are_bounded(ros, listener, monkeypatch):
     names = listener.names_of(gid.hex() for gid in gids)
     assert [i for i, gid in enumerate(gids) if names[gid.hex()] != UNKNOWN] == [
         0, *range(91, 100)]
+
+
+@pytest.mark.parametrize(('namespace', 'name', 'expected'), [
+    ('/robot', 'arm', '/robot/arm'), ('/', 'arm', '/arm'),
+    ('_NODE_NAMESPACE_UNKNOWN_', '_NODE_NAME_UNKNOWN_', 'unknown publisher')])
+def test_the_node_of_an_endpoint(namespace, name, expected):
+    """The placeholders are those of rmw for a node that is not discovered yet."""
+    info = TopicEndpointInfo(node_namespace=namespace, node_name=name)
+    assert node_of(info) == expected
