@@ -83,7 +83,7 @@ def gid_of(info: TopicEndpointInfo) -> str:
 
 
 def node_of(info: TopicEndpointInfo) -> str:
-    """Return the full name of a node in the ROS graph; UNKNOWN if it is not discovered yet."""
+    """Return the full name of a publisher's node; UNKNOWN if it is not discovered yet."""
     return (UNKNOWN if info.node_name == _UNKNOWN_NODE
             else full_name(info.node_namespace, info.node_name))
 

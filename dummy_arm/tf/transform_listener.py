@@ -139,9 +139,8 @@ class TransformListener:
         if self._needs_callbacks(buffer) != self._uses_callbacks:
             verb = 'calls' if self._uses_callbacks else 'does not call'
             raise TypeError(
-                f'this listener {verb} the methods '
-                f'set_transform and set_transform_static of its buffer, but {buffer!r} needs the '
-                'opposite; create a new listener')
+                f'this listener {verb} the methods set_transform and set_transform_static of its '
+                f'buffer, but {buffer!r} needs the opposite; create a new listener')
         self._buffer = buffer
         self._attach(_engine_or_none(buffer))
 

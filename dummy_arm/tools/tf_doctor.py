@@ -284,12 +284,13 @@ def _mismatch(publisher: Any, listeners: Sequence[Any], own_name: str) -> str:
     """Return the first listener whose QoS a publisher does not match, and why."""
     from rclpy.qos import qos_check_compatible, QoSCompatibility
 
-    from dummy_arm.tf.publisher_listener import node_of
+    from dummy_arm.tf.publisher_listener import node_of, UNKNOWN
     for listener in listeners:
         compatibility, reason = qos_check_compatible(publisher.qos_profile, listener.qos_profile)
         if compatibility == QoSCompatibility.ERROR:
             name = node_of(listener)
-            return (f'{"a TransformListener" if name == own_name else name} '
+            words = {own_name: 'a TransformListener', UNKNOWN: 'an unknown listener'}
+            return (f'{words.get(name, name)} '
                     f'({reason.replace("ERROR: ", "").rstrip(";. ")})')
     return ''
 

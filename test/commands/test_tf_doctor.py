@@ -14,6 +14,7 @@ import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
+from rclpy.topic_endpoint_info import TopicEndpointInfo
 from ros_node import Ros, stamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
@@ -399,3 +400,16 @@ def test_the_process(arm_domain):
         assert 'Traceback' not in process.output
     finally:
         process.close()
+
+
+@pytest.mark.parametrize(('name', 'words'), [
+    ('doctor', 'a TransformListener'), ('other', '/other'),
+    ('_NODE_NAME_UNKNOWN_', 'an unknown listener')])
+def test_the_listener_that_a_publisher_does_not_match(name, words):
+    """The last name is that of a node that is not discovered yet."""
+    publisher = TopicEndpointInfo(qos_profile=QoSProfile(
+        depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+    listener = TopicEndpointInfo(
+        node_namespace='/', node_name=name, qos_profile=QoSProfile(depth=1))
+    assert tf_doctor._mismatch(publisher, [listener], '/doctor') == (
+        f'{words} (Best effort publisher and reliable subscription)')

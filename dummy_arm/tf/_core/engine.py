@@ -174,7 +174,7 @@ class Engine:
 
     def after_insertion(self) -> bool:
         """
-        Log why transforms were refused, and let the waiters check what is available.
+        Let the waiters check what is available, and log why transforms were refused.
 
         Call this without the lock. Return True if the executor that spins the node of a listener
         must be woken.
@@ -207,7 +207,7 @@ class Engine:
         if self._sources:
             self.update_for_user()
         with self.lock:
-            if not self._is_changing:
+            if not self._is_changing:  # nearly always; spares the call of `read_now`
                 return lookup(*arguments)
         return self.read_now(lookup, *arguments)
 
