@@ -12,11 +12,11 @@ except ModuleNotFoundError as error:
 
 from dummy_arm.tf._core.buffer_base import BufferBase, debug_tuple
 from dummy_arm.tf._core.frames import as_dot
-from dummy_arm.tf._core.pose import Pose, Row
+from dummy_arm.tf._core.pose import Pose
 from dummy_arm.tf._core.times import nanoseconds, SECOND
 from dummy_arm.tf._core.velocity import tf2_velocity
 from dummy_arm.tf._core.waiting import why_not
-from dummy_arm.tf._ros.transform_stamped import explain_bad_fields, message_of, row_of
+from dummy_arm.tf._ros.transform_stamped import explain_bad_fields, message_of_fields, row_of
 from dummy_arm.tf.transform import Transform, Vector
 
 _LATEST = Time()
@@ -241,7 +241,8 @@ def to_message(target_frame: str, source_frame: str, answer: tuple[int, Pose]) -
         and the quaternion x, y, z, w.
     :returns: the message.
     """
-    return message_of(Row(answer[0], target_frame, source_frame, answer[1]))
+    stamp, pose = answer
+    return message_of_fields((*divmod(stamp, SECOND), target_frame, source_frame, pose))
 
 
 #: The name that this class had while `BufferCore` was the buffer without ROS.
