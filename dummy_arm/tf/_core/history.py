@@ -290,7 +290,7 @@ class History:
             return None
 
     def parent_near(self, time: int) -> Optional[str]:
-        """Return the parent at a time (ns; 0 is a time like others); before the first, its own."""
+        """Return the parent at a time (ns); before the first sample, the parent of this sample."""
         if not len(self):
             return None
         return self.parent_of(max(bisect_right(self.stamps, time, self.start) - 1, self.start))

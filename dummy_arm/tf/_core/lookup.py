@@ -192,7 +192,7 @@ class Lookups:
         return {name: (time, pose) for name, (time, pose) in poses.items() if pose is not None}
 
     def _timed_poses(self, edges: dict[str, list[_Edge]], target: str, until: int
-              ) -> dict[str, _TimedPose]:
+                     ) -> dict[str, _TimedPose]:
         """Walk the tree from a target frame, breadth first, and compute the pose of each frame."""
         poses: dict[str, _TimedPose] = {target: (0, IDENTITY)}
         names = [target]

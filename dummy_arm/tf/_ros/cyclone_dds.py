@@ -22,7 +22,7 @@ _MOST = 10_000
 
 def gid_translator(data: int) -> Optional[Callable[[str], str]]:
     """
-    Return a function from what is reported with a message to the publisher's gid, both in hex.
+    Return a function that converts the number reported with a message to a gid, both in hex.
 
     `data` is the address of the struct CddsSubscription. If the publisher has ended before the
     first call, the function returns its argument. None: Cyclone DDS cannot be asked.

@@ -76,7 +76,7 @@ class SubscriptionSource:
         """
         self.wake, self._on_fault, self._clock = wake, on_fault, clock
         self._subscriptions = [TopicSubscription(each, each is tf_static, on_fault)
-                        for each in (tf, tf_static) if each is not None]
+                               for each in (tf, tf_static) if each is not None]
         qos = (tf or tf_static).qos_profile
         self._depth = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
         #: The time of the last call of `next_pause` (s), and the messages that have arrived since.
