@@ -34,6 +34,8 @@ class Parser(argparse.ArgumentParser):
                          formatter_class=argparse.RawDescriptionHelpFormatter, **kwargs)
         # With the pattern of argparse, -1e-3 and -nan would be options instead of numbers.
         self._negative_number_matcher = re.compile(r'-(\d|\.\d|inf|nan)', re.IGNORECASE)
+        #: Rewrites the arguments before they are parsed.
+        self.prepare: Callable[[list[str]], list[str]] = list
 
     def error(self, message: str) -> NoReturn:
         """Print an error and the usage in one line on stderr, and exit with code 2."""
@@ -91,7 +93,7 @@ def listening_time(given: Optional[float]) -> float:
     return time
 
 
-def run(parser: argparse.ArgumentParser, command: Callable[..., int],
+def run(parser: Parser, command: Callable[..., int],
         args: Optional[Sequence[str]] = None, interrupted: int = 0) -> int:
     """
     Parse the arguments, run a command, print its error in one line, and return its exit code.
@@ -108,7 +110,7 @@ def run(parser: argparse.ArgumentParser, command: Callable[..., int],
         given = _without_ros_args(arguments)[1:]
         if given.count('--') > 1:  # before Python 3.12.7, argparse drops more (gh-81691)
             parser.error('-- can be given only once')
-        options = parser.parse_args(given)
+        options = parser.parse_args(parser.prepare(given))
         _make_writable()
         return command(ros_args=arguments, **vars(options))
     except KeyboardInterrupt:

@@ -59,6 +59,7 @@ class _Fault(NamedTuple):
     frames: Optional[Iterable[str]] = None  #: None: those of the tracks
     topics: Sequence[str] = ()  #: further topics
     nodes: Sequence[str] = ()  #: further nodes
+    remedy: str = ''  #: '': that of the check
 
 
 _Find = Callable[[Observation], Iterator[_Fault]]
@@ -71,7 +72,7 @@ class Check(NamedTuple):
     severity: str  #: ERROR, WARNING or INFO
     meaning: str  #: what the fault is
     remedy: str  #: what to do, in one sentence
-    needs: str  #: what must be known: 'nodes', 'qos', 'arrivals', 'headers'; '': nothing special
+    needs: str  #: what must be known, such as 'nodes'; '': nothing special
     find: _Find
 
 
@@ -102,7 +103,7 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
                 check.code, check.severity, tuple(dict.fromkeys(frames)),
                 tuple(dict.fromkeys((*fault.topics, *topics))),
                 tuple(dict.fromkeys(filter(None, (*fault.nodes, *nodes)))), fault.evidence,
-                check.remedy))
+                fault.remedy or check.remedy))
     return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
 
 
@@ -131,7 +132,7 @@ def _no_transforms(observation: Observation) -> Iterator[_Fault]:
     is_explained = observation.other_namespaces or observation.recreated or any(
         endpoint.wrong_type for endpoint in observation.endpoints)
     if not observation.tracks and not is_explained:
-        refused = [each for each in observation.endpoints if each.mismatch or each.is_unlatched]
+        refused = [each for each in observation.endpoints if each.mismatch or each.unlatched]
         yield _Fault(f'{len(observation.endpoints)} publishers exist, but {len(refused)} of them '
                      'do not match the QoS of a listener' if refused else
                      observation.why_no_transforms or '0 transforms', topics=observation.topics)
@@ -251,7 +252,8 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
         if frame.strip('/') and frame.removeprefix('/') not in observation.tree_of:
             yield _Fault(f'{quoted(frame)} is in the headers on {_names(topics)}, but not among '
                          f'the {len(known)} frames of the transforms{static}. '
-                         f'{suggest_names(frame, known)}', frames=[frame], topics=topics)
+                         f'{suggest_names(frame, known)}', frames=[frame], topics=topics,
+                         remedy=observation.missing_part)
 
 
 @_check('disconnected', ERROR,
@@ -279,7 +281,8 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
                     f'{_names(observation.roots(observation.trees[i])) or "none"}) on '
                     f'{_names(dict.fromkeys(chain(*names.values())))}'
                     for i, names in [*trees.items()][:SHOWN]), (), chain(*trees.values()),
-                [topic for names in trees.values() for topic in chain(*names.values())])
+                [topic for names in trees.values() for topic in chain(*names.values())],
+                remedy=observation.missing_part)
 
 
 @_check('static_not_latched', ERROR,
@@ -288,18 +291,19 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
         'qos')
 def _static_not_latched(observation: Observation) -> Iterator[_Fault]:
     for endpoint in observation.endpoints:
-        if endpoint.is_unlatched:
-            yield _Fault(f'1 publisher of {endpoint.node} on {endpoint.topic} has the '
-                         'durability VOLATILE', topics=[endpoint.topic], nodes=[endpoint.node])
+        if endpoint.unlatched:
+            of_node = f' of {endpoint.node}' if endpoint.node else ''
+            yield _Fault(f'1 publisher{of_node} on {endpoint.topic} has the durability '
+                         f'{endpoint.unlatched}', topics=[endpoint.topic], nodes=[endpoint.node])
 
 
 @_check('incompatible_qos', ERROR,
         'A listener receives nothing from a publisher, because their QoS do not match.',
         'Give the publisher the QoS of a TransformBroadcaster (reliable), or correct that of the '
-        'listener.', 'qos')
+        'listener.', 'listeners')
 def _incompatible_qos(observation: Observation) -> Iterator[_Fault]:
     for endpoint in observation.endpoints:
-        if endpoint.mismatch and not endpoint.is_unlatched:
+        if endpoint.mismatch and not endpoint.unlatched:
             yield _Fault(f'1 publisher of {endpoint.node} on {endpoint.topic} does not match '
                          f'{endpoint.mismatch}', topics=[endpoint.topic], nodes=[endpoint.node])
 
@@ -539,6 +543,14 @@ def _other_namespace(observation: Observation) -> Iterator[_Fault]:
         yield _Fault(observation.other_namespaces, topics=observation.topics[:1])
 
 
+@_check('missing_part', WARNING,
+        'Only later parts of a split recording were read, and they have no static transforms.',
+        'Read all parts of the recording: give its directory, or all its files.')
+def _missing_part(observation: Observation) -> Iterator[_Fault]:
+    if observation.missing_part:
+        yield _Fault(observation.missing_part, topics=observation.topics[1:])
+
+
 # Infos
 
 
@@ -548,7 +560,8 @@ def _other_namespace(observation: Observation) -> Iterator[_Fault]:
 def _several_trees(observation: Observation) -> Iterator[_Fault]:
     if len(observation.trees) > 1:
         roots = [(observation.roots(tree) or tree)[0] for tree in observation.trees]
-        yield _Fault(f'{len(roots)} trees, with the roots {_names(roots)}', frames=roots)
+        yield _Fault(f'{len(roots)} trees, with the roots {_names(roots)}', frames=roots,
+                     remedy=observation.missing_part)
 
 
 @_check('static_changes', INFO,

@@ -4,15 +4,16 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from operator import itemgetter
-from typing import NamedTuple, Optional, TYPE_CHECKING, Union
+import os
+from typing import NamedTuple, Optional, TYPE_CHECKING
 
 from dummy_arm.doctor.tf_statistics import Statistics, Track
 from dummy_arm.inspection.traffic import recreated
-from dummy_arm.tf.bag import messages, NOT_RECORDED, TopicHeaders
+from dummy_arm.tf.bag import messages, missing_part, NOT_RECORDED, Topic
 from dummy_arm.tf.formatting import comma_list, namespace_path, SECOND
 
 if TYPE_CHECKING:
-    import os
+    from dummy_arm.tf.bag import Paths
 
 #: The largest number of names in a text.
 SHOWN = 5
@@ -25,7 +26,8 @@ class Endpoint(NamedTuple):
     node: str  #: the full name of its node
     publisher: str = ''  #: as `Track.publisher`; '': not known
     wrong_type: str = ''  #: its type, if it is not TFMessage
-    is_unlatched: bool = False  #: True if the topic is /tf_static and later listeners miss it
+    #: The durability, if the topic is /tf_static and later listeners miss the messages.
+    unlatched: str = ''
     mismatch: str = ''  #: the listener whose QoS it does not match, and why; '': it matches all
 
 
@@ -43,9 +45,10 @@ class Observation:
     #: By topic: the frames that the headers of its messages name.
     headers: Mapping[str, Collection[str]] = field(default_factory=dict)
     tf_topics: Collection[str] = ()  #: the other topics with transforms
-    #: What is not known, and why: 'nodes', 'qos', 'arrivals' or 'headers'; see `Check.needs`.
+    #: What is not known, and why; see `Check.needs`.
     not_known: dict[str, str] = field(default_factory=dict)
     left_out: list[str] = field(default_factory=list)  #: what was not counted, and why
+    missing_part: str = ''  #: which part of a recording is missing, with the static transforms
     why_no_transforms: str = ''  #: where to look if there are no transforms
     other_namespaces: str = ''  #: which topics have transforms if /tf has none
     #: True if the arrivals are times of a recording, which may be on another clock than all stamps
@@ -187,35 +190,48 @@ def in_words(nanoseconds: float) -> str:
     return f'{seconds:.3g} s' if seconds < 1000 else f'{seconds:.0f} s'
 
 
-def observe_bag(bag: 'Union[str, os.PathLike[str]]', namespace: str = '', partial: bool = False,
+def name_of(bag: 'Paths') -> str:
+    """Return the path of a bag for texts; of several files, the first."""
+    paths = [bag] if isinstance(bag, (str, os.PathLike)) else [*bag]
+    return str(paths[0]) if paths else ''
+
+
+def observe_bag(bag: 'Paths', namespace: str = '', partial: bool = False,
                 on_progress: Optional[Callable[[float], object]] = None) -> Observation:
     """Read the transforms of a bag, and the headers on its other topics; see `bag.messages`."""
-    statistics, topics = Statistics(), list[TopicHeaders]()
+    statistics, topics = Statistics(), list[Topic]()
     statistics.add_messages(messages(
         bag, namespace=namespace, partial=partial, on_progress=on_progress,
-        on_headers=topics.extend))
+        on_topics=topics.extend))
     nodes = {name: name for name in statistics.publishers() - {NOT_RECORDED}}
-    not_known = {'qos': 'the QoS of the publishers is not read from a bag'}
+    tracks = statistics.tracks()
+    path = namespace_path(namespace)
+    own_topics = dynamic, static = f'{path}/tf', f'{path}/tf_static'
+    latched = [topic for topic in topics if topic.name == static and topic.is_tf]
+    not_known = {'listeners': 'a bag does not record the listeners'}
+    if any(not topic.durabilities for topic in latched):
+        not_known['qos'] = 'the bag does not record the QoS of the publishers'
     if not nodes:
         not_known['nodes'] = 'the bag does not record which node has sent a message'
-    tracks = statistics.tracks()
     if not any(track['delays'] for track in tracks):
         not_known['arrivals'] = 'there are no dynamic transforms with a time of the recording'
-    path = namespace_path(namespace)
-    own_topics = f'{path}/tf', f'{path}/tf_static'
-    tf_topics = [topic.topic for topic in topics if topic.frames == frozenset()
-                 and topic.topic.removesuffix('_static').endswith('/tf')
-                 and topic.topic not in own_topics]
+    tf_topics = [topic.name for topic in topics if topic.is_tf and topic.name not in own_topics
+                 and topic.name.removesuffix('_static').endswith('/tf')]
     others = [topic for topic in tf_topics if topic.endswith('/tf')]
+    has_static = any(track.is_static for track in tracks)
     return Observation(
-        statistics, f'in {bag}', own_topics, nodes=nodes,
-        endpoints=[Endpoint(topic.topic, '', wrong_type=topic.msgtype) for topic in topics
-                   if topic.topic in own_topics],
-        headers={topic.topic: topic.frames for topic in topics if topic.frames},
+        statistics, f'in {name_of(bag)}', own_topics, nodes=nodes,
+        endpoints=[*(Endpoint(topic.name, '', wrong_type=topic.msgtype) for topic in topics
+                     if topic.name in own_topics and not topic.is_tf),
+                   *(Endpoint(static, '', unlatched=durability) for topic in latched
+                     for durability in topic.durabilities
+                     if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN'))],
+        headers={topic.name: topic.frames for topic in topics if topic.frames},
         tf_topics=tf_topics, not_known=not_known, has_record_times=True,
         left_out=[
-            f'headers on {topic.topic}: the definition of its type {topic.msgtype} is not known'
+            f'headers on {topic.name}: the definition of its type {topic.msgtype} is not known'
             for topic in topics if topic.frames is None],
+        missing_part='' if has_static else missing_part(bag),
         other_namespaces='' if not others or not all(track.is_static for track in tracks) else (
-            f'there is no dynamic transform on {path}/tf, but there are transforms on '
+            f'there is no dynamic transform on {dynamic}, but there are transforms on '
             f'{comma_list(others, SHOWN)}: use --namespace'))

@@ -1,15 +1,15 @@
 """The report of all checks."""
 
 from collections.abc import Callable, Collection
-from typing import NamedTuple, Optional, TYPE_CHECKING, Union
+from typing import Any, NamedTuple, Optional, TYPE_CHECKING, Union
 
 from dummy_arm.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked, SEVERITIES
-from dummy_arm.doctor.observation import Observation, observe_bag, SHOWN
+from dummy_arm.doctor.observation import name_of, Observation, observe_bag, SHOWN
 from dummy_arm.inspection.terminal import wrapped
 from dummy_arm.tf.formatting import comma_list, shortened, suggest_names, visible
 
 if TYPE_CHECKING:
-    import os
+    from dummy_arm.tf.bag import Paths
 
 
 class Report(NamedTuple):
@@ -23,6 +23,12 @@ class Report(NamedTuple):
     def has_errors(self) -> bool:
         """True if a finding is an error."""
         return any(finding.severity == ERROR for finding in self.findings)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return a dict of plain values, as in the JSON of `tf_doctor`."""
+        return {**self._asdict(), 'findings': [
+            {name: [*value] if isinstance(value, tuple) else value
+             for name, value in finding._asdict().items()} for finding in self.findings]}
 
     def __str__(self) -> str:
         """Return the text that `tf_doctor` prints, wrapped at the width of a terminal."""
@@ -40,13 +46,14 @@ class Report(NamedTuple):
         return '\n'.join([*lines, *([''] if self.not_checked else []), self.verdict])
 
 
-def examine(observed: 'Union[str, os.PathLike[str], Observation]', *, ignore: Collection[str] = (),
+def examine(observed: 'Union[Paths, Observation]', *, ignore: Collection[str] = (),
             namespace: str = '', partial: bool = False,
             on_progress: Optional[Callable[[float], object]] = None) -> Report:
     """
     Make all checks of the transforms of a bag.
 
-    :param observed: path of the bag; or what `tf_doctor` has observed in a live system.
+    :param observed: path of the bag, as for `dummy_arm.tf.bag.read`; or what `tf_doctor` has
+        observed in a live system.
     :param ignore: the codes of checks that are not made.
     :param namespace: as for `dummy_arm.tf.bag.read`.
     :param partial: as for `dummy_arm.tf.bag.read`.
@@ -65,6 +72,29 @@ def examine(observed: 'Union[str, os.PathLike[str], Observation]', *, ignore: Co
     return Report(findings, [*not_checked(observation, ignore), *observation.left_out], visible(
         f'{found or "healthy"}: {_count(observation.statistics.count, "transform")} of '
         f'{_count(len(observation.tree_of), "frame")} {observation.where}'))
+
+
+def examine_bag(bag: 'Paths', *, ignore: Collection[str] = (), namespace: str = '',
+                partial: bool = False, on_progress: Optional[Callable[[float], object]] = None
+                ) -> dict[str, Any]:
+    """
+    Examine one of many bags as `examine` does; this function and its result can be pickled.
+
+    :param bag: the path of the bag, or the paths of its files.
+    :returns: plain values: 'bag', the path of its directory or first file, and the items of
+        `Report`; or, if the bag cannot be read, 'bag' and 'error', the text that says why.
+    :raises ValueError: if a code is unknown.
+    """
+    check_codes(ignore)
+    name = name_of(bag)
+    try:
+        report = examine(bag, ignore=ignore, namespace=namespace, partial=partial,
+                         on_progress=on_progress)
+    except OSError as error:
+        return {'bag': name, 'error': f'cannot read {name}: {error.strerror or error}'}
+    except Exception as error:  # whatever is wrong with one bag, the others are examined
+        return {'bag': name, 'error': str(error) or type(error).__name__}
+    return {'bag': name, **report.as_dict()}
 
 
 def check_codes(codes: Collection[str]) -> None:

@@ -5,23 +5,24 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import groupby
 import logging
 from operator import index
-import os
 from pathlib import Path
-from typing import Any, NamedTuple, Optional, Union
+from typing import Any, NamedTuple, Optional
 
-from dummy_arm.tf._bag.context import BagContext, HEADERS, NOT_RECORDED, Stream
-from dummy_arm.tf._bag.formats import BagError, kind_of
+from dummy_arm.tf._bag.context import BagContext, HEADERS, NOT_RECORDED, Record, Stream, TF_TYPES
+from dummy_arm.tf._bag.formats import BagError
+from dummy_arm.tf._bag.recordings import is_bag, later_part, Paths, Recording
+from dummy_arm.tf._bag.recordings import recordings as find_recordings
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
+from dummy_arm.tf._core.texts import comma_list
 from dummy_arm.tf._wire.cdr import MalformedMessage
 from dummy_arm.tf._wire.message_reader import Encoding, MessageReader
 from dummy_arm.tf.transform_buffer import TransformBuffer
 
-__all__ = ['HEADERS', 'NOT_RECORDED', 'BagError', 'BagMessage', 'TopicHeaders', 'messages', 'read']
+__all__ = ['HEADERS', 'NOT_RECORDED', 'BagError', 'BagMessage', 'Paths', 'Topic', 'is_bag',
+           'messages', 'missing_part', 'read', 'recordings']
 
 _ALL_TIME = 2**63 - 1  # ns
-#: A TF message of a bag: its stream, the time at which it was recorded (ns), and its bytes.
-_TFRecord = tuple[Stream, int, bytes]
 #: Messages are inserted in groups. A group ends when its messages take more memory than this
 #: (bytes).
 _BATCH_BYTES = 500_000
@@ -30,6 +31,8 @@ _OVERHEAD = 100
 #: The transforms of a message that is longer than this (bytes) are inserted one at a time, because
 #: a list of all these transforms could fill the memory.
 _LONG = 2**22
+#: The largest number of recordings that the text of an error lists.
+_SHOWN = 5
 
 
 class BagMessage(NamedTuple):
@@ -65,80 +68,104 @@ class BagMessage(NamedTuple):
         return self.stream.encoding.unpack(self.data)
 
 
-class TopicHeaders(NamedTuple):
-    """The headers on a topic of a bag that is not read, or the wrong type of one that is."""
+class Topic(NamedTuple):
+    """A topic of a bag."""
 
-    topic: str  #: the name of the topic
+    name: str
     msgtype: str  #: the type of its messages, such as 'sensor_msgs/msg/LaserScan'
-    #: The `frame_id` of the headers of its first messages; empty for TF messages, or a wrong type;
-    #: None if it is not known whether the messages begin with a header.
+    #: The `frame_id` of the headers of its first messages; empty for TF messages, and others
+    #: without a header; None if it is not known whether the messages begin with a header.
     frames: Optional[frozenset[str]]
+    #: The recorded durability of each publisher of TF messages, such as 'TRANSIENT_LOCAL'; empty
+    #: if it was not recorded.
+    durabilities: tuple[str, ...]
+
+    @property
+    def is_tf(self) -> bool:
+        """True if its messages are TF messages."""
+        return self.msgtype in TF_TYPES
 
 
-def messages(path: Union[str, 'os.PathLike[str]'], *, namespace: str = '', partial: bool = False,
+def recordings(paths: Paths) -> list[list[Path]]:
+    """
+    Sort the files that some paths name into recordings, in the order of the paths.
+
+    Files belong to one recording if a metadata.yaml lists them, or if rosbag2 has named them as
+    parts of a split recording: `name_0.mcap`, `name_1.mcap` and so on.
+
+    :param paths: files, directories of rosbag2, directories of bags, and patterns like `*.mcap`.
+    :returns: for each recording, the paths to pass to `read`: its directory, or its files.
+    """
+    return [each.files or [each.path] for each in find_recordings(paths)]
+
+
+def missing_part(path: Paths) -> str:
+    """Return a sentence that names the first part, if only later parts are given; else ''."""
+    found = find_recordings(path)
+    return later_part(found[0]) if found and found[0].first else ''
+
+
+def messages(path: Paths, *, namespace: str = '', partial: bool = False,
              max_bytes: int = 2**30, on_progress: Optional[Callable[[float], object]] = None,
-             on_headers: Optional[Callable[[list[TopicHeaders]], object]] = None
+             on_topics: Optional[Callable[[list[Topic]], object]] = None
              ) -> Iterator[BagMessage]:
     """
     Yield the TF messages of a bag.
 
     The other arguments are those of `read`.
 
-    :param on_headers: called at the end, with a list of the other topics whose messages begin with
-        a std_msgs/Header, or may do so, of the other topics with TF messages, and of the topics
-        `tf` and `tf_static` if their messages are of another type. Of each topic, the headers of
-        the first 10 messages are read. None: no headers are read, and parts of the bag without TF
-        are skipped.
-    :returns: an iterator over the messages. The messages of a bag of ROS 1 are in the order of the
-        file; those of each file of a bag of rosbag2 are in the order of their times.
+    :param on_topics: called at the end, with a list of the topics of the bag. Of each topic whose
+        messages begin with a std_msgs/Header, the headers of the first 10 messages are read. None:
+        no headers are read, and parts of the bag without TF are skipped.
+    :returns: an iterator over the messages. Those of each file are in the order of the times at
+        which they were recorded, unless the file is cut off or has no index.
     :raises: the errors of `read`; but a bag whose messages have no valid transform is no error,
-        and with `on_headers`, neither is a bag whose topic `tf` or `tf_static` has another type.
+        and with `on_topics`, neither is a bag whose topic `tf` or `tf_static` has another type.
     """
-    path, context = _open(path, namespace, partial, max_bytes, on_progress, on_headers is not None)
+    recording, context = _open(path, namespace, partial, max_bytes, on_progress,
+                               on_topics is not None)
     count = 0
-    for record in _records(path, context):
+    for stream, time, data in _records(recording, context):
         count += 1
-        yield BagMessage(*record)
-    _finish(path, context, count)
-    if on_headers:
-        on_headers([
-            *(TopicHeaders(stream.topic, stream.msgtype, frozenset(stream.frames))
-              for stream in context.header_streams.values()),
-            *(TopicHeaders(topic, msgtype, None)
-              for topic, msgtype in context.unknown_types.items()),
-            *(TopicHeaders(topic, msgtype, frozenset())
-              for topic, msgtype in (*context.other_tf.items(), *context.wrong_types.items()))])
+        yield BagMessage(stream, time if time < 2**63 else 0, data)
+    _finish(recording, context, count, accepts_wrong_types=on_topics is not None)
+    if on_topics:
+        on_topics([Topic(topic.name, topic.msgtype,
+                         None if topic.has_header is None else frozenset(topic.frames),
+                         tuple(topic.durabilities)) for topic in context.topics.values()])
 
 
-def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namespace: str = '',
+def read(path: Paths, *, cache_time: Any = None, namespace: str = '',
          partial: bool = False, max_bytes: int = 2**30, max_samples: Optional[int] = None,
          on_progress: Optional[Callable[[float], object]] = None) -> TransformBuffer:
     """
     Read the transforms of a bag.
 
-    :param path: a directory, a .mcap or a .db3 file of rosbag2, or a .bag file of ROS 1.
+    :param path: a directory, a .mcap or a .db3 file of rosbag2, or a .bag file of ROS 1; or
+        several paths, or a pattern like `name_*.mcap`, if these are the parts of one recording.
     :param cache_time: how long transforms are kept (ns); None: there is no limit.
     :param namespace: the namespace of the topics `tf` and `tf_static`; '': none.
-    :param partial: if the bag is cut off or damaged, read the undamaged parts and log a warning,
-        instead of raising a BagError.
-    :param max_bytes: the largest decompressed size (bytes) that is allowed for a chunk or a
-        message. This limits the memory that decompression can take.
+    :param partial: if a .mcap file is cut off or damaged, read the undamaged parts and log a
+        warning, instead of raising a BagError.
+    :param max_bytes: the largest size (bytes) that is allowed for a message, and that a chunk of
+        a .mcap file may declare.
     :param max_samples: the largest number of dynamic transforms that are kept; None: there is no
         limit.
     :param on_progress: called repeatedly with the fraction of the bag that has been read, from 0
         to 1. What it raises ends `read`.
     :returns: a buffer. The authority of a transform is the name of the node that published it in
         a bag of ROS 1, and 'not recorded' in rosbag2.
-    :raises BagError: if the path is not a bag, if the bag has no transforms, or if a library that
-        is needed to read it is not installed. Unless `partial` is True, also if the bag is cut
-        off or damaged, or has a chunk or a message that is larger than max_bytes.
+    :raises BagError: if the path is not a bag, if there are several recordings, if the bag has no
+        transforms, or if a library that is needed to read it is not installed. Unless `partial` is
+        True, also if the bag is cut off or damaged, or has a chunk or a message that is larger
+        than max_bytes.
     :raises ValueError: if max_bytes, cache_time or max_samples is out of range.
     :raises OSError: if the path does not exist, or is a file that cannot be opened.
     """
-    path, context = _open(path, namespace, partial, max_bytes, on_progress)
+    recording, context = _open(path, namespace, partial, max_bytes, on_progress)
     buffer = TransformBuffer(
         _ALL_TIME if cache_time is None else cache_time, max_samples=max_samples)
-    insert = engine_of(buffer).insert_batches
+    engine = engine_of(buffer)
     faults: Counter[str] = Counter()
 
     def count_fault(error: MalformedMessage) -> None:
@@ -147,7 +174,7 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
 
     readers: dict[tuple[bool, Encoding], MessageReader] = {}
     count = 0
-    for groups in _grouped_by_stream(_records(path, context), cache_time is not None):
+    for groups in _grouped_by_stream(_records(recording, context), cache_time is not None):
         for stream, messages in groups.items():
             key = stream.is_static, stream.encoding
             reader = readers.setdefault(key, MessageReader(count_fault, stream.encoding))
@@ -155,38 +182,49 @@ def read(path: Union[str, 'os.PathLike[str]'], *, cache_time: Any = None, namesp
                 if is_long:
                     _insert_long(buffer, group, stream, count_fault, context.tick)
                 else:
-                    insert(reader.read(group, stream.publisher, stream.is_static))
+                    engine.insert_batches(
+                        reader.read(group, stream.publisher, stream.is_static))
             count += len(messages)
     for fault, times in faults.items():
         logging.getLogger('dummy_arm.tf').warning(
             '%s: skipped %d of %d TF messages, which cannot be decoded: %s',
-            path, times, count, fault)
-    _finish(path, context, count)
-    if not buffer.frames():
-        raise BagError(f'{path} has TF messages ({count}), but no valid transform in them')
+            recording.path, times, count, fault)
+    _finish(recording, context, count)
+    frames = buffer.frames()
+    if not frames:
+        raise BagError(
+            f'{recording.path} has TF messages ({count}), but no valid transform in them')
+    if recording.first and not any(frame.is_static for frame in frames):
+        engine.tree.advice = f' {later_part(recording)}'
     return buffer
 
 
-def _open(path: Union[str, 'os.PathLike[str]'], namespace: str, partial: bool, max_bytes: int,
+def _open(paths: Paths, namespace: str, partial: bool, max_bytes: int,
           on_progress: Optional[Callable[[float], object]], with_headers: bool = False
-          ) -> tuple[Path, BagContext]:
+          ) -> tuple[Recording, BagContext]:
     if index(max_bytes) < 1:
         raise ValueError(f'max_bytes must be a positive number of bytes, got {max_bytes}')
-    path = Path(path)
-    return path, BagContext(
-        path, namespace, partial, max_bytes, on_progress or (lambda done: None), with_headers)
+    found = find_recordings(paths)
+    if len(found) != 1:
+        names = comma_list([str(each.path) for each in found], _SHOWN)
+        raise BagError(f'these are {len(found)} recordings ({names}): give the files of one'
+                       if found else 'no path of a bag is given')
+    return found[0], BagContext(
+        found[0], namespace, partial, max_bytes, on_progress or (lambda done: None), with_headers)
 
 
-def _finish(path: Path, context: BagContext, count: int) -> None:
+def _finish(recording: Recording, context: BagContext, count: int,
+            accepts_wrong_types: bool = False) -> None:
     """Report that the bag, with `count` TF messages, has been read; log its damage."""
-    context.finish()
-    is_wrong = bool(context.wrong_types)
-    if not count and not (is_wrong and context.with_headers):
-        raise BagError(
-            f'no TF message can be read from {" ".join(context.damage)}' if context.damage else
-            f'{path} has no TF: {context.why_no_tf()}')
-    if is_wrong and not context.with_headers:
-        logging.getLogger('dummy_arm.tf').warning('%s: %s', path, context.wrong_types_text())
+    is_wrong = bool(context.own_topics_of_wrong_type())
+    if not count and not (is_wrong and accepts_wrong_types):
+        if context.damage:
+            raise BagError(f'no TF message can be read from {" ".join(context.damage)}')
+        part = f'. {later_part(recording)}' if recording.first else ''
+        raise BagError(f'{recording.path} has no TF: {context.why_no_tf()}{part}')
+    if is_wrong and not accepts_wrong_types:
+        logging.getLogger('dummy_arm.tf').warning(
+            '%s: %s', recording.path, context.wrong_types_text())
     if context.damage:
         logging.getLogger('dummy_arm.tf').warning(
             '%s Read %d TF messages', ' '.join(context.damage), count)
@@ -208,30 +246,19 @@ def _insert_long(buffer: TransformBuffer, messages: Iterable[bytes], stream: Str
             buffer.insert(*row, stream.publisher, stream.is_static)
 
 
-def _records(path: Path, context: BagContext) -> Iterator[_TFRecord]:
-    """Yield the records of the TF messages of a bag; pass other messages to their HeaderStream."""
-    kind = kind_of(path)
+def _records(recording: Recording, context: BagContext) -> Iterator[Record]:
+    """Yield the TF messages of a recording; read the headers of others."""
     try:
-        if kind == '.bag':
-            from dummy_arm.tf._bag.rosbag1 import records
-        else:
-            from dummy_arm.tf._bag.rosbag2 import records
-        for stream, time, data in records(path, context):
-            if isinstance(stream, Stream):
-                yield stream, time if time < 2**63 else 0, data
-            else:
-                stream.add(data)
-    except Exception as error:  # a damaged file causes errors of many types
+        from dummy_arm.tf._bag.whole_files import records
+        yield from records(recording, context)
+    except ImportError as error:
         context.tick()  # if on_progress has raised an exception, this raises it again
-        if isinstance(error, ImportError):
-            raise BagError(f'a library that reads bags cannot be imported ({error}): '
-                           'pip install mcap lz4 ruamel.yaml backports.zstd') from None
-        if isinstance(error, BagError):
-            raise
-        context.handle_error(path, error)
+        raise BagError(f'a library that reads bags cannot be imported ({error}): '
+                       'pip install rosbags mcap') from None
+    context.finish()
 
 
-def _grouped_by_stream(records: Iterable[_TFRecord], in_order: bool
+def _grouped_by_stream(records: Iterable[Record], in_order: bool
                        ) -> Iterator[dict[Stream, list[bytes]]]:
     """
     Yield groups of about `_BATCH_BYTES` bytes: the messages of each stream.

@@ -168,7 +168,7 @@ def _other_domains(node: 'Node') -> str:
             if others else '')
 
 
-def _check_bag(bag: str, namespace: str, partial: bool) -> Report:
+def _check_bag(bag: Sequence[str], namespace: str, partial: bool) -> Report:
     found: list[Message] = []
     count = 0
     try:
@@ -180,11 +180,11 @@ def _check_bag(bag: str, namespace: str, partial: bool) -> Report:
                     found.append(Message(message.time, message.is_static, message.publisher, rows))
                     count += len(rows)
                 if count > MOST:
-                    raise CommandError(f'{bag} has more than {MOST} transforms: record an arm '
+                    raise CommandError(f'{bag[0]} has more than {MOST} transforms: record an arm '
                                        'for a minute only')
     except KeyboardInterrupt:
         raise CommandError('interrupted: nothing was judged') from None
-    # The file of a ROS 1 bag may be in another order.
+    # The files of a bag, and those that are cut off, may be in another order.
     return check(sorted(found, key=lambda message: message.time))
 
 
@@ -207,7 +207,8 @@ def format_report(report: Report) -> list[str]:
     return [*lines, '', f'{"passed" if report.passed else "not passed"}: {counted}']
 
 
-def command(files: Sequence[str] = (), seconds: Optional[float] = None, bag: Optional[str] = None,
+def command(files: Sequence[str] = (), seconds: Optional[float] = None,
+            bag: Optional[Sequence[str]] = None,
             namespace: str = '', partial: bool = False, frames: Sequence[str] = (),
             table: Optional[str] = None, resume: bool = False, feedback: Optional[str] = None,
             jobs: Optional[int] = None, *, ros_args: Sequence[str] = ()) -> int:

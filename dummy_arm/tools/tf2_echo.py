@@ -47,7 +47,7 @@ def _bracketed(values: Sequence[float], precision: int) -> str:
 
 def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = None,
             rate: Optional[float] = None, time: int = 0, precision: int = PRECISION,
-            once: bool = False, bag: Optional[str] = None, namespace: str = '',
+            once: bool = False, bag: Optional[Sequence[str]] = None, namespace: str = '',
             partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
     """
     Print the pose of the target frame in the source frame.

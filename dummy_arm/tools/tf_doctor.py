@@ -1,14 +1,20 @@
 """The command `tf_doctor`: find faults in transforms, or explain the path between two frames."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from contextlib import suppress
+from functools import partial as partial_function
 from importlib import import_module
 import json
+from multiprocessing import active_children, get_context
+import signal
+import sys
 import time
 from typing import Any, Optional, TYPE_CHECKING
 
 from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_partial
 from dummy_arm.cli.parser import (
+    CommandError,
     DEFAULT_TIME,
     listening_time,
     number,
@@ -17,18 +23,21 @@ from dummy_arm.cli.parser import (
     seconds,
     UsageError,
 )
-from dummy_arm.cli.progress import listen
-from dummy_arm.doctor.checks import CHECKS
+from dummy_arm.cli.progress import listen, progress
+from dummy_arm.cli.signals import check_signals, sleep
+from dummy_arm.doctor.checks import CHECKS, ERROR, Finding
 from dummy_arm.doctor.explanation import explain, Explanation
 from dummy_arm.doctor.observation import Endpoint, Observation
-from dummy_arm.doctor.report import check_codes, examine, Report
+from dummy_arm.doctor.report import check_codes, examine, examine_bag, Report
 from dummy_arm.doctor.tf_statistics import Statistics
 from dummy_arm.inspection.terminal import wrapped
-from dummy_arm.tf.bag import HEADERS, messages, NOT_RECORDED, read
-from dummy_arm.tf.formatting import in_seconds, SECOND, TF_MESSAGE
+from dummy_arm.tf.bag import HEADERS, messages, NOT_RECORDED, read, recordings
+from dummy_arm.tf.formatting import in_seconds, SECOND, TF_MESSAGE, visible
 from dummy_arm.tf.transform_table import header_frame
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from rclpy.node import Node
     from rclpy.qos import QoSProfile
 
@@ -39,12 +48,15 @@ _MARGIN = 5.0
 _SETTLING = SECOND // 5
 #: The time between two searches for other topics (s).
 _SCAN_INTERVAL = 0.5
+#: The time between two looks at the processes that examine bags (s).
+_POLL = 0.05
 
 
 def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int = 0,
             duration: Optional[float] = None, as_json: bool = False,
-            ignore: Sequence[str] = (), list_codes: bool = False, bag: Optional[str] = None,
-            namespace: str = '', partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
+            ignore: Sequence[str] = (), list_codes: bool = False,
+            bag: Optional[Sequence[str]] = None, namespace: str = '', partial: bool = False,
+            jobs: Optional[int] = None, *, ros_args: Sequence[str] = ()) -> int:
     """Print what is wrong with the transforms, or explain the path between two frames."""
     ends = [name.removeprefix('/') for name in (frame_a, frame_b) if name is not None]
     if len(ends) == 1 or not all(ends):
@@ -59,6 +71,9 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
     if bag is not None and duration is not None:
         raise UsageError('--time is for listening: leave it out with --bag')
     check_partial(bag, partial)
+    if jobs is not None and (bag is None or ends or jobs < 1):
+        raise UsageError(f'--jobs must be at least 1, got {jobs}' if jobs < 1 else
+                         '--jobs is for examining bags, with --bag and without frames')
     duration = listening_time(duration)
     if list_codes:
         for check in CHECKS.values():
@@ -71,18 +86,12 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
                        _explain_bag((ends[0], ends[1]), t, bag, namespace, partial))
         print(json.dumps(_explanation_data(explanation), indent=2) if as_json else explanation)
         return int(bool(explanation.why_not))
-    if bag is None:
-        report = examine(_observe_live(duration, ros_args, namespace), ignore=ignore)
-    else:
-        with bag_progress(bag) as on_progress:
-            report = examine(bag, ignore=ignore, namespace=namespace, partial=partial,
-                             on_progress=on_progress)
-    print(json.dumps(_report_data(report), indent=2) if as_json else report)
+    if bag is not None:
+        return _examine_bags(bag, jobs or 1, as_json, partial_function(
+            examine_bag, ignore=ignore, namespace=namespace, partial=partial))
+    report = examine(_observe_live(duration, ros_args, namespace), ignore=ignore)
+    print(json.dumps(report.as_dict(), indent=2) if as_json else report)
     return int(report.has_errors)
-
-
-def _report_data(report: Report) -> dict[str, Any]:
-    return {**report._asdict(), 'findings': [finding._asdict() for finding in report.findings]}
 
 
 def _explanation_data(explanation: Explanation) -> dict[str, Any]:
@@ -92,11 +101,77 @@ def _explanation_data(explanation: Explanation) -> dict[str, Any]:
                      for frame in explanation.path]}
 
 
-# A bag
+# Bags
 
 
-def _explain_bag(ends: tuple[str, str], stamp: int, bag: str, namespace: str, partial: bool
-                 ) -> Explanation:
+def _examine_bags(bag: Sequence[str], jobs: int, as_json: bool,
+                  examine_one: Callable[..., dict[str, Any]]) -> int:
+    """Print a report for each recording, in their order; return the exit code."""
+    if not all(bag):
+        raise UsageError('--bag needs the path of a bag, got an empty one')
+    found = recordings(bag)
+    healthy = faulty = unreadable = 0
+    for result in _results(found, jobs, examine_one):
+        is_faulty = any(each['severity'] == ERROR for each in result.get('findings', ()))
+        unreadable += 'error' in result
+        faulty += is_faulty
+        healthy += not ('error' in result or is_faulty)
+        if as_json:
+            print(json.dumps(result))
+        elif 'error' in result:
+            print(f'tf_doctor: {visible(result["error"])}', file=sys.stderr)
+        else:
+            report = Report([Finding(**{**each, **{name: tuple(each[name]) for name in (
+                'frames', 'topics', 'nodes')}}) for each in result['findings']],
+                result['not_checked'], result['verdict'])
+            print(report, end='\n\n' if len(found) > 1 else '\n')
+    if len(found) > 1:
+        print(f'{len(found)} bags: {healthy} without errors, {faulty} with errors, {unreadable} '
+              'not readable', file=sys.stderr)
+    return int(faulty + unreadable > 0)
+
+
+def _results(found: Sequence[Sequence['Path']], jobs: int,
+             examine_one: Callable[..., dict[str, Any]]) -> Iterator[dict[str, Any]]:
+    """Examine recordings in this process or in several, with a bar; yield the results in order."""
+    if len(found) == 1:
+        with bag_progress([str(found[0][0])]) as on_progress:
+            yield examine_one(found[0], on_progress=on_progress)
+        return
+    with progress(len(found), desc='examining bags', unit='bag') as show:
+        if jobs == 1:
+            for number, paths in enumerate(found):
+                show(number)
+                yield examine_one(paths, on_progress=lambda done: check_signals())
+            return
+        # A forked process could hold locks of threads that it does not have.
+        with ProcessPoolExecutor(jobs, get_context('spawn'), _ignore_interrupts) as executor:
+            futures = [executor.submit(examine_one, paths) for paths in found]
+            try:
+                for paths, future in zip(found, futures):
+                    while not future.done():
+                        show(sum(each.done() for each in futures))
+                        sleep(_POLL)
+                    try:
+                        yield future.result()
+                    except BrokenExecutor:
+                        raise CommandError(
+                            f'{paths[0]} or another bag has ended a process, perhaps for lack of '
+                            'memory: use fewer --jobs') from None
+            except BaseException:
+                for process in active_children():
+                    process.terminate()
+                executor.shutdown(cancel_futures=True)
+                raise
+
+
+def _ignore_interrupts() -> None:
+    """Let only the process that prints the results react to Ctrl-C; it ends the others."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _explain_bag(ends: tuple[str, str], stamp: int, bag: Sequence[str], namespace: str,
+                 partial: bool) -> Explanation:
     with bag_progress(bag) as on_progress:
         buffer = read(bag, namespace=namespace, partial=partial, on_progress=on_progress)
     statistics = Statistics()
@@ -275,8 +350,8 @@ def _endpoints(node: 'Node', topics: tuple[str, str]) -> Iterator[Endpoint]:
                 continue
             yield Endpoint(
                 topic, node_of(publisher), gid_of(publisher),
-                is_unlatched=topic == topics[1]
-                and publisher.qos_profile.durability == DurabilityPolicy.VOLATILE,
+                unlatched='VOLATILE' if topic == topics[1] and (
+                    publisher.qos_profile.durability == DurabilityPolicy.VOLATILE) else '',
                 mismatch=_mismatch(publisher, listeners, own_name))
 
 
@@ -325,6 +400,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'explain the path between them instead. The exit code is 1 if there is an error, or no '
         'transform between the two frames.',
         'examples: tf_doctor\n          tf_doctor --bag robot.mcap\n'
+        '          tf_doctor --bag recordings/*.mcap --jobs 4 --json\n'
         '          tf_doctor map end_effector')
     parser.add_argument('frame_a', nargs='?')
     parser.add_argument('frame_b', nargs='?')
@@ -333,10 +409,14 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         'latest)')
     parser.add_argument('--time', dest='duration', type=number, metavar='SECONDS',
                         help=f'how long to listen (s; default: {DEFAULT_TIME:g})')
-    parser.add_argument('--json', dest='as_json', action='store_true', help='print JSON')
+    parser.add_argument('--json', dest='as_json', action='store_true',
+                        help='print JSON: with --bag, one line for each bag')
     parser.add_argument('--ignore', action='append', default=[], metavar='CODE',
                         help='leave out findings with this code; can be given several times')
     parser.add_argument('--list', dest='list_codes', action='store_true',
                         help='print the codes of all findings with their meanings, then exit')
+    parser.add_argument('--jobs', type=int, metavar='N',
+                        help='with several bags: how many are examined at the same time '
+                        '(default: 1)')
     add_bag_options(parser)
     return run(parser, command, args)

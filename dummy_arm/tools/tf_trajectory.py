@@ -166,7 +166,7 @@ def roll_pitch_yaw(quaternions: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def command(target_frame: str, source_frame: str, output: Optional[str] = None,
             every: Optional[float] = None, twist: bool = False, seconds: Optional[float] = None,
-            bag: Optional[str] = None, namespace: str = '', partial: bool = False, *,
+            bag: Optional[Sequence[str]] = None, namespace: str = '', partial: bool = False, *,
             ros_args: Sequence[str] = ()) -> int:
     """
     Write or draw the poses of the source frame in the target frame over time.

@@ -54,7 +54,7 @@ def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> li
 
 
 def command(output: str = 'frames', wait_time: Optional[float] = None, text: bool = False,
-            watch: bool = False, bag: Optional[str] = None, namespace: str = '',
+            watch: bool = False, bag: Optional[Sequence[str]] = None, namespace: str = '',
             partial: bool = False, root: Optional[str] = None, *,
             ros_args: Sequence[str] = ()) -> int:
     """Listen to transforms for some time, or read a bag; then draw the tree of frames."""

@@ -24,12 +24,12 @@ _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 _REST = 2.0
 
 
-def command(host: str = HOST, port: Optional[int] = None, bag: Optional[str] = None,
+def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence[str]] = None,
             namespace: str = '', partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
     """Show the frames on a web page, until Ctrl-C."""
     if buffer := read_bag(bag, namespace, partial):
         from dummy_arm.view.feed import BagFeed
-        _show(BagFeed(buffer, Path(bag or '').name), host, port)
+        _show(BagFeed(buffer, Path(bag[0] if bag else '').name), host, port)
     else:
         from dummy_arm.cli.node import spinning_node
         from dummy_arm.view.feed import LiveFeed

@@ -47,7 +47,7 @@ def walk(seconds=10, hertz=10, begin=100 * S):
             row(stamp, 'odom', 'base_link', (i / hertz, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))]
 
 
-def make(path, kind, messages):
+def make(path, kind, messages, qos=()):
     """
     Write a bag.
 
@@ -55,6 +55,7 @@ def make(path, kind, messages):
     :param kind: 'db3', 'mcap' or 'bag', and after a blank how it is compressed.
     :param messages: topic, time (ns), and a list of rows or the bytes of a message; optionally the
         type of the message, and then its publisher, which only ROS 1 records.
+    :param qos: for a bag of ROS 2: the profiles of rosbags that are recorded for /tf_static.
     :returns: the path.
     """
     storage, _, compression = kind.partition(' ')
@@ -62,7 +63,7 @@ def make(path, kind, messages):
     if storage == 'bag':
         _write_ros1(path, compression, messages)
     else:
-        _write_ros2(path, storage, compression, messages)
+        _write_ros2(path, storage, compression, messages, qos)
     return path
 
 
@@ -95,7 +96,7 @@ def ros2(rows):
     return bytes(_types(2).serialize_cdr(_message(_types(2), rows), TF))
 
 
-def _write_ros2(path, storage, compression, messages):
+def _write_ros2(path, storage, compression, messages, qos):
     writer = Writer2(path, version=9, storage_plugin={
         'db3': StoragePlugin.SQLITE3, 'mcap': StoragePlugin.MCAP}[storage])
     if compression:
@@ -104,7 +105,9 @@ def _write_ros2(path, storage, compression, messages):
     with writer:
         for topic, time, content, msgtype, _ in map(_filled, messages):
             if topic not in connections:
-                connections[topic] = writer.add_connection(topic, msgtype, typestore=_types(2))
+                connections[topic] = writer.add_connection(
+                    topic, msgtype, typestore=_types(2),
+                    offered_qos_profiles=qos if topic == '/tf_static' else ())
             writer.write(connections[topic], time,
                          content if isinstance(content, bytes) else ros2(content))
 

@@ -587,7 +587,7 @@ def test_a_pipe_is_not_replaced(tmp_path):
 def walk(tmp_path):
     """The path of a bag."""
     bags = pytest.importorskip('bags')
-    return str(bags.make(tmp_path, 'bag', bags.walk(10)))
+    return str(bags.file_of(bags.make(tmp_path, 'mcap', bags.walk(10))))
 
 
 @pytest.fixture
@@ -603,23 +603,44 @@ def test_bag_options(cut_off):
     parser = Parser('tool', '')
     add_bag_options(parser)
     assert read_bag(**vars(parser.parse_args([]))) is None
-    buffer = read_bag(**vars(parser.parse_args(['--bag', cut_off, '--partial'])))
+    buffer = read_bag(**vars(parser.parse_args(['--partial', '--bag', cut_off])))
     assert buffer
     assert buffer.can_transform('map', 'base_link', 0)
     with pytest.raises(CommandError, match=r'^[^\n]*--partial[^\n]*$'):
         read_bag(**vars(parser.parse_args(['--bag', cut_off])))
 
 
+@pytest.mark.parametrize(('arguments', 'bag', 'frames'), [
+    ('--bag {0}/a.mcap {0}/b.bag map tool', '{0}/a.mcap {0}/b.bag', 'map tool'),
+    ('map tool --bag {0}/a.mcap {0}/bag', '{0}/a.mcap {0}/bag', 'map tool'),
+    ('--bag={0}/a.mcap {0}/*.db3 map tool', '{0}/a.mcap {0}/*.db3', 'map tool'),
+    ('--bag {0}/x --partial map {0}/a.mcap', '{0}/x', 'map {0}/a.mcap'),
+    ('--bag {0}/x {0}/empty robot/map', '{0}/x {0}/empty', 'robot/map'),
+    ('--bag a.mcap --bag b.mcap map', 'a.mcap b.mcap', 'map'),
+    ('--bag a.mcap.zstd -- map', 'a.mcap.zstd', 'map')])
+def test_several_bags_and_frames(tmp_path, arguments, bag, frames):
+    """Each path after the first is another bag, and the names of frames are none."""
+    (tmp_path / 'empty').mkdir()
+    (tmp_path / 'bag').mkdir()
+    (tmp_path / 'bag' / 'metadata.yaml').touch()
+    parser = Parser('tool', '')
+    parser.add_argument('frames', nargs='*')
+    add_bag_options(parser)
+    given = parser.parse_args(parser.prepare(arguments.format(tmp_path).split()))
+    assert given.bag == bag.format(tmp_path).split()
+    assert given.frames == frames.format(tmp_path).split()
+
+
 def test_the_topics_of_a_bag(walk):
     """The namespace of the option is used."""
     with pytest.raises(CommandError, match='/robot/tf'):
-        read_bag(walk, 'robot', False)
+        read_bag([walk], 'robot', False)
 
 
 @pytest.mark.parametrize(('bag', 'partial', 'error', 'text'), [
-    ('', False, UsageError, '^--bag needs the path of a bag, got an empty one$'),
+    ([''], False, UsageError, '^--bag needs the path of a bag, got an empty one$'),
     (None, True, UsageError, '^--partial needs --bag$'),
-    ('nowhere.mcap', False, CommandError, r'^.*nowhere\.mcap[^\n]*$')])
+    (['nowhere.mcap'], False, CommandError, r'^.*nowhere\.mcap[^\n]*$')])
 def test_bags_that_are_not_read(bag, partial, error, text):
     """The error is of one line."""
     with pytest.raises(error, match=text):
@@ -636,7 +657,7 @@ def fail(error):
     (OSError('odd'), 'cannot read x.bag: odd'), (BagError('odd bag'), 'odd bag')])
 def test_errors_while_a_bag_is_read(error, text):
     """They are errors of the command, of one line."""
-    with pytest.raises(CommandError, match=f'^{text}$'), bag_progress('x.bag'):
+    with pytest.raises(CommandError, match=f'^{text}$'), bag_progress(['x.bag']):
         fail(error)
 
 
@@ -645,4 +666,4 @@ def test_a_signal_ends_the_reading(walk):
     record_signals()
     signal.raise_signal(signal.SIGTERM)
     with pytest.raises(KeyboardInterrupt):
-        read_bag(walk, '', False)
+        read_bag([walk], '', False)

@@ -1,20 +1,27 @@
 """The doctor, for bags: each fault is found, with its evidence, and nothing else is."""
 
+from contextlib import closing
+from functools import partial
 from itertools import cycle
 import json
 from math import nan
+import pickle
 import re
+import sqlite3
 import subprocess
 import sys
 
 from processes import tool_without_ros
 import pytest
 
-from dummy_arm.doctor import ERROR, examine
+from dummy_arm.doctor import ERROR, examine, examine_bag
 from dummy_arm.doctor.checks import CHECKS
 from dummy_arm.tools.tf_doctor import main
 
 bags = pytest.importorskip('bags')
+Qos, QosDurability, QosHistory, QosLiveliness, QosReliability, QosTime = (
+    getattr(pytest.importorskip('rosbags.interfaces'), name) for name in (
+        'Qos', 'QosDurability', 'QosHistory', 'QosLiveliness', 'QosReliability', 'QosTime'))
 S, MS = bags.S, 10**6
 T = 1_700_000_000 * S
 KINDS = 'mcap', 'db3', 'bag'
@@ -188,8 +195,8 @@ HEALTHY = {
     'REP 105': [
         static('earth map'), *(tf(i, 'map odom', 'odom base_link') for i in range(100))],
 }
-#: What cannot be read from a bag; the tests of the live command have these codes.
-LIVE_ONLY = {'static_not_latched', 'incompatible_qos', 'many_publishers'}
+#: What the messages of a bag do not show: other tests have these codes.
+ELSEWHERE = {'static_not_latched', 'incompatible_qos', 'many_publishers', 'missing_part'}
 
 
 def numbered(i, name, **kwargs):
@@ -305,7 +312,7 @@ def frame_of(data):
 def test_all_codes_are_tested():
     """Each check has a bag with its fault, or is tested live."""
     assert CHECKS.keys() == (
-        FAULTS.keys() | LIVE_ONLY | {code for _, codes in CASES.values() for code in codes})
+        FAULTS.keys() | ELSEWHERE | {code for _, codes in CASES.values() for code in codes})
 
 
 def converted(content, kind):
@@ -398,8 +405,8 @@ def test_the_text(capsys, tmp_path):
         '    On /tf_static, /tf.',
         f'    {CHECKS["static_and_dynamic"].remedy}',
         '',
-        'not checked: static_not_latched, incompatible_qos: the QoS of the publishers is not read '
-        'from a bag',
+        'not checked: incompatible_qos: a bag does not record the listeners',
+        'not checked: static_not_latched: the bag does not record the QoS of the publishers',
         'not checked: two_publishers, many_publishers: the bag does not record which node has '
         'sent a message',
         '',
@@ -434,6 +441,8 @@ def test_list(capsys):
     (['--bag', 'x', '--time', '5'], '--time is for listening'),
     (['--bag', ''], '--bag needs the path of a bag'),
     (['--partial'], '--partial needs --bag'),
+    (['--bag', 'x', '--jobs', '0'], '--jobs must be at least 1, got 0'),
+    (['--jobs', '2'], '--jobs is for examining bags'),
 ])
 def test_wrong_arguments(failed, arguments, text):
     """One line names the offender; the exit code is 2."""
@@ -565,3 +574,121 @@ def test_two_publishers_of_an_edge(capsys, tmp_path):
     path = bags.make(tmp_path, 'bag', in_order(FAULTS['two_publishers'][0]))
     assert main(['--bag', str(path), 'odom', 'base_link']) == 0
     assert '  /robot, /other' in capsys.readouterr().out
+
+
+# Recordings
+
+
+def profile(durability):
+    """Return the QoS of a publisher, as rosbag2 records it."""
+    lasting = QosTime(0, 0)
+    return Qos(QosHistory.KEEP_LAST, 1, QosReliability.RELIABLE, durability, lasting, lasting,
+               QosLiveliness.AUTOMATIC, lasting, False)
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'db3'])
+@pytest.mark.parametrize(('durabilities', 'unlatched'), [
+    ('TRANSIENT_LOCAL', []), ('TRANSIENT_LOCAL TRANSIENT_LOCAL', []), ('VOLATILE', ['VOLATILE']),
+    ('TRANSIENT_LOCAL VOLATILE SYSTEM_DEFAULT', ['VOLATILE', 'SYSTEM_DEFAULT']), ('UNKNOWN', []),
+    ('', None)])
+def test_the_recorded_qos(capsys, tmp_path, kind, durabilities, unlatched):
+    """Each publisher on /tf_static must be transient local; an empty list says nothing."""
+    path = bags.make(tmp_path, kind, in_order(robot()), [
+        profile(QosDurability[name]) for name in durabilities.split()])
+    for options in ([], ['--partial']) if kind == 'mcap' else ([],):
+        code, found = doctor(capsys, path, *options)
+        assert code == int(bool(unlatched))
+        assert [each['evidence'] for each in found['findings']] == [
+            f'1 publisher on /tf_static has the durability {name}' for name in unlatched or []]
+        assert all(each['code'] == 'static_not_latched' for each in found['findings'])
+        assert any('static_not_latched' in text for text in found['not_checked']) is (
+            unlatched is None)
+
+
+def test_the_qos_that_rosbag2_writes(tmp_path):
+    """Before Jazzy, the policies are numbers, and the profiles a text in YAML."""
+    path = bags.file_of(bags.make(tmp_path, 'db3', in_order(robot())))
+    for durability, count in (1, 0), (2, 1):
+        text = (f'- history: 3\n  depth: 0\n  reliability: 1\n  durability: {durability}\n'
+                '  deadline:\n    sec: 9223372036\n    nsec: 854775807\n  lifespan:\n'
+                '    sec: 9223372036\n    nsec: 854775807\n  liveliness: 1\n'
+                '  liveliness_lease_duration:\n    sec: 9223372036\n    nsec: 854775807\n'
+                '  avoid_ros_namespace_conventions: false')
+        with closing(sqlite3.connect(path)) as database:
+            database.execute('UPDATE topics SET offered_qos_profiles = ? '
+                             "WHERE name = '/tf_static'", [text])
+            database.commit()
+        assert [each.code for each in examine(path).findings] == ['static_not_latched'] * count
+
+
+def test_a_missing_part(tmp_path):
+    """The first part is named, in place of a remedy in the robot."""
+    first, later = (bags.file_of(bags.make(tmp_path / name, 'mcap', in_order(content)))
+                    for name, content in (('a', robot()), ('b', [*robot()[1:], *points(
+                        '/scan', 'laser'), tf(0, 'world lamp'), *points('/lamp', 'lamp', 'arm')])))
+    first, later = (file.rename(tmp_path / f'robot_{i}.mcap')
+                    for i, file in enumerate((first, later)))
+    report = examine(later)
+    assert [finding.code for finding in report.findings] == [
+        'unknown_frame', 'disconnected', 'missing_part', 'several_trees']
+    remedy = (f'{later} is a later part of a recording, whose static transforms are usually in '
+              f'the first part only: read {first}, too.')
+    for finding in report.findings:
+        assert finding.evidence if finding.code == 'missing_part' else finding.remedy == remedy
+    assert not [finding for finding in examine([first, later]).findings
+                if finding.code in ('unknown_frame', 'missing_part')]
+
+
+@pytest.fixture
+def several(tmp_path):
+    """Bags: two healthy ones, one of two parts, one that is cut off, one with a fault."""
+    paths = [bags.make(tmp_path / f'{name}.bag', 'bag', in_order(robot())) for name in 'ab']
+    paths += (bags.file_of(bags.make(tmp_path / name, 'mcap', in_order(content))).rename(
+        tmp_path / f'split_{i}.mcap') for i, (name, content) in enumerate((
+            ('x', robot()), ('y', [tf(100 + i, 'odom base_link', 'base_link arm')
+                              for i in range(100)]))))
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(paths[2].read_bytes()[:-100])
+    faulty = bags.make(tmp_path / 'faulty.bag', 'bag', in_order(FAULTS['loop'][0]))
+    empty = tmp_path / 'empty'
+    empty.mkdir()
+    return [*paths, cut, faulty, empty, tmp_path / 'missing.mcap']
+
+
+@pytest.mark.parametrize('jobs', [[], ['--jobs', '1'], ['--jobs', '3']])
+def test_many_bags(capsys, several, jobs):
+    """There is one line of JSON for each, in their order, also for one that is broken."""
+    assert main(['--bag', *map(str, several), *jobs, '--json']) == 1
+    out, err = capsys.readouterr()
+    results = [json.loads(line) for line in out.splitlines()]
+    names = [path.name for path in several]
+    names.remove('split_1.mcap')
+    assert [result['bag'] for result in results] == [
+        str(several[0].with_name(name)) for name in names]
+    assert [('error' if 'error' in result else result['verdict'].partition(':')[0])
+            for result in results] == [
+        'healthy', 'healthy', 'healthy', 'error', '1 error', 'error', 'error']
+    assert 'its end is missing' in results[3]['error']
+    assert 'empty is not a bag' in results[5]['error']
+    assert results[6]['error'] == f'cannot read {several[-1]}: No such file or directory'
+    assert err == '7 bags: 3 without errors, 1 with errors, 3 not readable\n'
+
+
+def test_many_bags_in_text(capsys, several):
+    """Reports follow each other; errors go to stderr."""
+    assert main(['--bag', *map(str, several[:2]), str(several[4])]) == 1
+    out, err = capsys.readouterr()
+    assert out.count('\n\nhealthy: ') == 2
+    assert re.fullmatch(r'tf_doctor: \S+cut\.mcap cannot be read: .*\n3 bags: 2 without errors, '
+                        r'0 with errors, 1 not readable\n', err)
+
+
+def test_examine_bag(several):
+    """It can be pickled, and so can its result, which is what the command prints."""
+    function = pickle.loads(pickle.dumps(partial(examine_bag, ignore=['loop'])))
+    result = function(several[5])
+    assert json.loads(json.dumps(result)) == result == pickle.loads(pickle.dumps(result))
+    assert result['findings'] == []
+    assert examine_bag(str(several[-1]))['error'].startswith('cannot read ')
+    with pytest.raises(ValueError, match='unknown code'):
+        examine_bag(several[-1], ignore=['nothing'])

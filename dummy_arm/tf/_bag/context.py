@@ -1,91 +1,84 @@
-"""The context in which a bag is read: topics, damage, limits, progress."""
+"""The context in which a bag is read: its topics and damage, limits, progress."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 import re
 import struct
 from typing import NamedTuple, Optional, Union
 
 from dummy_arm.tf._bag.formats import BagError
-from dummy_arm.tf._core.texts import (
-    abbreviated,
-    comma_list,
-    in_log,
-    namespace_path,
-    TF_MESSAGE,
-    visible,
-)
+from dummy_arm.tf._bag.recordings import error_line, Recording
+from dummy_arm.tf._core.texts import comma_list, in_log, namespace_path, TF_MESSAGE, visible
+from dummy_arm.tf._wire import cdr, ros1
 from dummy_arm.tf._wire.message_reader import Encoding
 
 #: The publisher of a stream if the bag does not record it; rosbag2 never does.
 NOT_RECORDED = 'not recorded'
-_TYPES = TF_MESSAGE, 'tf/msg/tfMessage'
+TF_TYPES = TF_MESSAGE, 'tf/msg/tfMessage'
+#: The number of messages of a topic other than TF whose headers are read.
+HEADERS = 10
 #: The largest number of topics, of namespaces or of faults that a text lists.
 _SHOWN = 10
-#: The largest number of topics that are remembered for the text of an error.
+#: The largest number of topics that are remembered.
 _MAX_TOPICS = 10_000
-#: An error text that is longer than this (characters) is abbreviated.
-_LONGEST_ERROR = 500
 #: An annotation in an .idl file, which may have texts in parentheses.
 _ANNOTATION = re.compile(r'@\w+\s*(\((?:[^()"]|"(?:\\.|[^"\\])*")*\))?')
 #: The beginning of a constant in a .msg file.
 _CONSTANT = re.compile(r'\S+\s+\w+\s*=')
-#: The number of messages of a topic other than TF whose headers are read.
-HEADERS = 10
+_REMEDIES = {
+    '.mcap': 'If it is damaged or cut off, partial=True (--partial) reads what is left',
+    '.db3': 'If it is damaged, the command .recover of the program sqlite3 may help',
+    '.bag': 'If it is damaged or cut off, rosbag reindex of ROS 1 may help'}
 
 
 class Stream(NamedTuple):
-    """What all messages of a topic of rosbag2, or of a publisher on a topic of ROS 1, share."""
+    """The common properties of the messages of a topic or, in ROS 1, of one of its publishers."""
 
     is_static: bool
     publisher: str
     encoding: Encoding
 
+
+@dataclass
+class BagTopic:
+    """A topic of a bag."""
+
+    name: str
+    msgtype: str
+    #: The recorded durability of each publisher; of ROS 1 and of other topics than TF's: none.
+    durabilities: Sequence[str] = ()
+    #: Whether its messages begin with a header; None: it is not known.
+    has_header: Optional[bool] = False
+    encoding: Encoding = cdr
+    header_count: int = 0
+    frames: set[str] = field(default_factory=set)  #: those of the headers that were read
+
     @property
-    def is_wanted(self) -> bool:
-        return True
+    def needs_headers(self) -> bool:
+        return bool(self.has_header) and self.header_count < HEADERS
+
+    def add_header(self, data: bytes) -> None:
+        self.header_count += 1
+        with suppress(struct.error):  # a damaged message
+            self.frames.add(self.encoding.header_frame(data))
 
 
-class HeaderStream:
-    """The first messages of a topic that is not TF, and whose messages begin with a header."""
-
-    def __init__(self, topic: str, msgtype: str, encoding: Encoding) -> None:
-        self.topic, self.msgtype, self._encoding = topic, msgtype, encoding
-        self._count = 0
-        self.frames: set[str] = set()
-
-    @property
-    def is_wanted(self) -> bool:
-        return self._count < HEADERS
-
-    def add(self, data: bytes) -> None:
-        if self.is_wanted:
-            self._count += 1
-            with suppress(struct.error):  # a damaged message
-                self.frames.add(self._encoding.header_frame(data))
-
-
-#: A message of a bag: its stream, the time at which it was recorded (ns), and its bytes.
-Record = tuple[Union[Stream, HeaderStream], int, bytes]
+#: A TF message of a bag: its stream, the time at which it was recorded (ns), and its bytes.
+Record = tuple[Stream, int, bytes]
 
 
 class BagContext:
-    """The topics and the damage of a bag, and the progress of reading the bag."""
+    """The topics and the damage of a recording, and the progress of reading it."""
 
-    def __init__(self, path: Path, namespace: str, partial: bool, max_bytes: int,
+    def __init__(self, recording: Recording, namespace: str, partial: bool, max_bytes: int,
                  on_progress: Callable[[float], object], with_headers: bool = False) -> None:
-        self._path = path
-        self.with_headers = with_headers
-        #: By the name of the topic: topics whose messages begin with a header; the types of other
-        #: topics with TF messages, of `tf` and `tf_static` if they have none, and unknown types.
-        self.header_streams: dict[str, HeaderStream] = {}
-        self.other_tf: dict[str, str] = {}
-        self.wrong_types: dict[str, str] = {}
-        self.unknown_types: dict[str, str] = {}
+        self._path = recording.path
+        self._with_headers = with_headers
         self._namespace = namespace_path(namespace)
         self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
-        self._types: dict[str, str] = {}
+        self.topics: dict[tuple[str, str], BagTopic] = {}  #: by name and type
         self._on_progress = on_progress
         self._start, self._share, self._done = 0.0, 1.0, 0.0
         #: What on_progress has raised; not to be taken for damage of the bag.
@@ -95,35 +88,39 @@ class BagContext:
         #: Descriptions of the first `_SHOWN` faults in the files of the bag.
         self.damage: list[str] = []
 
-    def stream(self, topic: str, msgtype: str, publisher: str, encoding: Encoding,
-               definition: str = '') -> Optional[Union[Stream, HeaderStream]]:
-        """Return the stream of a topic, and remember the topic."""
-        topic = f'/{topic.strip("/")}'
-        is_static = self._is_static.get(topic)
-        if len(self._types) < _MAX_TOPICS or is_static is not None:
-            self._types[topic] = msgtype
-        if msgtype in _TYPES:
-            if is_static is not None:
-                return Stream(is_static, publisher, encoding)
-            self.other_tf[topic] = msgtype
-            return None
-        if is_static is not None:
-            self.wrong_types[topic] = msgtype
-            return None
-        if not self.with_headers or len(self.header_streams) >= _MAX_TOPICS:
-            return None
-        has_header = _begins_with_header(msgtype, definition)
-        if has_header is None:
-            self.unknown_types[topic] = msgtype
-        return self.header_streams.setdefault(
-            topic, HeaderStream(topic, msgtype, encoding)) if has_header else None
+    def add_topic(self, name: str, msgtype: str, encoding: str, definition: str = '',
+                  durabilities: Sequence[str] = (), publisher: str = ''
+                  ) -> Union[Stream, BagTopic, None]:
+        """
+        Remember a topic; return its stream, or the topic if its headers are to be read.
 
-    def start_file(self, number: int, count: int) -> None:
-        self._start, self._share = number / count, 1 / count
+        :param encoding: 'ros1', or the serialization format of rosbag2, such as 'cdr'.
+        :param definition: that of the type, if it is known.
+        """
+        name = f'/{name.strip("/")}'
+        msgtype = re.sub('^([^/]+)/([^/]+)$', r'\1/msg/\2', msgtype)  # as in ROS 2
+        if encoding not in ('cdr', 'ros1', ''):
+            msgtype = f'{msgtype} in {encoding}'  # which is not a known type
+        is_static = self._is_static.get(name)
+        topic = self.topics.get((name, msgtype))
+        if topic is None:
+            topic = BagTopic(name, msgtype, encoding=ros1 if encoding == 'ros1' else cdr)
+            if len(self.topics) < _MAX_TOPICS or is_static is not None:
+                self.topics[name, msgtype] = topic
+            if self._with_headers and is_static is None and msgtype not in TF_TYPES:
+                topic.has_header = _begins_with_header(msgtype, definition)
+        if is_static is None or msgtype not in TF_TYPES:
+            return topic if topic.needs_headers else None
+        topic.durabilities = [*topic.durabilities, *durabilities]
+        return Stream(is_static, publisher or NOT_RECORDED, topic.encoding)
+
+    def begin(self, start: float, share: float) -> None:
+        """Begin a step, which is a share of the work, after another share."""
+        self._start, self._share = start, share
         self.advance(0.0)
 
     def advance(self, part: float) -> None:
-        """Report which fraction of the current file has been read."""
+        """Report the fraction of the current step that is done."""
         self._done = self._start + part * self._share
         self.tick()
 
@@ -141,25 +138,29 @@ class BagContext:
                 self._raised = error
         raise self._raised
 
-    def handle_error(self, path: Path, error: Exception) -> None:
+    def handle_error(self, path: Path, kind: str, error: Exception) -> None:
         """Append an error to `damage` if `partial` is True; else, raise a BagError."""
-        self.tick()  # if on_progress has raised an exception, this raises it again
+        if self._raised is not None:
+            raise self._raised
         if isinstance(error, ImportError):
             raise error
-        if not self.partial:
-            if isinstance(error, BagError):  # the text of a BagError already names the file
+        if not self.partial or isinstance(error, BagError):
+            if isinstance(error, BagError):  # its text already names the file
                 raise error
             name = '' if path == self._path else f'{visible(path.name)}: '
-            raise BagError(
-                f'{self._path} cannot be read: {name}{error_line(error)} If it is damaged or cut '
-                'off, partial=True (--partial) reads what is left') from None
+            raise BagError(f'{self._path} cannot be read: {name}{error_line(error)} '
+                           f'{_REMEDIES.get(kind, "")}'.rstrip()) from None
         if len(self.damage) < _SHOWN:
             self.damage.append(f'{visible(str(path))}: {error_line(error)}')
 
+    def own_topics_of_wrong_type(self) -> list[BagTopic]:
+        return [topic for topic in self.topics.values()
+                if topic.name in self._is_static and topic.msgtype not in TF_TYPES]
+
     def why_no_tf(self) -> str:
         expected = ' or '.join(self._is_static)
-        namespaces = {topic.rpartition('/')[0] for topic, msgtype in self._types.items()
-                      if msgtype in _TYPES and re.search('/tf(_static)?$', topic)}
+        namespaces = {topic.name.rpartition('/')[0] for topic in self.topics.values()
+                      if topic.msgtype in TF_TYPES and re.search('/tf(_static)?$', topic.name)}
         others = sorted(namespaces - {self._namespace})
         if others == ['']:
             return (f'no TFMessage on {expected}, but on topics without a namespace: omit the '
@@ -168,16 +169,16 @@ class BagContext:
             return (f'no TFMessage on {expected}, but in the namespace '
                     f'{comma_list([in_log(name) or "/" for name in others], _SHOWN)}: pass it as '
                     'namespace (--namespace)')
-        if self.wrong_types:
+        if self.own_topics_of_wrong_type():
             return self.wrong_types_text()
-        topics = sorted(f'{in_log(topic)} ({in_log(msgtype)})'
-                        for topic, msgtype in self._types.items())
+        topics = sorted(f'{in_log(topic.name)} ({in_log(topic.msgtype)})'
+                        for topic in self.topics.values())
         return (f'no {TF_MESSAGE} on {expected}; its topics: '
                 f'{comma_list(topics, _SHOWN) or "none"}')
 
     def wrong_types_text(self) -> str:
-        types = ' and '.join(f'{in_log(topic)} has the type {in_log(msgtype)}'
-                             for topic, msgtype in sorted(self.wrong_types.items()))
+        types = ' and '.join(sorted(f'{in_log(topic.name)} has the type {in_log(topic.msgtype)}'
+                                    for topic in self.own_topics_of_wrong_type()))
         return (f'{types}, not {TF_MESSAGE}: send transforms with a TransformBroadcaster or a '
                 'StaticTransformBroadcaster')
 
@@ -205,18 +206,3 @@ def _begins_with_header(msgtype: str, definition: str) -> Optional[bool]:
             return line.split()[0] in ('std_msgs/Header', 'std_msgs/msg/Header', 'Header',
                                        'roslib/Header')
     return False
-
-
-def error_line(error: Exception) -> str:
-    r"""
-    Return the text of an error in one line that ends with one period.
-
-    >>> error_line(ValueError('a record\n  ends too early'))
-    'a record ends too early.'
-    >>> error_line(ValueError('no topic \x1b[2J.'))
-    'no topic \\x1b[2J.'
-    >>> error_line(KeyError())
-    'KeyError.'
-    """
-    text = visible(' '.join(str(error).split())) or type(error).__name__
-    return f'{abbreviated(text, _LONGEST_ERROR).rstrip(".")}.'

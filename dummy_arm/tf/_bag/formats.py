@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from dummy_arm.tf._bag.decompression import ZSTD
-
-_KINDS = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3', b'#ROSBAG V': '.bag'}
+#: The first bytes of the formats; `.zstd` is a file that is compressed as a whole.
+_KINDS = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3', b'#ROSBAG V': '.bag',
+          b'\x28\xb5\x2f\xfd': '.zstd'}
 #: The definition of a bag, for the texts of errors.
 BAG_DEFINITION = ('a bag is a directory written by ros2 bag record, a .mcap or .db3 file in it, '
                   'or a .bag file of ROS 1')
@@ -15,17 +15,13 @@ class BagError(Exception):
 
 
 def kind_of(path: Path) -> str:
-    """Return 'dir' or, by the first bytes of the file, '.mcap', '.db3' or '.bag'."""
-    if path.is_dir():
-        return 'dir'
+    """Return '.mcap', '.db3', '.bag' or '.zstd', by the first bytes of the file."""
     refuse_special(path)
     with path.open('rb') as file:
         beginning = file.read(16)
     for magic, kind in _KINDS.items():
         if beginning.startswith(magic):
             return kind
-    if beginning.startswith(ZSTD):
-        raise BagError(f'{path} is a compressed file: read the directory of its bag instead')
     raise BagError(f'{path} is not a bag: ' + (BAG_DEFINITION if beginning else 'it is empty'))
 
 

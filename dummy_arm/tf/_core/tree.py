@@ -41,6 +41,9 @@ class FrameTree:
         self.cache_time = cache_time
         self.histories: dict[str, Optional[AnyHistory]] = {}
         self._names: tuple[str, ...] = ()
+        #: A hint that follows if frames are unknown or not connected, as when a part of a bag is
+        #: missing.
+        self.advice = ''
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -126,7 +129,7 @@ class FrameTree:
     def _nearest(self, name: str) -> Callable[[], str]:
         """Return a function that suggests similar names of frames that exist now."""
         names = self.names
-        return lambda: texts.suggest_names(name, names)
+        return lambda: texts.suggest_names(name, names) + self.advice
 
     def _problem(self, name: str) -> Optional[str]:
         """Return, in tf2's words, what is wrong with a frame's name; None if the frame exists."""
@@ -406,12 +409,13 @@ class FrameTree:
         for root in source_root, target_root:
             if (history := self.histories[root]) is not None and not len(history):
                 return texts.cleared_hint(root)
-        return texts.roots_hint(target, target_root, source, source_root)
+        return texts.roots_hint(target, target_root, source, source_root) + self.advice
 
     def _unconnected(self, target: str, source: str) -> ConnectivityException:
         return ConnectivityException(
             texts.unconnected(target, source)
-            + texts.roots_hint(target, self.root(target), source, self.root(source)))
+            + texts.roots_hint(target, self.root(target), source, self.root(source))
+            + self.advice)
 
 
 def _union(stamps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:

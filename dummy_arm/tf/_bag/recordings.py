@@ -1,0 +1,173 @@
+"""Which files are the parts of one recording, and in which order."""
+
+from collections.abc import Iterable
+from contextlib import suppress
+from glob import glob
+import logging
+import os
+from pathlib import Path, PurePath
+import re
+from typing import Any, NamedTuple, Optional, Union
+
+from dummy_arm.tf._bag.formats import BAG_DEFINITION, BagError, refuse_special
+from dummy_arm.tf._core.texts import abbreviated, comma_list, visible
+
+#: One path, or several: files, directories, and patterns such as `*.mcap`.
+Paths = Union[str, 'os.PathLike[str]', Iterable[Union[str, 'os.PathLike[str]']]]
+
+_FILE = re.compile(r'\.(mcap|db3|bag)(\.zstd)?$')
+#: The name of a part of a split recording: rosbag2 writes `name_0.mcap`, `name_1.mcap` and so on.
+_PART = re.compile(r'(.*)_(0|[1-9]\d*)(\.(?:mcap|db3|bag)(?:\.zstd)?)')
+_LONGEST_METADATA = 10_000_000  # bytes
+#: The largest number of files that the text of an error lists.
+_SHOWN = 5
+#: An error text that is longer than this (characters) is abbreviated.
+_LONGEST_ERROR = 500
+
+
+class Recording(NamedTuple):
+    """One recording: a directory, or files in order."""
+
+    path: Path  #: the directory, or the first file that was given
+    files: list[Path]  #: empty if `path` is a directory
+    first: Optional[Path] = None  #: the first part of the recording, if it was not given
+
+
+def recordings(paths: Paths) -> list[Recording]:
+    """Sort the files that some paths name into recordings, in the order of the paths."""
+    given = [paths] if isinstance(paths, (str, os.PathLike)) else [*paths]
+    found: dict[Path, Recording] = {}
+    parts: dict[Path, dict[int, Path]] = {}
+    for path in (bag for text in given for bag in _bags(str(text))):
+        if path.is_dir():
+            found[path] = Recording(path, [])
+            continue
+        key, number, first = _part(path)
+        if key not in found or found[key].files:
+            parts.setdefault(key, {})[number] = path
+            files = [file for _, file in sorted(parts[key].items())]
+            found[key] = Recording(files[0], files, None if 0 in parts[key] else first)
+    return [*found.values()]
+
+
+def later_part(recording: Recording) -> str:
+    """Say why a recording may have no static transforms, and what to do."""
+    path, first = (visible(str(each)) for each in (recording.path, recording.first))
+    return (f'{path} is a later part of a recording, whose static transforms are usually in the '
+            f'first part only: read {first}, too.')
+
+
+def is_bag(path: str) -> bool:
+    """
+    Return whether a text is the path of a bag, and not the name of a frame.
+
+    It is if it ends like a bag, is a pattern, names a directory of bags, or has a directory and
+    exists.
+    """
+    return bool(_FILE.search(path) or _is_pattern(path) or _bags_in(Path(path))
+                or (os.path.dirname(path) and os.path.lexists(path)))
+
+
+def _bags(text: str) -> list[Path]:
+    """Return what a path or a pattern names: files, and directories with a metadata.yaml."""
+    matches = filter(_is_named_bag, map(Path, glob(text))) if _is_pattern(text) else [Path(text)]
+    paths = {path.parent if path.name == 'metadata.yaml' else path for path in matches}
+    return [bag for path in sorted(paths, key=_natural)
+            for bag in _bags_in(path) or [path]] or [Path(text)]
+
+
+def _is_pattern(text: str) -> bool:
+    return bool(re.search(r'[*?[]', text)) and not os.path.lexists(text)
+
+
+def _is_named_bag(path: Path) -> bool:
+    return bool(_FILE.search(path.name)) or path.name == 'metadata.yaml' or (
+        path / 'metadata.yaml').exists()
+
+
+def _bags_in(directory: Path) -> list[Path]:
+    """Return the bags in a directory, or the directory if it is one; in the order of numbers."""
+    if (directory / 'metadata.yaml').exists():
+        return [directory]
+    return sorted((path for path in directory.iterdir() if _is_named_bag(path)), key=_natural) if (
+        directory.is_dir()) else []
+
+
+def _natural(path: Path) -> list[str]:
+    return [part.zfill(20) if part.isdigit() else part for part in re.split(r'(\d+)', str(path))]
+
+
+def files_of(recording: Recording, partial: bool) -> list[Path]:
+    """Return the files; `partial`: some may be missing, and a metadata.yaml may be damaged."""
+    directory = recording.path
+    if recording.files or not directory.is_dir():
+        return recording.files or [directory]
+    if not (directory / 'metadata.yaml').exists():
+        raise BagError(f'{directory} is not a bag: {BAG_DEFINITION}')
+    try:
+        files = _listed(directory)
+    except BagError as error:
+        files = sorted((path for path in directory.iterdir() if _FILE.search(path.name)),
+                       key=_natural)
+        if not partial or not files:
+            raise
+        logging.getLogger('dummy_arm.tf').warning('%s; reading %s', error, _names(files))
+    if missing := [path for path in files if not path.exists()]:
+        if not partial or len(missing) == len(files):
+            raise BagError(
+                f'{directory} cannot be read: files that its metadata.yaml lists are missing: '
+                f'{_names(missing)}; partial=True (--partial) reads the others')
+        logging.getLogger('dummy_arm.tf').warning(
+            '%s: files that its metadata.yaml lists are missing: %s', directory, _names(missing))
+    return [path for path in files if path.exists()]
+
+
+def _listed(directory: Path) -> list[Path]:
+    """Return the files that a metadata.yaml lists; raise a BagError if it cannot be read."""
+    metadata = directory / 'metadata.yaml'
+    refuse_special(metadata)
+    try:
+        with metadata.open('rb') as file:
+            data = file.read(_LONGEST_METADATA + 1)
+        if len(data) > _LONGEST_METADATA:
+            raise ValueError(f'it has more than {_LONGEST_METADATA} bytes')
+        from ruamel.yaml import YAML
+        information = YAML(typ='safe').load(data.decode(errors='replace'))[
+            'rosbag2_bagfile_information']
+        compression = information.get('compression_format') or 'zstd'
+        files = [directory / PurePath(name).name for name in information['relative_file_paths']]
+        if not files:
+            raise ValueError('it lists no files')
+    except ImportError:
+        raise
+    except Exception as error:  # the YAML library raises errors of many types
+        raise BagError(f'{directory} cannot be read: metadata.yaml: {error_line(error)} '
+                       'partial=True (--partial) reads the files without it') from None
+    if compression != 'zstd':
+        raise BagError(f'{directory} cannot be read: its compression format is '
+                       f'{visible(repr(compression))}, not zstd')
+    return files
+
+
+def _part(path: Path) -> tuple[Any, int, Optional[Path]]:
+    """Return a key for the recording of a file, the number of the part, and the first part."""
+    if (path.parent / 'metadata.yaml').exists():
+        with suppress(BagError, ImportError):  # the file can be read without metadata
+            files = _listed(path.parent)
+            if path in files:
+                return path.parent, files.index(path), files[0]
+    if (match := _PART.fullmatch(path.name)) is None:
+        return path, 0, None
+    first = path.with_name(f'{match[1]}_0{match[3]}')
+    key = first if first.exists() else path
+    return key, int(match[2]), first
+
+
+def _names(files: Iterable[Path]) -> str:
+    return comma_list([visible(file.name) for file in files], _SHOWN)
+
+
+def error_line(error: Exception) -> str:
+    """Return the text of an error, or its type, in one line that ends with one period."""
+    text = visible(' '.join(str(error).split())) or type(error).__name__
+    return f'{abbreviated(text, _LONGEST_ERROR).rstrip(".")}.'

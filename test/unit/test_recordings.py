@@ -1,0 +1,154 @@
+"""Several paths: split recordings, directories, patterns, and recordings without metadata."""
+
+from pathlib import Path
+import shutil
+from tempfile import TemporaryDirectory
+
+import pytest
+
+from dummy_arm.tf import bag, LookupException
+from dummy_arm.tf.bag import BagError, read, recordings
+
+bags = pytest.importorskip('bags')
+S = bags.S
+#: `rosbag record --split --duration=2s` of ROS 1.15 wrote these: the static transform from
+#: base_link to laser was sent once, before the recording began.
+SPLIT = Path(__file__).parents[1] / 'data' / 'split'
+
+
+def parts(path, kind='mcap', numbers=(0, 1, 2)):
+    """Write the parts of a split recording: map -> odom is static and in the first part only."""
+    path.mkdir(exist_ok=True)
+    files = []
+    for number in numbers:
+        content = [*bags.walk(3, begin=(100 + 4 * number) * S)][int(number > 0):]
+        with TemporaryDirectory() as directory:
+            file = bags.file_of(bags.make(Path(directory) / 'part', kind, content))
+            suffix = file.name.partition('.')[2]
+            files.append(Path(shutil.move(file, path / f'robot_{number}.{suffix}')))
+    return files
+
+
+def with_metadata(path, files):
+    """Move the files of a recording into a directory with a metadata.yaml that lists them."""
+    whole = bags.make(path, 'mcap', bags.walk(1))
+    metadata = whole / 'metadata.yaml'
+    listed = ''.join(f'\n  - {file.name}' for file in files)
+    metadata.write_text(metadata.read_text().replace(f'\n  - {whole.name}.mcap', listed))
+    bags.file_of(whole).unlink()
+    return whole, [file.rename(whole / file.name) for file in files]
+
+
+def counts(path, **kwargs):
+    """Return the number of samples of each frame."""
+    return {frame.name: frame.length for frame in read(path, **kwargs).frames()}
+
+
+WHOLE = {'odom': 1, 'base_link': 93}
+
+
+@pytest.mark.parametrize('given', [
+    lambda: [SPLIT / f'robot_{i}.bag' for i in (2, 0, 1)], lambda: SPLIT,
+    lambda: str(SPLIT / 'robot_*.bag'), lambda: [str(SPLIT / 'robot_[0-2].bag')]],
+    ids=['files', 'directory', 'pattern', 'patterns'])
+def test_a_recording_that_rosbag_has_split(given):
+    """Whatever names its files, they are one bag; only the first part has static transforms."""
+    assert counts(given()) == {'base_link': 57, 'laser': 1}
+    times = [message.time for message in bag.messages(given())]
+    assert times == sorted(times)
+    assert len(times) == 58
+
+
+def test_a_later_part_that_rosbag_has_split():
+    """What needs a static transform names the first part, in place of a remedy in the robot."""
+    buffer = read([SPLIT / 'robot_1.bag', SPLIT / 'robot_2.bag'])
+    assert [frame.name for frame in buffer.frames()] == ['base_link']
+    with pytest.raises(LookupException) as error:
+        buffer.lookup_transform('map', 'laser')
+    assert str(error.value).endswith(
+        f"Known frames: 'base_link', 'map'. {SPLIT}/robot_1.bag is a later part of a recording, "
+        f'whose static transforms are usually in the first part only: read {SPLIT}/robot_0.bag, '
+        'too.')
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'db3', 'mcap file', 'db3 file', 'mcap storage'])
+def test_parts_by_their_names(tmp_path, kind):
+    """They are read in the order of the numbers, also more than ten of them."""
+    files = parts(tmp_path / 'robot', kind)
+    eleventh = parts(tmp_path / 'more', kind, [10])[0]
+    assert counts(reversed(files)) == WHOLE
+    assert counts(f'{tmp_path}/robot/robot_*') == WHOLE
+    last = eleventh.rename(files[0].with_name(eleventh.name))
+    assert recordings(tmp_path / 'more') == [[tmp_path / 'more']]  # which is an error to read
+    (found,) = recordings(f'{tmp_path}/robot/robot_*')
+    assert found == [*files, last]
+
+
+def test_parts_by_metadata(tmp_path):
+    """A metadata.yaml gives the order, whatever the names are; other files are left out."""
+    first, *others = parts(tmp_path)
+    files = [others[0].rename(tmp_path / 'b.mcap'), others[1].rename(tmp_path / 'a.mcap')]
+    whole, files = with_metadata(tmp_path / 'whole', [first, *files])
+    (whole / 'other.mcap').write_bytes(b'Dear diary')
+    for given in whole, files, reversed(files), whole / 'metadata.yaml', f'{whole}/[abr]*.mcap':
+        assert counts(given) == WHOLE
+    assert recordings(f'{whole}/*') == [[whole], [whole / 'other.mcap']]
+    assert recordings([*files, whole / 'other.mcap']) == [files, [whole / 'other.mcap']]
+    assert bag.missing_part(whole) == ''
+    assert bag.missing_part(files[1:]).endswith(f'read {files[0]}, too.')
+
+
+def test_a_part_that_is_missing(tmp_path):
+    """It is an error, unless partial=True reads the others."""
+    whole, (_, second, _) = with_metadata(tmp_path / 'whole', parts(tmp_path))
+    second.unlink()
+    with pytest.raises(BagError, match=(
+            r'whole cannot be read: files that its metadata\.yaml lists are missing: '
+            r'robot_1\.mcap; partial=True \(--partial\) reads the others')):
+        read(whole)
+    assert counts(whole, partial=True) == {'odom': 1, 'base_link': 62}
+
+
+def test_a_recording_that_was_killed(tmp_path):
+    """There is no metadata.yaml, and the last part was cut off."""
+    *_, last = parts(tmp_path / 'killed')
+    last.write_bytes(last.read_bytes()[:-3000])
+    (tmp_path / 'killed' / 'notes.txt').write_text('Dear diary')
+    with pytest.raises(BagError, match=r'robot_2.mcap: its end is missing\. .*--partial'):
+        read(tmp_path / 'killed')
+    assert 62 <= counts(tmp_path / 'killed', partial=True)['base_link'] < 93
+
+
+def test_several_recordings(tmp_path):
+    """They are sorted by the order of the paths; one buffer holds only one of them."""
+    walk, again = (bags.make(tmp_path / name, 'mcap', bags.walk(1)) for name in ('b', 'a'))
+    single = bags.make(tmp_path / 'single.bag', 'bag', bags.walk(1))
+    files = parts(tmp_path / 'split')
+    assert recordings([walk, files[1], single, again, files[0], files[2]]) == [
+        [walk], files, [single], [again]]
+    assert recordings(tmp_path) == [[again], [walk], [single]]  # no files in directories
+    with pytest.raises(BagError, match=r'these are 2 recordings \(\S*b, \S*a\): give the files'):
+        read([walk, again])
+
+
+@pytest.mark.parametrize('names', [
+    ('run_001.mcap', 'run_002.mcap'), ('run_1.mcap', 'run_2.mcap'), ('run1.mcap', 'run2.mcap')])
+def test_files_that_are_no_parts(tmp_path, names):
+    """Numbers that rosbag2 does not write are those of separate recordings."""
+    files = [file.rename(tmp_path / name) for file, name in zip(parts(tmp_path / 'x'), names)]
+    assert recordings(files) == [[file] for file in files]
+
+
+def test_a_later_part_with_static_transforms(tmp_path):
+    """Some recorders repeat them; then nothing is missing."""
+    (file,) = parts(tmp_path, numbers=[0])
+    later = file.rename(tmp_path / 'robot_3.mcap')
+    with pytest.raises(LookupException, match=r"Known frames: 'odom', 'map', 'base_link'\.$"):
+        read(later).lookup_transform('map', 'laser')
+
+
+def test_a_later_part_without_transforms(tmp_path):
+    """The error names the first part."""
+    path = bags.file_of(bags.make(tmp_path / 'x', 'mcap', [])).rename(tmp_path / 'robot_1.mcap')
+    with pytest.raises(BagError, match=r'robot_1\.mcap has no TF: .* later part .*robot_0\.mcap'):
+        read(path)
