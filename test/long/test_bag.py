@@ -15,7 +15,7 @@ def checked(path, file, data):
     """Read a bag with other data in its file; return how many dynamic transforms are found."""
     file.write_bytes(data)
     counts, error = [0, 0], ''
-    for partial in False, True:
+    for partial in (False, True) if file.suffix == '.mcap' else (False,):
         try:
             frames = read(path, partial=partial).frames()
             counts[partial] = sum(frame.length for frame in frames if not frame.is_static)
@@ -55,9 +55,10 @@ def test_many_topics_with_headers(tmp_path):
     path = bags.make(tmp_path, 'db3', [*bags.walk(), *(
         (f'/point_{i}', 300 * S, bags.point(f'frame_{i}'), 'geometry_msgs/msg/PointStamped')
         for i in range(1500))])
-    topics: list[bag.TopicHeaders] = []
-    assert len([*bag.messages(path, on_headers=topics.extend)]) == 102
-    assert {topic.frames for topic in topics} == {frozenset([f'frame_{i}']) for i in range(1500)}
+    topics: list[bag.Topic] = []
+    assert len([*bag.messages(path, on_topics=topics.extend)]) == 102
+    assert {topic.frames for topic in topics if not topic.is_tf} == {
+        frozenset([f'frame_{i}']) for i in range(1500)}
 
 
 def test_a_long_message_is_not_a_list_of_transforms(tmp_path):

@@ -213,22 +213,6 @@ def mcap_chunk(data, method='', size=None, crc=0):
                        + _text(method) + struct.pack('<Q', len(content)) + content)
 
 
-def ros1_chunk(data, method='none', size=None):
-    """
-    Return a chunk of a ROS 1 bag.
-
-    :param size: the uncompressed size that it declares (bytes); None: its real one.
-    """
-    return ros1_record({'op': b'\5', 'compression': method.encode(), 'size': struct.pack(
-        '<I', len(data) if size is None else size)}, packed(data, method.replace('none', '')))
-
-
-def ros1_record(fields, data):
-    """Return a record of a ROS 1 bag."""
-    header = b''.join(_bytes(name.encode() + b'=' + value) for name, value in fields.items())
-    return _bytes(header) + _bytes(data)
-
-
 def _bytes(data):
     return struct.pack('<I', len(data)) + data
 

@@ -503,7 +503,7 @@ _BAG_MESSAGES = [
     *(('/tf', (100 + i) * S, [Row((100 + i) * S, 'odom', 'base_link', (i, *bags.STILL[1:])),
                               Row((100 + i) * S, 'base_link', 'tool', bags.STILL)])
       for i in range(3))]
-KINDS = (*bags.ROS2, *bags.ROS1, 'mcap chunk', 'bag chunk')
+KINDS = (*bags.ROS2, *bags.ROS1, 'mcap chunk')
 #: The largest decompressed size that is allowed (bytes).
 _MAX_BYTES = 2**22
 _INTERESTING = (b'\0', b'\xff', b'\0' * 8, b'\xff' * 8, b'\x7f\xff\xff\xff', b'\xff\xff\xff\x7f')
@@ -535,26 +535,12 @@ def seed_bag(kind: str) -> dict[str, bytes]:
     return files
 
 
-def _chunk_content(kind: str) -> bytes:
-    """Return the records in a chunk, which are changed before the chunk is compressed."""
-    data: bytes = b''
-    if kind == 'mcap chunk':
-        data += bags.mcap_channel() + bags.mcap_channel('/tf_static', 2) + b''.join(
+def _chunk_content() -> bytes:
+    """Return the records in a chunk of mcap, which are changed before the chunk is compressed."""
+    return b''.join([
+        bags.mcap_channel(), bags.mcap_channel('/tf_static', 2), *(
             bags.mcap_message(bags.ros2(rows), time, 2 if topic == '/tf_static' else 1)
-            for topic, time, rows in _BAG_MESSAGES)
-        return data
-    for number, topic in enumerate(('/tf', '/tf_static')):
-        data += bags.ros1_record(
-            {'op': b'\7', 'conn': struct.pack('<I', number), 'topic': topic.encode()},
-            b''.join(struct.pack('<I', len(field)) + field for field in (
-                b'topic=' + topic.encode(), b'type=tf2_msgs/TFMessage',
-                b'md5sum=94810edda583a504dfda3829e70d7eec', b'message_definition=x',
-                b'callerid=/node')))
-    for topic, time, rows in _BAG_MESSAGES:
-        data += bags.ros1_record(
-            {'op': b'\2', 'conn': struct.pack('<I', topic == '/tf_static'),
-             'time': struct.pack('<II', *divmod(time, S))}, _as_ros1(rows))
-    return data
+            for topic, time, rows in _BAG_MESSAGES)])
 
 
 def _changed(data: bytes, source: Input) -> bytes:
@@ -588,17 +574,10 @@ def check_bags(data: bytes) -> None:
     kind = source.choice(KINDS)
     bag = path = folder() / 'bag'
     try:
-        if kind.endswith(' chunk'):
-            method = source.choice(('', 'lz4', 'zstd' if kind[0] == 'm' else 'bz2'))
-            content = _changed(_chunk_content(kind), source)
-            if kind == 'mcap chunk':
-                bags.mcap(path, bags.mcap_channel(), bags.mcap_chunk(content, method))
-            else:
-                path.write_bytes(
-                    b'#ROSBAG V2.0\n' + bags.ros1_record(
-                        {'op': b'\3', 'index_pos': bytes(8), 'conn_count': b'\2\0\0\0',
-                         'chunk_count': b'\1\0\0\0'}, b' ' * 100)
-                    + bags.ros1_chunk(content, method or 'none'))
+        if kind == 'mcap chunk':
+            method = source.choice(('', 'lz4', 'zstd'))
+            bags.mcap(path, bags.mcap_channel(), bags.mcap_chunk(
+                _changed(_chunk_content(), source), method))
         else:
             files, how = dict(seed_bag(kind)), source.integer(3)
             name = list(files)[how % 2 if len(files) > 1 else 0]
@@ -613,10 +592,9 @@ def check_bags(data: bytes) -> None:
             whole = _read_bag(bag, False)
             count = len(logged)
             in_parts = _read_bag(bag, True)
-        # Rule: with partial=True, a file is read from its beginning to its end, also where it has
-        # an index that says something else. Where it has none, or the index is not used, the same
-        # is read; and a bag that is refused without partial=True is not read without a warning.
-        if kind == 'mcap chunk' or kind.startswith('bag'):
+        # Rule: a file of mcap without an index is read in the same way with partial=True; if it
+        # is refused without partial=True, it is not read without a warning.
+        if kind == 'mcap chunk':
             assert in_parts == whole if isinstance(whole, dict) else (
                 isinstance(in_parts, str) or logged[count:]), (whole, in_parts)
     finally:
@@ -629,9 +607,9 @@ def check_bags(data: bytes) -> None:
 def _read_bag(path: Path, partial: bool) -> Union[dict[str, str], str]:
     """Read a bag; return the data of the buffer, or why the bag is refused."""
     if not partial:
-        headers: list[Any] = []
+        topics: list[Any] = []
         with suppress(BagError), closing(cast(Generator[BagMessage, None, None], messages(
-                path, partial=True, max_bytes=_MAX_BYTES, on_headers=headers.append))) as found:
+                path, partial=True, max_bytes=_MAX_BYTES, on_topics=topics.append))) as found:
             for message in found:
                 with suppress(MalformedMessage):
                     message.rows()
