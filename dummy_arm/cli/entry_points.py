@@ -2,8 +2,8 @@
 The entry points of the commands.
 
 This module imports fast, so that the handlers of Ctrl-C and SIGTERM are set before the module of a
-command is imported, which can be slow. A new command needs a line here, and what "To add a
-command" in CONTRIBUTING.md lists.
+command is imported, which can be slow. A new command needs a line here; "To add a command" in
+CONTRIBUTING.md lists the other steps.
 """
 
 from collections.abc import Callable

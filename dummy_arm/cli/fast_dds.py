@@ -30,8 +30,8 @@ def remove_empty_ports(directory: Path = Path('/dev/shm')) -> Iterator[str]:
     """
     Remove the empty files that killed processes have left; yield a sentence for each.
 
-    If the file of a port is empty, Fast DDS busy-waits for ever while it holds the GIL, so that
-    no signal ends the process. (Files whose names end in `_el` are always empty, and in use.)
+    If the file of a port is empty, Fast DDS busy-waits for ever while its caller holds the GIL,
+    so that no signal ends the process. (Files with names in `_el` are always empty, and in use.)
     """
     for path in sorted(directory.glob('fastrtps_port*')):
         if not re.fullmatch(r'fastrtps_port\d+', path.name):

@@ -12,7 +12,7 @@ from dummy_arm.cli.parser import CommandError
 
 
 def check_writable(path: Path) -> None:
-    """Raise CommandError before the work begins if a file cannot be written."""
+    """Raise CommandError if a file cannot be written; to be called before the work begins."""
     _mode(path)
     if not os.access(path.parent, os.W_OK):
         raise CommandError(f'cannot write {path}: {path.parent} is not a writable directory')
@@ -23,7 +23,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     """
     Let the `with` block write a temporary file, which then replaces the file and gets its mode.
 
-    If the block raises an exception, the file is unchanged. Of a link, the target is written.
+    If the block raises an exception, the file is unchanged. A link stays: its target is replaced.
     """
     mode = _mode(path)
     try:

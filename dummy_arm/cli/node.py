@@ -40,7 +40,7 @@ def run_node(make_node: Callable[[], Node], ros_args: Sequence[str], namespace: 
 
 @contextmanager
 def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
-    """Initialise ROS, and shut it down at the end of the `with` block; errors as `run_node`."""
+    """Initialise ROS for a `with` block, then shut it down; raise the errors of `run_node`."""
     # The first rule that fits a name is used, so the user's own rules come first.
     arguments = [*ros_args, *_namespace_args(namespace)]
     clear_shared_memory(ros_args)

@@ -139,7 +139,7 @@ def _make_writable() -> None:
 
 
 def _close_stdout() -> None:
-    """Let the flush of unwritten output at exit not fail."""
+    """Redirect stdout to the null device, so that flushing it at exit does not fail."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

@@ -35,7 +35,7 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
 
 
 def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False) -> bool:
-    """Wait as `wait_until`, with a bar; by default, for the whole time."""
+    """Wait as `wait_until` does, with a bar; by default, for the whole time."""
     start = time.monotonic()
     with progress(seconds, desc=what, bar_format=_BAR) as show:
         def holds() -> bool:
@@ -50,10 +50,10 @@ def listen(seconds: float, has_received: Callable[[], object],
     """
     Wait for the first transform, and then for some time (s); a signal ends the wait early.
 
-    If nothing is received within this time, or within 7 s if this is longer, the wait ends.
+    If nothing is received within the larger of `seconds` and 7 s, the wait ends.
 
     :param poll: called every 0.05 s, and once more at the end.
-    :returns: how long this function has waited after the first transform, or at all (s).
+    :returns: how long it has waited (s), since the first transform if one was received.
     """
     start = time.monotonic()
     with suppress(KeyboardInterrupt):

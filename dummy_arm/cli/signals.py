@@ -1,5 +1,5 @@
 """
-What ends a command on SIGINT (Ctrl-C) and SIGTERM.
+Signal handlers that end a command on SIGINT (Ctrl-C) and SIGTERM.
 
 The first signal is only recorded. The command checks for it where it can stop without leaving
 anything half done: `sleep`, `wait_until` and `check_signals` raise KeyboardInterrupt, which
@@ -48,7 +48,7 @@ def signals_blocked() -> Iterator[None]:
 
 def begin_cleanup() -> None:
     """
-    Let only the third signal raise KeyboardInterrupt, from now on.
+    Make only the third signal and later ones raise KeyboardInterrupt, from now on.
 
     Ctrl-C in `make` sends two signals to a command: one from the terminal, and one from `make`.
     """
@@ -82,7 +82,7 @@ def sleep(seconds: float) -> None:
 
 
 def wait_until(seconds: float, holds: Callable[[], object]) -> bool:
-    """Check every 0.05 s, and at once, whether a condition holds; otherwise as `sleep`."""
+    """Sleep, but only until a condition holds, which is checked at once and every 0.05 s."""
     end = time.monotonic() + seconds
     while not (result := bool(holds())) and (left := end - time.monotonic()) > 0.0:
         sleep(min(_STEP, left))

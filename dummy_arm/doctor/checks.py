@@ -22,13 +22,13 @@ from dummy_arm.tf.formatting import (
 
 SEVERITIES = ERROR, WARNING, INFO = 'error', 'warning', 'info'
 #: A step from stamp to stamp is a gap if it is longer than this many periods. Shorter gaps than
-#: `_SHORTEST_GAP` (ns) are jitter, which a busy computer causes. They are reported if they are
-#: this part of all steps, and at least this many.
+#: `_SHORTEST_GAP` (ns) are jitter, which a busy computer causes. They are reported if they are at
+#: least the part `_JITTER` of all steps, and at least `_FEWEST_GAPS`.
 _GAP, _SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
 #: The smallest number of steps that are judged. A shorter period (ns) counts as this one, since
 #: some programs send several transforms of a frame at once.
 _FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
-#: Transforms are late or from the future if at least this part of them is.
+#: Transforms that are late or from the future are reported if more than this part of them is.
 _SHARE = 0.05
 #: The frames of REP 105, from the root to the robot.
 _REP_105 = 'earth', 'map', 'odom', 'base_link'
@@ -90,7 +90,7 @@ def _check(code: str, severity: str, meaning: str, remedy: str, needs: str = ''
 
 
 def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Finding]:
-    """Make all checks but the ignored ones; return errors first, then warnings, then infos."""
+    """Run all checks but the ignored ones; return errors first, then warnings, then infos."""
     findings = []
     for check in CHECKS.values():
         if check.code in ignored or check.needs in observation.not_known:
@@ -174,7 +174,7 @@ def _two_publishers(observation: Observation) -> Iterator[_Fault]:
 
 
 def _exist_together(observation: Observation, a: Track, b: Track) -> bool:
-    """Return False if one publisher ends before the other begins, as when a node is restarted."""
+    """Return False if one publisher has replaced the other, as when a node is restarted."""
     if a.is_static:
         # The publisher of a node that was killed exists for some seconds more.
         is_same = (a['pose'] == b['pose']).all() and [*a.parents][-1] == [*b.parents][-1]

@@ -20,7 +20,7 @@ class Explanation(NamedTuple):
     stamp: int  #: the time of the transform (ns); 0: the path is static
     path: list[Frame]  #: the child of each edge
     refusals: dict[str, str]  #: by child: why the edge has no pose at the time; '': it has one
-    roots: tuple[str, str]  #: the roots of the trees of the two frames
+    roots: tuple[str, str]  #: the roots above the two frames; if they meet, the meeting frame
     why_not: str  #: why there is no transform; '': there is one
     age: str = ''  #: how old the transform is, in words; '': not known
 
@@ -68,7 +68,7 @@ def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp
               for frame in buffer.frames()}
     path, roots = _path(frames, ends)
     stamp = stamp or min((frame.latest for frame in path if frame.latest), default=0)
-    # The parents at this time, which may have been others.
+    # At this time, frames may have had other parents.
     for frame in buffer.frames(stamp):
         frames[frame.name] = frames[frame.name]._replace(parent=frame.parent)
     path, roots = _path(frames, ends)

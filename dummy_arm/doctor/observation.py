@@ -1,4 +1,4 @@
-"""What is checked: the statistics of the transforms, and what is known about their publishers."""
+"""The data that are checked: statistics of the transforms, and facts about their publishers."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -33,7 +33,7 @@ class Endpoint(NamedTuple):
 
 @dataclass
 class Observation:
-    """What was received or recorded within some time."""
+    """The transforms received or recorded within some time, and their publishers."""
 
     statistics: Statistics
     where: str  #: where the transforms are from, such as 'in 5 s'
@@ -60,7 +60,7 @@ class Observation:
     clock: Optional[Track] = None
 
     def __post_init__(self) -> None:
-        """Add what follows from the statistics."""
+        """Derive attributes from the statistics."""
         self.tracks = self.statistics.tracks()
         if self.statistics.not_counted:
             self.not_known['headers'] = 'there are too many frames'
@@ -185,7 +185,7 @@ def total(tracks: Iterable[Track], statistic: str) -> int:
 
 
 def in_words(nanoseconds: float) -> str:
-    """Return a time span in s, with three significant digits at least."""
+    """Return a time span in s, with three significant digits; from 1000 s on, rounded to 1 s."""
     seconds = abs(nanoseconds) / SECOND
     return f'{seconds:.3g} s' if seconds < 1000 else f'{seconds:.0f} s'
 

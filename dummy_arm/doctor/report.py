@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Report(NamedTuple):
-    """What was found; `str` returns the text that `tf_doctor` prints."""
+    """The findings of all checks; `str` returns the text that `tf_doctor` prints."""
 
     findings: list[Finding]  #: errors first, then warnings, then infos
     not_checked: list[str]  #: what could not be checked, and why
@@ -50,11 +50,11 @@ def examine(observed: 'Union[Paths, Observation]', *, ignore: Collection[str] = 
             namespace: str = '', partial: bool = False,
             on_progress: Optional[Callable[[float], object]] = None) -> Report:
     """
-    Make all checks of the transforms of a bag.
+    Run all checks on the transforms of a bag.
 
-    :param observed: path of the bag, as for `dummy_arm.tf.bag.read`; or what `tf_doctor` has
-        observed in a live system.
-    :param ignore: the codes of checks that are not made.
+    :param observed: path of the bag, as for `dummy_arm.tf.bag.read`; or an `Observation`, such as
+        one of a live system.
+    :param ignore: the codes of the checks to skip.
     :param namespace: as for `dummy_arm.tf.bag.read`.
     :param partial: as for `dummy_arm.tf.bag.read`.
     :param on_progress: as for `dummy_arm.tf.bag.read`.

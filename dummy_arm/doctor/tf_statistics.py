@@ -1,4 +1,4 @@
-"""Statistics of the messages on /tf and /tf_static; their size depends on the frames only."""
+"""Statistics of the messages on /tf and /tf_static; more messages do not take more memory."""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -13,8 +13,8 @@ from dummy_arm.tf.transform_table import Message, transform_tables, TransformTab
 
 #: A stamp that is farther than this from the time of arrival (ns) is from another clock.
 OTHER_CLOCK = 60 * SECOND
-#: A transform is late if it arrives later than this after its stamp (ns), and it is from the
-#: future if its stamp is later than this after its arrival (ns).
+#: A transform is late if it arrives more than `LATE` (ns) after its stamp, and it is from the
+#: future if its stamp is more than `FUTURE` (ns) after its arrival.
 LATE, FUTURE = SECOND // 2, SECOND // 10
 #: The norm of a quaternion may differ from 1 by this.
 NORM_TOLERANCE = 1e-3
@@ -22,7 +22,7 @@ NORM_TOLERANCE = 1e-3
 #: between them differs from 1 by at most this (the angle is about 1e-5 rad).
 _SAME_POSITION, _SAME_ROTATION = 1e-6, 1e-11
 #: The histogram of the steps from stamp to stamp: the upper end of the first bin (ns), the number
-#: of bins for a factor of two, and the number of bins. The last bin is beyond the range of int64.
+#: of bins for a factor of two, and the number of bins. The end of the last bin exceeds int64.
 _FIRST_BIN, _BINS_PER_OCTAVE, _BINS = 1000, 8, 426
 _MOST_TRACKS = 10_000
 
@@ -87,7 +87,7 @@ class Track:
 
     def steps_beyond(self, step: float) -> int:
         """
-        Count the steps from stamp to stamp that are larger than a step (ns, at least 1000).
+        Count the steps from stamp to stamp that are larger than `step` (ns, at least 1000).
 
         Some of those that are larger by less than 10 % are missed.
         """
@@ -108,7 +108,7 @@ class Statistics:
         self._since: dict[str, int] = {}
         self._tracks: dict[tuple[str, str, bool], Track] = {}
         self._values: Any = np.zeros(16, _FIELDS)  #: by the number of the track
-        #: The number of transforms, and of those that belong to too many frames.
+        #: The number of counted transforms, and of those left out as there are too many tracks.
         self.count = self.not_counted = 0
         self.malformed = Counter[str]()  #: the errors of messages that cannot be decoded
         #: By publisher and topic (True: static): the other names of the transforms with an empty
@@ -122,15 +122,15 @@ class Statistics:
         return [*self._tracks.values()]
 
     def publishers(self) -> set[str]:
-        """Return all publishers, also those of empty names only."""
+        """Return all publishers, including those that sent only transforms with an empty name."""
         return {publisher for _, publisher, _ in self._tracks} | {
             publisher for publisher, _ in self.empty_names}
 
     def publishers_by_child(self, nodes: Mapping[str, str]) -> dict[str, str]:
         """
-        Return who publishes each child, as a text.
+        Return the names of the publishers of each child, as a text.
 
-        :param nodes: by publisher: the name of its node, if it is another one.
+        :param nodes: by publisher: the name of its node, if the two differ.
         """
         names: dict[str, dict[str, None]] = {}
         for child, publisher, _ in self._tracks:
@@ -201,7 +201,7 @@ class Statistics:
 
 
 def _add_poses(values: Any, poses: NDArray[np.float64], is_compared: NDArray[np.bool_]) -> None:
-    """Take (m, n, 7) poses, and (m, n) whether a change from the pose before is counted."""
+    """Count (m, n, 7) poses; `is_compared`: (m, n), True if a change from the last pose counts."""
     is_valid = np.isfinite(poses).all(axis=2)
     values['invalid'] += (~is_valid).sum(axis=0)
     with np.errstate(over='ignore', invalid='ignore'):
@@ -227,7 +227,7 @@ def _differ(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[
 
 
 def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64]) -> None:
-    """Take (m, n) stamps (ns) and the stamps before them; before the first one, itself."""
+    """Count (m, n) stamps (ns); `before`: (m, n), the previous stamps; of the first, itself."""
     is_zero = stamps == 0
     values['zero_stamps'] += is_zero.sum(axis=0)
     largest = np.iinfo(np.int64).max
@@ -258,7 +258,7 @@ def _add_times(values: Any, times: NDArray[np.int64]) -> None:
 
 
 def _add_delays(values: Any, times: NDArray[np.int64], stamps: NDArray[np.int64]) -> None:
-    """Take (m,) times of arrival and (m, n) stamps (ns)."""
+    """Count the delays from (m, n) stamps to (m,) times of arrival (ns)."""
     delays = times[:, None] - stamps
     known = stamps != 0
     limits = np.iinfo(np.int64)

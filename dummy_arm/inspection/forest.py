@@ -5,8 +5,8 @@ from typing import NamedTuple, Optional
 
 from dummy_arm.tf import Frame
 
-#: A line shows the branches of this many levels, those nearest to the name: the text of a chain of
-#: n frames would else grow with the square of n.
+#: A line shows the branches of at most this many levels, those nearest to the name. Otherwise, the
+#: text of a chain of n frames would grow with the square of n.
 _DEEPEST = 100
 
 
@@ -22,7 +22,7 @@ class Forest:
     """Frames arranged by their parents: trees, and loops."""
 
     def __init__(self, frames: Iterable[Frame], root: Optional[str] = None) -> None:
-        """Arrange frames below a root that is shown in any case, or in any number of trees."""
+        """Arrange frames in trees; if `root` is given, show it even if it has no children."""
         self.frames = {frame.name: frame for frame in frames}
         self._root = root
         self._children: dict[str, list[str]] = {} if root is None else {root: []}
@@ -43,7 +43,7 @@ class Forest:
         return len(self.roots) + len(self.loops) + len(self.frames)
 
     def subtree(self, root: str) -> 'Forest':
-        """Return a frame and its descendants, also those by way of a loop."""
+        """Return a frame and its descendants, including those that are reached through a loop."""
         found, pending = {}, [root]
         while pending:
             for name in self._children.get(pending.pop(), []):

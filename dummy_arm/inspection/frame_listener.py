@@ -18,7 +18,7 @@ from dummy_arm.tf.formatting import (
 )
 from dummy_arm.tf.publisher_listener import node_of, PublisherListener
 
-#: The largest number of known frames that a message lists.
+#: The largest number of frames, publishers or topics that a message lists.
 _SHOWN = 20
 #: How long the discovery of publishers takes at most (s): up to 5 s on a busy computer.
 _DISCOVERY = 6.0
@@ -45,7 +45,7 @@ class FrameListener:
         return self.publisher_listener.frames()
 
     def why_no_frames(self) -> str:
-        """Return `topics_hint`; if it is empty, which settings to check."""
+        """Return `topics_hint`, or if it is empty, a hint about the settings to check."""
         if hint := self.topics_hint():
             return hint
         publishers = sum(map(self.node.count_publishers, self.topics))

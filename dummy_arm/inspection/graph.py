@@ -50,8 +50,8 @@ def as_dot(forest: Forest, now: int) -> str:
 
 def _id(name: str) -> str:
     # Graphviz copies identifiers into SVG files, which must not contain control characters. A name
-    # that begins with a quote must differ from escaped names, and graphviz takes one that begins
-    # with a percent sign for a node without a name.
+    # that begins with a quote could equal the escaped form of another name. Graphviz takes a name
+    # that begins with a percent sign for an anonymous node.
     is_plain = name.isprintable() and not name.startswith(("'", '"', '%'))
     return dot_quoted(name if is_plain else repr(name))
 
@@ -81,7 +81,7 @@ def draw(dot: str, file_format: str, tick: Callable[[], object] = lambda: None) 
     """
     Draw a graph as pdf, svg or png; raise a DrawingError if that fails.
 
-    :param tick: called every 0.05 s; what it raises ends the drawing.
+    :param tick: called every 0.05 s; an exception that it raises ends the drawing.
     """
     try:
         import pygraphviz  # noqa: F401  (an error is clearer here than from the process)

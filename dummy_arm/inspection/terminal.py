@@ -1,5 +1,5 @@
 """
-All that depends on a terminal: whether stdout is one, its size and escapes, the width of texts.
+Output to a terminal: whether stdout is one, its size and escapes, and the width of texts.
 
 Control characters in names are escaped before names are printed: see `visible` of
 `dummy_arm.tf.formatting`.
@@ -19,7 +19,7 @@ _HOME_AND_CLEAR = '\x1b[H\x1b[2J'
 
 def show(lines: Sequence[str], count: Optional[int] = None) -> None:
     """
-    Print lines and an empty line; clear a terminal first, and cut the lines off at its size.
+    Print lines; on a terminal, clear it and cut them off at its size; else, add an empty line.
 
     :param count: the number of all lines, if `lines` has only the first `height()` of them.
     """

@@ -1,4 +1,4 @@
-"""Who publishes received transforms: rates and delays, by frame and by node."""
+"""Rates and delays of received transforms, by frame and by publishing node."""
 
 from collections import Counter, deque
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -86,7 +86,6 @@ class Delays:
             second.greatest = delay
 
     def clear(self) -> None:
-        """Discard all arrivals."""
         self._seconds.clear()
         self.last = 0
 
@@ -133,7 +132,7 @@ class Traffic:
     def __init__(self, now: Callable[[], int], only: str = '',
                  system_clock: Callable[[], int] = time_ns) -> None:
         """
-        Create the statistics, without a message.
+        Create empty statistics.
 
         :param now: returns the time on the clock of the stamps (ns); 0: not known.
         :param only: the only child frame that is counted; '': all frames.
@@ -146,7 +145,7 @@ class Traffic:
         self._arrivals: dict[tuple[str, str], _Arrivals] = {}
         #: By gid: the reception time of the first dynamic message of the publisher (ns).
         self._since: dict[str, int] = {}
-        self._latest = 0  #: what `now` returned last (ns)
+        self._latest = 0  #: the last result of `now` (ns)
         self._set_back = 0  #: the system time (ns) at which `now` jumped back last; 0: never
 
     def observe(self, messages: 'Iterable[ReceivedMessage]') -> None:

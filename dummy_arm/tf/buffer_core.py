@@ -65,7 +65,6 @@ class BufferCore(BufferBase):
         Insert a static transform: the pose of a frame at all times.
 
         The stamp of the transform is not used.
-
         """
         self._set(transform, authority, True)
 
@@ -239,7 +238,6 @@ def to_message(target_frame: str, source_frame: str, answer: tuple[int, Pose]) -
     :param source_frame: the frame whose pose was looked up; the `child_frame_id` of the message.
     :param answer: the result of the lookup: the time (ns) and the pose. The pose is x, y, z (m)
         and the quaternion x, y, z, w.
-    :returns: the message.
     """
     stamp, pose = answer
     return message_of_fields((*divmod(stamp, SECOND), target_frame, source_frame, pose))

@@ -80,7 +80,7 @@ class BufferInterface:
     def transform_full(self, object_stamped: TransformableObject, target_frame: str,
                        target_time: Time, fixed_frame: str, timeout: Duration = NO_WAIT,
                        new_type: Optional[TransformableObjectType] = None) -> TransformableObject:
-        """Do what `transform` does, but to a target frame at another time."""
+        """Transform an object as `transform` does, but to the target frame at another time."""
         do_transform = self.registration.get(type(object_stamped))
         header = object_stamped.header
         transform = self.lookup_transform_full(

@@ -1,4 +1,4 @@
-"""The exceptions of tf2; the text of a lookup error is the words of tf2, and perhaps a hint."""
+"""The exceptions of tf2; the text of a lookup error is that of tf2, sometimes with a hint."""
 
 from collections.abc import Callable
 from typing import Any, Optional, TypeVar
@@ -49,8 +49,8 @@ def with_hint(error: _Error, hint: Callable[[], str]) -> _Error:
     """
     Append a hint to the text of an error; it is computed when the text is first read.
 
-    While a lookup or a future waits, many errors are raised and discarded. The thread that reads
-    the text must not hold the lock of the buffer.
+    While a lookup or a future waits, many errors are raised and discarded. A hint can take long to
+    compute, so do not read the text while you hold the lock of the buffer.
     """
     error._hint = hint
     return error

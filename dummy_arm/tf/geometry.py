@@ -41,12 +41,12 @@ _TYPES = {PointField.FLOAT32: ('f4', 4), PointField.FLOAT64: ('f8', 8)}
 
 
 def to_msg_msg(msg: Any) -> Any:
-    """Return a message unchanged: what is a message needs no conversion to a message."""
+    """Return the message itself: a message needs no conversion to a message."""
     return msg
 
 
 def from_msg_msg(msg: Any) -> Any:
-    """Return a message unchanged: what is a message needs no conversion from a message."""
+    """Return the message itself: a message needs no conversion from a message."""
     return msg
 
 

@@ -30,7 +30,7 @@ from dummy_arm.tf.buffer_core import BufferCore
 #: The shortest time (s) between two log lines about messages dropped for the same reason, and
 #: about messages that wait.
 _LOG_PERIOD, _WAIT_LOG_PERIOD = 1.0, 10.0
-#: If the oldest message has waited for this time, it is logged why (ns).
+#: When the oldest message has waited longer than this (ns), the log says why.
 _LONG_WAIT = 2 * SECOND
 #: The longest period of a timer (ns).
 _LONGEST_PERIOD = 3600 * SECOND
@@ -253,8 +253,8 @@ class MessageFilter:
             if not entry.frame:
                 self._drop(entry, FilterFailureReason.EmptyFrameID)
                 return
-        # After the message was added: if transforms are inserted after this check, the check that
-        # follows the insertion finds the message.
+        # Check only now that the message is in the queue: if transforms are inserted after this
+        # check, the check that follows the insertion finds the message.
         self._check_if_new([entry])
         if (oldest := self._oldest()) is None:
             return
@@ -281,7 +281,7 @@ class MessageFilter:
             self._due.clear()
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
-        """Drop all messages, because the clock of the node has jumped back."""
+        """Drop all messages, because the clock of the node has jumped back or was switched."""
         if self._waiting or self._due:
             self._node.get_logger().warning(
                 'Detected jump back in time. Clearing the message filter.')

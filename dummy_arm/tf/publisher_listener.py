@@ -27,9 +27,9 @@ from dummy_arm.tf.transform_listener import TransformListener
 UNKNOWN = 'unknown publisher'
 #: The time between two regular queries of the ROS graph (s).
 _QUERY_INTERVAL = 0.5
-#: The largest number of node names; then the oldest names of publishers that are gone are dropped.
+#: The largest number of node names; beyond it, the oldest names of ended publishers are dropped.
 _MOST_NAMES = 10_000
-#: The largest number of nodes that are named in place of one node.
+#: The largest number of nodes in a text such as 'one of /a, /b'.
 _SHOWN = 5
 #: The node name that rmw reports for a publisher whose node is not discovered yet.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
@@ -41,7 +41,7 @@ class ReceivedMessage(bytes):
     """The bytes of a TFMessage, with the publisher's gid, the time of arrival and the topic."""
 
     #: The gid of the publisher, in hex; '' if the gid is not known. If the middleware does not
-    #: report gids: what else it reports of the publisher.
+    #: report gids: the bytes that it reports instead, in hex.
     publisher = ''
     time = 0  #: the time of arrival, on the system clock (ns)
     is_static = False  #: True if the message is from /tf_static
@@ -144,8 +144,8 @@ class PublisherListener(TransformListener):
     """
     A TransformListener that knows which node has published the newest transform of a frame.
 
-    With some middleware, what arrives with a message is not the gid of any publisher in the ROS
-    graph. Then the publisher is one of those on the topic; it is known if there was only one.
+    With some middleware, the number that arrives with a message is not the gid of any publisher in
+    the ROS graph. Then the node is known only if no other node has published on the topic.
     """
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
@@ -179,8 +179,8 @@ class PublisherListener(TransformListener):
         """
         Return the publishers that were found in the ROS graph, also those that are gone.
 
-        :returns: by gid (in hex): the full name of the node, and the topic; at most half a second
-            old.
+        :returns: by gid (in hex): the full name of the node, and the topic. The ROS graph is
+            queried every half second.
         """
         self._query_if_due()
         return dict(self._nodes)
@@ -208,8 +208,8 @@ class PublisherListener(TransformListener):
         """
         Return the frames of the buffer, each with the name of the node that has published it.
 
-        :returns: the frames that have a parent, as `buffer.frames()` returns them. But the
-            `authority` of a frame is a name as `names_of` returns it.
+        :returns: the frames that have a parent, as `buffer.frames()` returns them, but with the
+            name from `names_of` as the `authority`.
         """
         frames: list[Frame] = self.buffer.frames()
         names = self.names_of(frame.authority for frame in frames)

@@ -22,12 +22,12 @@ from dummy_arm.tf._core.slerp import slerp_weights
 #: The code of a convention of Euler angles, as in K. Shoemake, Euler Angle Conversion, Graphics
 #: Gems IV (1994): first axis (0, 1, 2 for x, y, z); parity (0 if the second axis follows the first
 #: one in the cycle x, y, z, x); repetition (1 if the third axis is the first one); frame (1 if the
-#: axes rotate with the body; the others then describe the axes from the last to the first).
+#: axes rotate with the body; the other numbers then describe the axes in reverse order).
 Code = tuple[int, int, int, int]
 #: A convention of Euler angles: its name, such as 'sxyz', or its code, such as (0, 0, 0, 0).
 Axes = Union[str, Code]
 
-#: The largest error by rounding: a length is 1 or 0 if it differs by less.
+#: The largest rounding error: a length that differs from 1 or 0 by less counts as 1 or 0.
 _ROUNDING = 4.0 * sys.float_info.epsilon
 #: The largest error that is accepted in a matrix, which may have been typed by hand.
 _TOLERANCE = 1e-3
@@ -42,7 +42,7 @@ def quaternion_from_euler(ai: float, aj: float, ak: float, axes: Axes = 'sxyz') 
         rotate with the body, and the three axes, as in 'sxyz' (roll, pitch, yaw).
     :raises ValueError: also if the convention does not exist.
 
-    The same rotation by roll, pitch and yaw:
+    Three calls that return the same rotation by roll, pitch and yaw:
 
     >>> (quaternion_from_euler(0.1, 0.2, 0.3, 'sxyz')
     ...  == quaternion_from_euler(0.3, 0.2, 0.1, 'rzyx')
@@ -63,8 +63,8 @@ def euler_from_quaternion(quaternion: Iterable[float], axes: Axes = 'sxyz'
     (2022).
 
     :returns: `ai`, `aj`, `ak` (rad). `ai` and `ak` are in (-pi, pi], `aj` is in [-pi/2, pi/2]. If
-        the last axis is the first one, as in 'sxyx', `aj` is in [0, pi] for xy, yz and zx, and in
-        [-pi, 0] for xz, yx and zy. At gimbal lock, `ak` (or `ai` for rotating axes) is 0.
+        the last axis is the first one, as in 'sxyx', `aj` is in [0, pi] if the axes begin with xy,
+        yz or zx, otherwise in [-pi, 0]. At gimbal lock, `ak` (or `ai` for rotating axes) is 0.
     :raises ValueError: also if the convention does not exist.
 
     >>> euler_from_quaternion((0.0, 0.0, 1.0, 0.0), 'sxyz')
@@ -188,7 +188,7 @@ def conjugate(rotation: Quaternion) -> Quaternion:
 
 
 def matrix(rotation: Iterable[float]) -> NDArray[np.float64]:
-    """Return the (3, 3) matrix of a rotation, without checks; of a length below 1e-8, identity."""
+    """Return the (3, 3) matrix of a rotation, unchecked; the identity for a length below 1e-8."""
     converted: NDArray[np.float64] = quaternions.quat2mat(_wxyz(rotation))
     return converted
 

@@ -17,8 +17,8 @@ class StaticTransformBroadcaster:
     """
     A publisher of static transforms, with the API of tf2_ros.StaticTransformBroadcaster.
 
-    Each message contains the newest transform that was sent for each child frame, as it was then.
-    By default, the last message is latched: DDS keeps it for subscribers that are created later.
+    Each message contains the newest transform of each child frame, as it was when it was sent. By
+    default, the last message is latched: DDS keeps it for subscribers that are created later.
     """
 
     def __init__(self, node: Node, qos: Optional[Union[QoSProfile, int]] = None, *,

@@ -47,7 +47,7 @@ class Transform(NamedTuple):
                    (t.x, t.y, t.z), (r.x, r.y, r.z, r.w))
 
     def matrix(self) -> NDArray[np.float64]:
-        """Return the homogeneous matrix, (4, 4) float64, of columns x, y, z, 1 (m)."""
+        """Return the homogeneous matrix, (4, 4) float64, for column vectors x, y, z, 1 (m)."""
         result = np.eye(4)
         result[:3, :3] = rotations.matrix(self.rotation)
         result[:3, 3] = self.translation

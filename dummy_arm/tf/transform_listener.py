@@ -169,12 +169,12 @@ class TransformListener:
         engine.after_insertion()
 
     def callback(self, data: TFMessage) -> None:
-        """Insert the transforms of a message of /tf, if the listener calls this method at all."""
+        """Insert a message of /tf; called only if the listener uses subscriptions of the node."""
         for transform in data.transforms:
             self._buffer.set_transform(self._converted(transform), AUTHORITY)
 
     def static_callback(self, data: TFMessage) -> None:
-        """Insert the transforms of a message of /tf_static, as `callback` those of /tf."""
+        """Insert a message of /tf_static; called in the same case as `callback`."""
         for transform in data.transforms:
             self._buffer.set_transform_static(self._converted(transform), AUTHORITY)
 
@@ -204,7 +204,7 @@ class TransformListener:
         return Round(has_news, is_urgent, pause)
 
     def _on_fault(self, error: BaseException) -> None:
-        """Log and count malformed messages, each kind once; log other errors once a second."""
+        """Count malformed messages, and log each kind once; log other errors once a second."""
         if isinstance(error, cdr.MalformedMessage):
             self.malformed += 1
             self._log.warn_once(str(error).partition(':')[0], (
@@ -229,7 +229,7 @@ class TransformListener:
 
 class StaticTransformListener(TransformListener):
     """
-    A subscriber to static transforms only, as StaticTransformListener of newer tf2_ros.
+    A subscriber to static transforms only, as in newer versions of tf2_ros.
 
     A program that needs no dynamic transforms saves the cost of receiving them.
     """
@@ -251,6 +251,6 @@ def _engine_or_none(buffer: Any) -> Optional[Engine]:
 
 
 def _overrides(instance: Any, bases: list[type], *names: str) -> bool:
-    """Return True if a method of one of these names is not that of one of the bases."""
+    """Return True if a method of one of these names overrides that of the bases."""
     own = [getattr(base, name) for base in bases for name in names]
     return any(getattr(getattr(instance, name), '__func__', None) not in own for name in names)

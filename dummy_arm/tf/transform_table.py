@@ -16,8 +16,8 @@ from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.message_reader import Encoding, KnownLayouts, Layout
 
-#: Tables are made when the messages take more than `_MOST_BYTES`; each takes its data and
-#: `_OVERHEAD` (bytes).
+#: Tables are created when the collected messages take more than `_MOST_BYTES`. A message takes the
+#: size of its data and `_OVERHEAD` (bytes).
 _MOST_BYTES, _OVERHEAD = 2**20, 100
 
 
@@ -45,7 +45,7 @@ class Message(Protocol):
         """The encoding of the bytes."""
 
     def rows(self) -> list[Row]:
-        """Return the transforms of the message; raise a ValueError if the bytes are no message."""
+        """Return the transforms of the message; raise a ValueError if they are malformed."""
 
 
 class TransformTable(NamedTuple):
@@ -53,7 +53,7 @@ class TransformTable(NamedTuple):
 
     publisher: str  #: the publisher, as in the messages
     is_static: bool  #: True if the messages are from `/tf_static`
-    edges: list[tuple[str, str]]  #: (n) frame_id and child_frame_id, unchanged
+    edges: list[tuple[str, str]]  #: n pairs (frame_id, child_frame_id), unchanged
     times: NDArray[np.int64]  #: (m,) the times of arrival or of the recording (ns); 0: not known
     stamps: NDArray[np.int64]  #: (m, n) the stamps (ns)
     #: (m, n, 7) x, y, z (m), quaternion x, y, z, w of any norm
@@ -70,7 +70,6 @@ class _Group:
         self._poses: list[bytes] = []
 
     def add(self, time: int, stamps: Iterable[bytes], poses: Iterable[bytes]) -> None:
-        """Add a message."""
         self._times.append(time)
         self._stamps += stamps
         self._poses += poses
@@ -92,7 +91,7 @@ class _Groups:
         self._size = 0
 
     def add(self, message: Message) -> list[TransformTable]:
-        """Add a message, and return the tables that precede it; raise MalformedMessage."""
+        """Add a message, and return the tables that are complete now; raise MalformedMessage."""
         if message.encoding not in self._layouts:
             self._layouts[message.encoding] = KnownLayouts(message.encoding)
         layouts = self._layouts[message.encoding]
@@ -107,7 +106,7 @@ class _Groups:
         complete = self.close() if self._size > _MOST_BYTES else []
         key = message.publisher, message.is_static, layout
         if key not in self._groups:
-            # The transforms of each child stay in order.
+            # Groups with a common child are closed, so that its transforms stay in order.
             complete += [self._groups.pop(other).table() for other in [*self._groups]
                          if other[:2] == key[:2] and not other[2].names.isdisjoint(layout.names)]
             self._groups[key] = _Group(*key)

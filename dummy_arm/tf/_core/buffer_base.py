@@ -1,4 +1,4 @@
-"""What users may call on all buffers."""
+"""The base class of all buffers, with the methods that they share."""
 
 from collections.abc import Container, Iterable
 from contextlib import AbstractContextManager
@@ -74,7 +74,7 @@ class BufferBase:
         Insert the messages that have arrived, and return a context manager that holds the lock.
 
         So all lookups in a block of `with buffer.updated():` see the same state of the buffer.
-        They do not wait.
+        They do not wait, even if they have a timeout.
         """
         self._engine.update_for_user()
         lock: AbstractContextManager[Any] = self._engine.lock

@@ -1,7 +1,7 @@
 """
 The engine of a buffer: the lock, the sources, the data, and the threads that wait for data.
 
-docs/architecture.md shows the threads and the way of the data. While a thread holds the lock, it
+docs/architecture.md shows the threads and the data flow. While a thread holds the lock, it
 must not run a user's callback, write to a log, join a thread or take another lock. A lookup by a
 thread that holds the lock already neither updates nor waits. Such lookups are those in a block of
 `with buffer.updated()`, and those of a signal handler that has interrupted another call.
@@ -51,7 +51,7 @@ class Waiter(Protocol):
 
     def check(self) -> bool:
         """
-        Complete what waits for transforms that are available now; the lock is not held.
+        Complete the futures or messages whose transforms are available; the lock is not held.
 
         Return True if the executor that spins the node of a listener must be woken.
         """
@@ -91,7 +91,7 @@ class Engine:
             self._sources += (source,)
 
     def remove_source(self, source: Source) -> None:
-        """Update for the last time, then remove a source; blocked lookups end with the last."""
+        """Update, then remove a source; blocked lookups give up when the last one is removed."""
         try:
             self.update()
         finally:
@@ -105,7 +105,7 @@ class Engine:
 
     def update(self) -> int:
         """
-        Insert what the sources have received, unless this thread holds the lock already.
+        Insert the messages that the sources have received, unless this thread holds the lock.
 
         Return the generation.
         """
@@ -129,7 +129,7 @@ class Engine:
 
     def insert(self, stamp: int, frame_id: str, child_frame_id: str, pose: Pose, authority: str,
                is_static: bool) -> bool:
-        """Insert a pose, as `BufferBase.insert`."""
+        """Insert a pose as `BufferBase.insert` does."""
         if not (isinstance(frame_id, str) and isinstance(child_frame_id, str)):
             raise TypeError(f'a frame id must be a str, got {frame_id!r} and {child_frame_id!r}')
         if not isinstance(authority, str):
@@ -174,7 +174,7 @@ class Engine:
 
     def after_insertion(self) -> bool:
         """
-        Let the waiters check what is available, and log why transforms were refused.
+        Let the waiters check for available transforms, and log why transforms were refused.
 
         Call this without the lock. Return True if the executor that spins the node of a listener
         must be woken.
@@ -196,7 +196,7 @@ class Engine:
             self._change(self.insertion.clear)
 
     def _mend(self) -> None:
-        """Drop what an interrupted change has left inconsistent; the lock is held."""
+        """Drop the data that an interrupted change has left inconsistent; the lock is held."""
         self.insertion.mend()
         self._is_changing = False
 
@@ -212,7 +212,7 @@ class Engine:
         return self.read_now(lookup, *arguments)
 
     def read_now(self, lookup: Callable[..., _Result], *arguments: Any) -> _Result:
-        """Call a function that reads the data; mend what an interrupted change has left."""
+        """Call a function that reads the data; mend the data if a change was interrupted."""
         is_held = self._is_changing and self.is_held()
         with self.lock:
             if self._is_changing:
@@ -233,7 +233,7 @@ class Engine:
         Return at which times (ns) there is a transform; much faster than one lookup for each.
 
         The second value is a time (ns): a transform for an earlier time, other than 0, that is not
-        available now never will be. It is older than the latest common time by the cache time.
+        available now never will be. It is the latest common time minus the cache time.
         """
         available, latest = self.read(self.lookups.available, target, source, times)
         return available, latest - self.tree.cache_time if latest else -_INT64

@@ -179,7 +179,7 @@ class History:
             self.parents is None or len(self.parents) == count)
 
     def release(self) -> None:
-        """Copy the arrays that numpy arrays of a thread that is gone use: they cannot grow."""
+        """After a fork, copy arrays whose memory numpy arrays still use: these cannot grow."""
         for name in 'stamps', 'poses':
             array = getattr(self, name)
             try:
@@ -290,7 +290,7 @@ class History:
             return None
 
     def parent_near(self, time: int) -> Optional[str]:
-        """Return the parent at a time (ns); before the first sample, the parent of this sample."""
+        """Return the parent at a time (ns, 0 included); before the oldest sample, its parent."""
         if not len(self):
             return None
         return self.parent_of(max(bisect_right(self.stamps, time, self.start) - 1, self.start))

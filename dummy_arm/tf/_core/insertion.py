@@ -132,7 +132,7 @@ class Insertion:
                     for stamp, packed in zip(batch.stamps, batch.poses[i::number]):
                         self._insert(stamp, parent, child, _unpack_pose(packed),
                                      batch.authority, False)
-            except Exception:  # memory is short, or this package has a bug: insert the others
+            except Exception:  # no memory, or a bug in this package: insert the other batches
                 self.log.warn(format_exc())
                 self.mend()
 
@@ -142,7 +142,7 @@ class Insertion:
         self._lookups.paths.clear()
 
     def mend(self) -> None:
-        """Drop what an insertion that did not end has left inconsistent."""
+        """Drop the histories that an interrupted insertion has left inconsistent."""
         self._tree.mend()
         self._lookups.paths.clear()
         self._count_samples()
@@ -184,7 +184,7 @@ def normalize_poses(poses: NDArray[np.float64]) -> bool:
     """
     Normalise the rotations of (n, 7) poses in place, with the results of `normalized`.
 
-    Return True if all numbers are finite; finite numbers with a sum that is not may give False.
+    Return True if all numbers are finite; the result may be False if only their sum overflows.
     """
     rotations = poses[:, 3:]
     if len(poses) < _MANY:

@@ -29,11 +29,11 @@ class Path:
         return all(edge.parents is None for edge in self.edges)
 
     def latest_common_time(self) -> int:
-        """Return the latest time (ns) for which every dynamic edge has data; 0: none."""
+        """Return the latest time (ns) for which every dynamic edge has data; 0: no such edge."""
         return min([latest for edge in self.edges if (latest := edge.latest)], default=0)
 
     def span(self) -> tuple[int, int]:
-        """Return the first and last time (ns) of all edges; parents must be constant."""
+        """Return the first and last time (ns) with data of all edges; parents must be constant."""
         begin, end = -2**63, 2**63
         for edge in self.edges:
             if not edge.is_static:

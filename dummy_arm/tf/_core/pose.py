@@ -1,4 +1,4 @@
-"""Poses as values: a single one, a named one with its stamp (`Row`), those of messages."""
+"""Types for a single pose, for a pose with names and a stamp, and for the poses of messages."""
 
 from array import array
 from typing import Any, NamedTuple, Union

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from dummy_arm.tf._core.pose import Columns, Pose
 
 #: tf2 divides the dot product of the two quaternions by their norms, which are 1 up to rounding.
-#: That matters only if the dot product is larger than this number; else, it is omitted.
+#: That matters only if the dot product is larger than this; otherwise, no division is made.
 _NEAR = 0.999999999999
 #: If all dot products are larger than this number (rotations of less than 16 degrees), a series
 #: replaces sin and acos, which take longer.
@@ -22,7 +22,7 @@ _SERIES = 0.99
 
 def slerp_weights(angle: float, ratio: float) -> tuple[float, float]:
     """
-    Return the weights of two unit quaternions whose sum is their slerp.
+    Return the weights with which the sum of two unit quaternions is their slerp.
 
     :param angle: the angle between the two as vectors (rad), half of the rotation between them.
     """
@@ -32,7 +32,7 @@ def slerp_weights(angle: float, ratio: float) -> tuple[float, float]:
 
 def interpolate(two_poses: tuple[float, ...], ratio: float) -> Pose:
     """
-    Interpolate between two poses as tf2: the translation linearly, the rotation the shorter way.
+    Interpolate between two poses as tf2: position linearly, rotation through the smaller angle.
 
     :param two_poses: the seven numbers of the first pose, then those of the second pose.
     :param ratio: from 0 (the first pose) to 1 (the second pose).

@@ -29,7 +29,7 @@ def visible(text: str) -> str:
     r"""
     Escape each character of a line that is not printable, as `repr` does.
 
-    A control character can move the cursor of a terminal; a lone surrogate has no UTF-8.
+    A control character can move the cursor of a terminal; a lone surrogate is not valid UTF-8.
 
     >>> print(visible('tool\x1b[2J'))
     tool\x1b[2J
@@ -95,7 +95,7 @@ def quoted(name: str) -> str:
 @lru_cache(maxsize=8)  # A program that waits for a frame prints the same error many times.
 def suggest_names(name: str, known: tuple[str, ...], what: str = 'frames') -> str:
     """
-    Return a sentence with the five known names that are most similar to an unknown name.
+    Return a sentence with up to five known names that are similar to an unknown name.
 
     If no name is similar, the sentence has the first five known names; `what` is a plural noun.
 
@@ -162,7 +162,7 @@ def full_name(namespace: str, name: str) -> str:
     return f'{namespace.rstrip("/")}/{name}'
 
 
-# tf2's words, as they are.
+# The texts of tf2, unchanged.
 
 UNKNOWN_FRAME = 'frame does not exist'
 EMPTY_NAME = 'in tf2 frame_ids cannot be empty'
@@ -189,7 +189,7 @@ def unconnected(target: str, source: str) -> str:
 
 def extrapolation(count: int, oldest: int, latest: int, time: int, target: str, source: str
                   ) -> str:
-    """Return the words for a time (ns) outside of `count` samples from `oldest` to `latest`."""
+    """Return the text for a time (ns) outside of `count` samples from `oldest` to `latest`."""
     if not count:
         words = ''
     elif count == 1:
@@ -270,7 +270,7 @@ def too_many_samples(child: str, limit: int, authority: str) -> str:
             'or raise max_samples.')
 
 
-# The hints that follow tf2's words.
+# The hints that follow the texts of tf2.
 
 
 def roots_hint(target: str, target_root: str, source: str, source_root: str) -> str:
@@ -279,7 +279,7 @@ def roots_hint(target: str, target_root: str, source: str, source_root: str) -> 
 
 
 def extrapolation_hint(frame: str, parent: str, oldest: int, latest: int, time: int) -> str:
-    """Say how far a time, which is outside of the samples of an edge, is from the nearest one."""
+    """Say how far a time outside of the samples of an edge is from the nearest sample."""
     edge = f'{quoted(parent)} -> {quoted(frame)}'
     if time > latest:
         return f' The data of edge {edge} end {_exact_seconds(time - latest)} before that time.'
@@ -295,7 +295,7 @@ def cleared_hint(frame: str) -> str:
 
 
 def loop_hint(chain: Sequence[str]) -> str:
-    """Name the frames of the loop in which a chain of frames, upwards, ends; or say it is long."""
+    """Name the frames of the loop at the upper end of a chain, or say that the chain is long."""
     last = chain[-1]
     earlier = [i for i, frame in enumerate(chain[:-1]) if frame == last]
     if not earlier:
@@ -319,7 +319,7 @@ class ThrottledLog:
         self._queue: deque[str] = deque()
 
     def warn(self, *problems: str) -> None:
-        """Queue each warning, but at most one a second of each cause, which is its first word."""
+        """Queue each warning, but at most one a second per cause; the first word is the cause."""
         for problem in problems:
             self._warn(problem.partition(' ')[0], problem, 1.0)
 

@@ -24,7 +24,7 @@ def nanoseconds(time: Any, name: str = 'time') -> int:
 
 
 def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
-    """Convert what `nanoseconds` converts, or an integer (ns), also of a numpy type."""
+    """Convert a time as `nanoseconds` does; also accept an integer (ns) of Python or numpy."""
     if hasattr(time, '__index__'):
         return index(time)
     try:

@@ -98,13 +98,13 @@ class FrameTree:
                 self.histories[name] = History(self.cache_time)
 
     def release(self) -> None:
-        """Let all histories grow, although a thread that is gone may have used their memory."""
+        """Make all histories able to grow after a fork; see `History.release`."""
         for history in self.histories.values():
             if isinstance(history, History):
                 history.release()
 
     def check(self, name: str, where: str) -> None:
-        """Raise tf2's error if a frame does not exist; `where` is the place in its text."""
+        """Raise tf2's error if a frame does not exist; its text names the caller, `where`."""
         problem = self._problem(name)
         if problem == texts.UNKNOWN_FRAME:
             raise with_hint(
@@ -118,7 +118,7 @@ class FrameTree:
             self.check(name, f'lookupTransform argument {argument}')
 
     def check_for_can_transform(self, **frames: str) -> None:
-        """Check frames as `check_for_lookup`, with the errors of tf2's canTransform."""
+        """Check frames as `check_for_lookup` does, with the errors of tf2's canTransform."""
         for argument, name in frames.items():
             if problem := self._problem(name):
                 words = texts.invalid_frame_id(name, argument, problem)
@@ -203,7 +203,7 @@ class FrameTree:
 
     def latest_common_time(self, target: str, source: str) -> int:
         """
-        Return the latest time (ns) for which every dynamic edge on a path has data; 0 if none.
+        Return the latest time (ns) for which every dynamic edge has data; 0: no such edge.
 
         The path follows the newest parents of the frames.
         """
@@ -297,7 +297,7 @@ class FrameTree:
         return not self._all_ancestors(frame).isdisjoint(self._all_ancestors(other))
 
     def _all_ancestors(self, frame: str) -> set[str]:
-        """Return a frame and all its ancestors, of every parent that occurs in a history."""
+        """Return a frame and its ancestors; follow every parent that occurs in a history."""
         found = [frame]
         seen = {frame}
         for name in found:
@@ -317,7 +317,7 @@ class FrameTree:
                 lambda: f'{as_string(edges)}\n{texts.loop_hint(chain)}')
 
     def states(self, until: int = 0) -> list[tuple[str, State]]:
-        """Return the states of the frames with samples up to a time (ns; 0: any), as `names`."""
+        """Return the name and state of each frame with samples up to a time (ns; 0: no limit)."""
         return [(name, state) for name, history in self.histories.items()
                 if history is not None and (state := history.state(until)) is not None]
 
@@ -419,7 +419,7 @@ class FrameTree:
 
 
 def _union(stamps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the stamps of two arrays in increasing order and each once; both are in order."""
+    """Merge two sorted arrays of stamps, and drop duplicates."""
     both = np.concatenate((stamps, others))
     both.sort(kind='stable')  # this merges two sorted parts, many times as fast as np.union1d
     is_new = np.ones(len(both), np.bool_)

@@ -33,7 +33,7 @@ def twist(lookups: Lookups, target: str, source: str, time: int, interval: int) 
     seconds = (end - begin) / SECOND
     *_, x, y, z, w = compose(_rotation(after), inverse(_rotation(before)))
     sine = hypot(x, y, z)
-    # w and -w are the same rotation; a negative w would be the longer way round.
+    # q and -q are the same rotation; with a negative w, it would be the longer way round.
     rate = 2.0 * atan2(sine, abs(w)) / sine / seconds if sine else 0.0
     if w < 0.0:
         rate = -rate

@@ -57,7 +57,7 @@ def wait(engine: Engine, timeout: float, lookup: Callable[..., _Result], *argume
 
 def why_not(engine: Engine, timeout: float, check: Callable[..., None], *arguments: Any
             ) -> Optional[TransformException]:
-    """Wait as `wait` until a check passes; return its last error, or None."""
+    """Wait as `wait` does until a check passes; return the last error, or None if it passed."""
     try:
         wait(engine, timeout, check, *arguments)
     except TransformException as error:

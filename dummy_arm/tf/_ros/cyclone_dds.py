@@ -1,8 +1,8 @@
 """
-The gids of publishers with rmw_cyclonedds_cpp 2.2, which reports other numbers with a message.
+The gids of publishers with rmw_cyclonedds_cpp 2.2, which reports handles with messages.
 
-Cyclone DDS knows the publishers in this process under these numbers. This module asks it for the
-gids, by functions that ROS does not expose.
+Within a process, Cyclone DDS identifies each publisher by a handle. This module asks Cyclone DDS
+for the gids that belong to the handles, with functions that ROS does not expose.
 """
 
 from collections.abc import Callable
@@ -22,10 +22,10 @@ _MOST = 10_000
 
 def gid_translator(data: int) -> Optional[Callable[[str], str]]:
     """
-    Return a function that converts the number reported with a message to a gid, both in hex.
+    Return a function that converts the handle in a message's info to a gid, both in hex.
 
     `data` is the address of the struct CddsSubscription. If the publisher has ended before the
-    first call, the function returns its argument. None: Cyclone DDS cannot be asked.
+    first call, the function returns its argument. None: Cyclone DDS or its functions are missing.
     """
     try:
         library = ctypes.CDLL(_LIBRARY, mode=os.RTLD_NOLOAD | os.RTLD_LAZY)

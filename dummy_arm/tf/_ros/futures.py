@@ -109,7 +109,7 @@ class PendingFutures:
             self._kept.discard(future)
 
     def forget(self, future: TransformFuture) -> bool:
-        """Return True if the future was pending; then only the caller may complete it."""
+        """Remove a future; return True if it was pending; then only the caller may complete it."""
         was_pending = self._remove(id(future))
         self._kept.discard(future)
         # rclpy may refer to the future for longer, and its lookup refers to the buffer.
@@ -162,7 +162,7 @@ class PendingFutures:
                 executor.wake()
 
     def _start_thread(self) -> None:
-        """Start the thread, or let it look at the deadlines again."""
+        """Start the thread, or make it check the deadlines again."""
         self._wakes.put(None)
         with self._starting:
             if self._thread is None:

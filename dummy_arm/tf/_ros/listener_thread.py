@@ -28,7 +28,7 @@ _JOIN_TIMEOUT = 0.5
 
 
 class NodeThread(Thread):
-    """A thread that ends at `end`, when its node is destroyed, and when Python exits."""
+    """A thread that ends when `end` is called, its node is destroyed or Python exits."""
 
     def __init__(self, node: Node, group: CallbackGroup, on_end: Callable[[], object]) -> None:
         super().__init__(name=f'tf of {node.get_name()}', daemon=True)
@@ -44,7 +44,7 @@ class NodeThread(Thread):
         raise NotImplementedError
 
     def run(self) -> None:
-        """Work; errors of rcl are those of the end of the node or its context, if it has ended."""
+        """Work; ignore errors of rcl if the thread must end, or if the context is shut down."""
         try:
             self.work_until_end()
         except (InvalidHandle, RCLError):
@@ -55,7 +55,7 @@ class NodeThread(Thread):
         self._node.destroy_guard_condition(self._guard)  # calls `stop`, but only once
 
     def stop(self) -> None:
-        """Let the thread end, and wait for its end, but not long."""
+        """Make the thread end, and wait for its end, but at most for `_JOIN_TIMEOUT`."""
         self.must_end = True
         if self.is_alive():  # not so in the child of a fork
             self.wake()
@@ -64,7 +64,7 @@ class NodeThread(Thread):
 
 
 class SpinThread(NodeThread):
-    """A thread that spins a node, as that of tf2_ros, if it is started; `stop` calls `on_end`."""
+    """A thread that spins a node, as in tf2_ros; `stop` calls `on_end`, even if not started."""
 
     def __init__(self, node: Node, group: CallbackGroup, on_end: Callable[[], object]) -> None:
         super().__init__(node, group, on_end)

@@ -1,4 +1,4 @@
-"""The types TFMessage and FrameGraph; without tf2_msgs, made at run time, and None."""
+"""The types TFMessage and FrameGraph; without tf2_msgs, a class made at run time, and None."""
 
 from importlib.util import find_spec
 from pathlib import Path

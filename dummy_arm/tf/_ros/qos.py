@@ -12,7 +12,7 @@ from dummy_arm.tf._ros.messages import TFMessage
 
 
 def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) -> QoSProfile:
-    """Return a profile for an argument that is a profile, a depth or None: the default depth."""
+    """Return the profile for an argument: a profile, a depth, or None for the default depth."""
     if qos is None or isinstance(qos, int):
         return QoSProfile(depth=depth if qos is None else qos, **policies)
     return qos
@@ -22,7 +22,7 @@ def create_publisher(node: Node, topic: str, qos: QoSProfile) -> Publisher:
     """
     Create a publisher of TFMessages that warns of incompatible subscriptions, as rclpy does.
 
-    But it warns at most once a second, and rclpy warns of each subscription.
+    Unlike rclpy, it does not warn of each subscription, but at most once a second.
     """
     log, name = ThrottledLog(), node.resolve_topic_name(topic)
 

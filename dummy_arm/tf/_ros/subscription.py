@@ -18,7 +18,7 @@ from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._ros.rclpy_private import incompatible_qos, RCLError, take_message
 from dummy_arm.tf._wire.message_reader import MessageReader
 
-#: What the Python listener of tf2_ros passes as the authority of every transform.
+#: The authority that the Python listener of tf2_ros passes with every transform.
 AUTHORITY = 'default_authority'
 #: The time between two checks for incompatible publishers (s).
 _CHECK_INTERVAL = 1.0
@@ -79,7 +79,7 @@ class SubscriptionSource:
                                for each in (tf, tf_static) if each is not None]
         qos = (tf or tf_static).qos_profile
         self._depth = qos.depth if qos.history == HistoryPolicy.KEEP_LAST else inf
-        #: The time of the last call of `next_pause` (s), and the messages that have arrived since.
+        #: The time of the last call of `next_pause` (s), and the number of messages since then.
         self._last, self._count = clock(), 0
 
     def is_alive(self) -> bool:

@@ -176,7 +176,7 @@ def fields_to_send(messages: Iterable[TransformStamped]) -> list[cdr.Fields]:
 
 @lru_cache(maxsize=4096)
 def check_edge(frame_id: str, child_frame_id: str) -> None:
-    """Raise a ValueError if a frame has no name, or both are the same, but for leading slashes."""
+    """Raise a ValueError if a name is empty or both are equal, apart from leading slashes."""
     parent, child = frame_id.removeprefix('/'), child_frame_id.removeprefix('/')
     if not parent or not child:
         field = 'child_frame_id' if parent else 'header.frame_id'

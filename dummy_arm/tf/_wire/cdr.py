@@ -143,7 +143,7 @@ def split_stamp(stamp_ns: int) -> tuple[int, int]:
 
 
 class MessageTemplate:
-    """Packs messages with the same frames as an array of float64, to which poses are aligned."""
+    """A template of messages with the same frames, as float64: CDR aligns poses to 8 bytes."""
 
     def __init__(self, edges: Sequence[tuple[str, str]]) -> None:
         lengths = [len(_pack_names(parent, child, 0 if i else 4)) + 8
@@ -184,7 +184,7 @@ def key(data: bytes) -> bytes:
 
 
 def header_frame(data: bytes) -> str:
-    """Return the frame_id of a message that begins with a std_msgs/Header; or a struct.error."""
+    """Return the frame_id of a message that begins with a Header; or raise a struct.error."""
     # The header begins with the stamp (8 bytes), after the encapsulation (4 bytes).
     (length,) = struct.unpack_from(f'{_BYTE_ORDER.get(data[:2], "<")}I', data, 12)
     if 16 + length > len(data):
@@ -200,7 +200,7 @@ def layout(edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
     """
     Return the format of little-endian messages, for `struct`, and the bytes of the 2 n names.
 
-    Its fields are the head, the number of transforms, and four fields of bytes for each transform:
+    The format has the head, the number of transforms, and four fields of bytes for each transform:
     the stamp, the two names and the pose.
     """
     struct_format = '<2s2xI'

@@ -17,9 +17,9 @@ from dummy_arm.tf._core.times import SECOND
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.cdr import MalformedMessage
 
-#: When the layouts are of messages that take more than this (bytes), all of them are dropped.
+#: When the messages of the kept layouts take more than this (bytes), all layouts are dropped.
 _MOST_BYTES = 10_000_000
-#: No message is added to a batch of this many transforms: larger arrays leave the CPU caches.
+#: No message is added to a batch of this many transforms: larger arrays do not fit the CPU caches.
 _FULL_BATCH = 1000
 
 
@@ -45,7 +45,7 @@ class Encoding(Protocol):
         """Return the frame_id of a message with a header, or raise struct.error."""
 
 
-#: What is read from a message: its layout, its n stamps and its n poses, each as bytes.
+#: The parts of a message: its layout, its n stamps and its n poses, each as bytes.
 Parts = tuple['Layout', tuple[bytes, ...], tuple[bytes, ...]]
 
 
