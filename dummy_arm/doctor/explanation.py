@@ -63,6 +63,12 @@ def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp
     :param stamp: time of the transform (ns); 0: the latest time for which every edge has data.
     :param publishers: by child: the names of the nodes that publish it.
     """
+    with buffer.updated():  # so that all that follows describes the same state
+        return _explain(buffer, ends, stamp, publishers)
+
+
+def _explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str],
+             stamp: int, publishers: Mapping[str, str]) -> Explanation:
     why_not = buffer.why_not(*ends, stamp)
     frames = {frame.name: frame._replace(authority=publishers.get(frame.name, frame.authority))
               for frame in buffer.frames()}

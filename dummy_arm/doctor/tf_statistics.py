@@ -83,7 +83,8 @@ class Track:
     def rate(self) -> Optional[float]:
         """The average rate, by stamps (Hz); None if it is not known."""
         span = int(self['latest'] - self['oldest'])
-        return float((self['count'] - 1) * SECOND / span) if span > 0 else None
+        count = self['count'] - self['zero_stamps']
+        return float((count - 1) * SECOND / span) if span > 0 else None
 
     def steps_beyond(self, step: float) -> int:
         """

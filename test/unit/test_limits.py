@@ -203,6 +203,18 @@ def test_a_buffer_is_full_no_longer_when_samples_have_expired(insert):
 
 
 @pytest.mark.parametrize('insert', INSERTERS)
+def test_a_buffer_is_full_no_longer_when_it_is_cleared(insert, logs):
+    """All samples that are inserted afterwards are kept, as in a new buffer."""
+    buffer = TransformBuffer(max_samples=400)
+    insert(buffer, [T + i for i in range(5)], [f'frame_{i}' for i in range(100)])
+    logs.clear()
+    buffer.clear()
+    insert(buffer, [T + i for i in range(3)], ['frame_0'])
+    assert lengths(buffer) == {'frame_0': 3}
+    assert not logs
+
+
+@pytest.mark.parametrize('insert', INSERTERS)
 def test_a_buffer_that_is_not_full_keeps_all(insert, logs):
     """Expired samples do not count, however many have been inserted."""
     buffer = TransformBuffer(S, max_samples=1000)

@@ -140,6 +140,7 @@ class Insertion:
         """Remove all dynamic transforms."""
         self._tree.clear()
         self._lookups.paths.clear()
+        self._count_samples()
 
     def mend(self) -> None:
         """Drop the histories that an interrupted insertion has left inconsistent."""
