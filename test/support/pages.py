@@ -56,7 +56,7 @@ class Block(NamedTuple):
     section: str
     line: int
     language: str
-    needs: str  #: the mark behind the language: 'desktop' or 'docker'; '' if it is run
+    needs: str  #: the mark behind the language, such as 'docker'; '' if it is run
     code: str
 
 
@@ -95,7 +95,7 @@ SECTIONS = list(dict.fromkeys(
 
 @pytest.fixture
 def bag_of_a_walk(tmp_path: Path) -> Path:
-    """Return a directory dummy_arm with the files of the project, robot_bag and robot.mcap."""
+    """Return a directory dummy_arm with the files of the project, and the bags of bags.md."""
     bags = pytest.importorskip('bags')
     directory = tmp_path / 'dummy_arm'
     directory.mkdir()
@@ -105,6 +105,11 @@ def bag_of_a_walk(tmp_path: Path) -> Path:
     (directory / '.venv').symlink_to(sys.prefix)
     (file,) = bags.make(directory / 'robot_bag', 'mcap', bags.walk()).glob('*.mcap')
     shutil.copyfile(file, directory / 'robot.mcap')
+    for name in 'split/robot_0.mcap', 'recordings/a.mcap', 'recordings/b.mcap':
+        (directory / name).parent.mkdir(exist_ok=True)
+        shutil.copyfile(file, directory / name)
+    later = bags.make(tmp_path / 'later', 'mcap', [*bags.walk(begin=111 * bags.S)][1:])
+    shutil.copyfile(bags.file_of(later), directory / 'split' / 'robot_1.mcap')
     return directory
 
 
