@@ -49,7 +49,7 @@ def main() -> None:
     lookups.plot(sys.argv[1])
     table('Publishing', sending.rows(rclpy.create_node('bench'), u), sending.other_type(u),
           sending.ticking(rclpy.create_node('listener')))
-    table('Bags', reading.rows(u), reading.doctor())
+    table('Bags', reading.rows(u), reading.many(u), reading.doctor())
     table('Memory', listening.memory(), reading.memory())
     table('One message at a time', listening.into_the_buffer(u))
     table('The web page', viewing.placing(), viewing.showing())

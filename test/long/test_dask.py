@@ -12,7 +12,7 @@ bags = pytest.importorskip('bags')
 
 
 def test_many_bags_on_dask(tmp_path):
-    """A broken bag has its line, too; the bucket is a directory, without a way out to a network."""
+    """A broken bag has its line, too; the bucket is a directory, and there is no network."""
     pytest.importorskip('distributed')
     for number in range(5):
         bags.file_of(bags.make(tmp_path / f'{number}', 'mcap', bags.walk())).rename(
@@ -27,7 +27,8 @@ def test_many_bags_on_dask(tmp_path):
          tmp_path / 'program.py'], cwd=ROOT, capture_output=True, text=True, check=False)
     lines = sorted(done.stdout.splitlines())
     assert len(lines) == 6, done.stderr
-    assert re.fullmatch(r'file://\S+/cut\.mcap \S+ cannot be read: its end is missing\..*', lines[0])
+    assert re.fullmatch(r'file://\S+/cut\.mcap \S+ cannot be read: its end is missing\..*',
+                        lines[0])
     for number, line in enumerate(lines[1:]):
         assert re.fullmatch(rf'file://\S+/walk-{number}\.mcap healthy: 102 transforms of 3 frames '
                             r'in \S+', line)
