@@ -1,4 +1,4 @@
-"""The ends of a listener, a hundred times each; a publisher that is killed."""
+"""The ends of a listener, fifty times each; a publisher that is killed."""
 
 import signal
 

@@ -226,6 +226,18 @@ def test_a_buffer_that_is_not_full_keeps_all(insert, logs):
     assert not logs
 
 
+def test_kept_paths_are_limited():
+    """Lookups between all pairs of many frames do not keep a path for each pair."""
+    buffer = TransformBuffer()
+    names = [f'frame_{i}' for i in range(110)]
+    for name in names:
+        buffer.insert(T, 'map', name, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), 'test', True)
+    for target in names:
+        for source in names:
+            buffer.lookup_transform(target, source)
+    assert 0 < len(engine_of(buffer).lookups.paths) <= 10_000
+
+
 samples = st.lists(st.tuples(
     st.sampled_from([*INSERTERS, by_a_message]), st.integers(0, 100), st.integers(1, 5),
     st.lists(st.sampled_from([f'frame_{i}' for i in range(12)]), min_size=1, max_size=12,
