@@ -130,9 +130,10 @@ def messages(path: Paths, *, namespace: str = '', partial: bool = False,
         yield BagMessage(stream, time if time < 2**63 else 0, data)
     _finish(recording, context, count, accepts_wrong_types=on_topics is not None)
     if on_topics:
-        on_topics([Topic(topic.name, topic.msgtype,
-                         None if topic.has_header is None else frozenset(topic.frames),
-                         tuple(topic.durabilities)) for topic in context.topics.values()])
+        on_topics([Topic(
+            topic.name, topic.msgtype,
+            None if topic.has_header is None else frozenset(topic.frames),
+            tuple(topic.durabilities.elements())) for topic in context.topics.values()])
 
 
 def read(path: Paths, *, cache_time: Any = None, namespace: str = '',
@@ -219,7 +220,7 @@ def _finish(recording: Recording, context: BagContext, count: int,
     is_wrong = bool(context.own_topics_of_wrong_type())
     if not count and not (is_wrong and accepts_wrong_types):
         if context.damage:
-            raise BagError(f'no TF message can be read from {" ".join(context.damage)}')
+            raise BagError(f'no TF message can be read: {" ".join(context.damage)}')
         part = f'. {later_part(recording)}' if recording.first else ''
         raise BagError(f'{recording.path} has no TF: {context.why_no_tf()}{part}')
     if is_wrong and not accepts_wrong_types:

@@ -7,7 +7,6 @@ from functools import partial as partial_function
 from importlib import import_module
 import json
 from multiprocessing import active_children, get_context
-import signal
 import sys
 import time
 from typing import Any, Optional, TYPE_CHECKING
@@ -24,7 +23,7 @@ from dummy_arm.cli.parser import (
     UsageError,
 )
 from dummy_arm.cli.progress import listen, progress
-from dummy_arm.cli.signals import check_signals, sleep
+from dummy_arm.cli.signals import check_signals, signals_blocked, sleep
 from dummy_arm.doctor.checks import CHECKS, ERROR, Finding
 from dummy_arm.doctor.explanation import explain, Explanation
 from dummy_arm.doctor.observation import Endpoint, Observation
@@ -145,8 +144,9 @@ def _results(found: Sequence[Sequence['Path']], jobs: int,
                 yield examine_one(paths, on_progress=lambda done: check_signals())
             return
         # A forked process could hold locks of threads that it does not have.
-        with ProcessPoolExecutor(jobs, get_context('spawn'), _ignore_interrupts) as executor:
-            futures = [executor.submit(examine_one, paths) for paths in found]
+        with ProcessPoolExecutor(jobs, get_context('spawn')) as executor:
+            with signals_blocked():  # in the processes; this one ends them
+                futures = [executor.submit(examine_one, paths) for paths in found]
             try:
                 for paths, future in zip(found, futures):
                     while not future.done():
@@ -160,14 +160,9 @@ def _results(found: Sequence[Sequence['Path']], jobs: int,
                             'memory: use fewer --jobs') from None
             except BaseException:
                 for process in active_children():
-                    process.terminate()
+                    process.kill()
                 executor.shutdown(cancel_futures=True)
                 raise
-
-
-def _ignore_interrupts() -> None:
-    """Let only the process that prints the results react to Ctrl-C; it ends the others."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
 def _explain_bag(ends: tuple[str, str], stamp: int, bag: Sequence[str], namespace: str,

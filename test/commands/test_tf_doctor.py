@@ -4,7 +4,9 @@ from importlib import import_module
 import json
 import os
 import re
+import shutil
 import signal
+import time
 from typing import Any
 
 from cli_runner import call
@@ -413,3 +415,23 @@ def test_the_listener_that_a_publisher_does_not_match(name, words):
         node_namespace='/', node_name=name, qos_profile=QoSProfile(depth=1))
     assert tf_doctor._mismatch(publisher, [listener], '/doctor') == (
         f'{words} (Best effort publisher and reliable subscription)')
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_processes_examine_bags(start, tmp_path, number):
+    """It ends all processes, also if each of them receives it, as from a terminal."""
+    bags = pytest.importorskip('bags')
+    path = bags.make(tmp_path / 'walk.bag', 'bag', bags.walk(3000))
+    for name in 'abc':
+        shutil.copy(path, tmp_path / f'{name}.bag')
+    process = start(*tool('tf_doctor', '--jobs', '2', '--bag', str(tmp_path)))
+    while len(process.descendants()) < 3:  # one of them counts resources
+        assert not process.has_ended()
+        time.sleep(0.01)
+    os.killpg(process.pid, number)
+    assert process.exit_code() == 0, process.output
+    assert process.output == ''
+    deadline = time.monotonic() + TIMEOUT
+    while process.has_left_processes():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)

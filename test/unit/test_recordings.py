@@ -119,6 +119,15 @@ def test_a_recording_that_was_killed(tmp_path):
     assert 62 <= counts(tmp_path / 'killed', partial=True)['base_link'] < 93
 
 
+def test_a_last_part_that_is_empty(tmp_path):
+    """A crash of the computer may leave such a file."""
+    files = parts(tmp_path)
+    files[-1].write_bytes(b'')
+    with pytest.raises(BagError, match=r'robot_2\.mcap is not a bag: it is empty'):
+        read(files)
+    assert counts(files, partial=True) == {'odom': 1, 'base_link': 62}
+
+
 def test_several_recordings(tmp_path):
     """They are sorted by the order of the paths; one buffer holds only one of them."""
     walk, again = (bags.make(tmp_path / name, 'mcap', bags.walk(1)) for name in ('b', 'a'))

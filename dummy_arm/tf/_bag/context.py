@@ -1,8 +1,10 @@
 """The context in which a bag is read: its topics and damage, limits, progress."""
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 import re
 import struct
@@ -23,10 +25,6 @@ HEADERS = 10
 _SHOWN = 10
 #: The largest number of topics that are remembered.
 _MAX_TOPICS = 10_000
-#: An annotation in an .idl file, which may have texts in parentheses.
-_ANNOTATION = re.compile(r'@\w+\s*(\((?:[^()"]|"(?:\\.|[^"\\])*")*\))?')
-#: The beginning of a constant in a .msg file.
-_CONSTANT = re.compile(r'\S+\s+\w+\s*=')
 _REMEDIES = {
     '.mcap': 'If it is damaged or cut off, partial=True (--partial) reads what is left',
     '.db3': 'If it is damaged, the command .recover of the program sqlite3 may help',
@@ -47,15 +45,14 @@ class BagTopic:
 
     name: str
     msgtype: str
-    #: The recorded durability of each publisher; of ROS 1 and of other topics than TF's: none.
-    durabilities: Sequence[str] = ()
+    #: How many publishers have which recorded durability; of ROS 1 and of other topics: none.
+    durabilities: Counter[str] = field(default_factory=Counter)
     #: Whether its messages begin with a header; None: it is not known.
     has_header: Optional[bool] = False
     encoding: Encoding = cdr
     header_count: int = 0
     frames: set[str] = field(default_factory=set)  #: those of the headers that were read
 
-    @property
     def needs_headers(self) -> bool:
         return bool(self.has_header) and self.header_count < HEADERS
 
@@ -91,12 +88,7 @@ class BagContext:
     def add_topic(self, name: str, msgtype: str, encoding: str, definition: str = '',
                   durabilities: Sequence[str] = (), publisher: str = ''
                   ) -> Union[Stream, BagTopic, None]:
-        """
-        Remember a topic; return its stream, or the topic if its headers are to be read.
-
-        :param encoding: 'ros1', or the serialization format of rosbag2, such as 'cdr'.
-        :param definition: that of the type, if it is known.
-        """
+        """Remember a topic; return its stream, or the topic if its headers are to be read."""
         name = f'/{name.strip("/")}'
         msgtype = re.sub('^([^/]+)/([^/]+)$', r'\1/msg/\2', msgtype)  # as in ROS 2
         if encoding not in ('cdr', 'ros1', ''):
@@ -110,8 +102,8 @@ class BagContext:
             if self._with_headers and is_static is None and msgtype not in TF_TYPES:
                 topic.has_header = _begins_with_header(msgtype, definition)
         if is_static is None or msgtype not in TF_TYPES:
-            return topic if topic.needs_headers else None
-        topic.durabilities = [*topic.durabilities, *durabilities]
+            return topic if topic.needs_headers() else None
+        topic.durabilities |= Counter(durabilities)  # the largest numbers of all files
         return Stream(is_static, publisher or NOT_RECORDED, topic.encoding)
 
     def begin(self, start: float, share: float) -> None:
@@ -144,14 +136,17 @@ class BagContext:
             raise self._raised
         if isinstance(error, ImportError):
             raise error
-        if not self.partial or isinstance(error, BagError):
-            if isinstance(error, BagError):  # its text already names the file
-                raise error
+        is_named = isinstance(error, BagError)  # its text already names the file
+        if self.partial:
+            if len(self.damage) < _SHOWN:
+                self.damage.append(error_line(error) if is_named else
+                                   f'{visible(str(path))}: {error_line(error)}')
+        elif is_named:
+            raise error
+        else:
             name = '' if path == self._path else f'{visible(path.name)}: '
             raise BagError(f'{self._path} cannot be read: {name}{error_line(error)} '
                            f'{_REMEDIES.get(kind, "")}'.rstrip()) from None
-        if len(self.damage) < _SHOWN:
-            self.damage.append(f'{visible(str(path))}: {error_line(error)}')
 
     def own_topics_of_wrong_type(self) -> list[BagTopic]:
         return [topic for topic in self.topics.values()
@@ -183,26 +178,18 @@ class BagContext:
                 'StaticTransformBroadcaster')
 
 
+@lru_cache(maxsize=1000)
 def _begins_with_header(msgtype: str, definition: str) -> Optional[bool]:
-    """Return whether messages begin with a header; None: neither the bag nor rosbags knows."""
-    if not definition:
-        try:
-            from rosbags.typesys import get_typestore, Stores
-            fields = get_typestore(Stores.LATEST).fielddefs[msgtype][1]
-        except (ImportError, KeyError):
-            return None
-        return bool(fields) and fields[0][1][1] == 'std_msgs/msg/Header'
-    idl = _ANNOTATION.sub('', definition)
-    if match := re.search(
-            rf'\bstruct\s+{re.escape(msgtype.rpartition("/")[2])}\s*{{\s*([\w:]+)', idl):
-        return match[1] == 'std_msgs::msg::Header'
-    if re.search(r'\bmodule\s+\w+\s*{', idl):
+    """Return whether messages begin with a header; None: the definition is not understood."""
+    from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
+    try:
+        if not definition:
+            types = get_typestore(Stores.LATEST).fielddefs
+        elif re.search(r'\bmodule\s+\w+\s*{', definition):
+            types = get_types_from_idl(definition)
+        else:
+            types = get_types_from_msg(definition, msgtype)
+        fields = types[msgtype][1]
+    except Exception:  # the parser raises errors of many types
         return None
-    for line in definition.splitlines():
-        line = line.partition('#')[0].strip()
-        if line.startswith('==='):  # the definitions of other types follow
-            return False
-        if line and not _CONSTANT.match(line):  # a constant is not sent
-            return line.split()[0] in ('std_msgs/Header', 'std_msgs/msg/Header', 'Header',
-                                       'roslib/Header')
-    return False
+    return bool(fields) and fields[0][1][1] == 'std_msgs/msg/Header'

@@ -42,7 +42,7 @@ def records_in_file_order(path: Path, context: BagContext) -> Iterator[Record]:
             stream = streams.get(record.channel_id)
             if isinstance(stream, Stream):
                 yield stream, record.log_time, unpack_message(record.data, context.max_bytes)
-            elif stream and stream.needs_headers:
+            elif stream and stream.needs_headers():
                 stream.add_header(unpack_message(record.data, context.max_bytes))
 
 
@@ -80,7 +80,7 @@ def _in_chunk(chunk: Chunk, max_bytes: int) -> list[Any]:
 def _stream(channel: Channel, schema: Optional[Schema], context: BagContext
             ) -> Union[Stream, BagTopic, None]:
     profiles: list[Any] = []
-    with suppress(Exception):  # the YAML of damaged metadata raises errors of many types
+    with suppress(Exception):  # of a damaged text
         profiles = parse_qos(channel.metadata.get('offered_qos_profiles', ''))
     return context.add_topic(
         channel.topic, schema.name if schema else '', channel.message_encoding,

@@ -1,7 +1,6 @@
 """The TF messages of a recording, read by rosbags: whole files of mcap, sqlite3 and ROS 1."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack
 from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -21,26 +20,29 @@ def records(recording: Recording, context: BagContext) -> Iterator[Record]:
     files = files_of(recording, context.partial)
     for number, path in enumerate(files):
         context.begin(number / len(files), 1 / len(files))
-        kind = kind_of(path)
         try:
-            with ExitStack() as stack:
-                whole = path
-                if kind == '.zstd':
-                    whole = Path(stack.enter_context(TemporaryDirectory()),
-                                 path.name.removesuffix('.zstd'))
-                    context.begin(number / len(files), 0.5 / len(files))
-                    try:
-                        unpack_file(path, whole, context.advance)
-                    except Exception as error:  # damaged or cut off
-                        context.handle_error(path, kind, error)
-                    context.begin((number + 0.5) / len(files), 0.5 / len(files))
-                    try:
-                        kind = kind_of(whole)
-                    except BagError as error:
-                        raise BagError(str(error).replace(str(whole), str(path), 1)) from None
-                if context.partial and kind != '.mcap':
-                    raise BagError(f'{path} cannot be read with partial=True (--partial), which '
-                                   'reads .mcap files only: leave it out')
+            kind = kind_of(path)
+        except BagError as error:  # such as the empty last file of a recorder that was killed
+            if len(files) == 1:
+                raise
+            context.handle_error(path, '', error)
+            continue
+        if context.partial and kind != '.mcap' and not path.name.endswith('.mcap.zstd'):
+            raise BagError(f'{path} cannot be read with partial=True (--partial), which reads '
+                           '.mcap files only: leave it out')
+        try:
+            if kind != '.zstd':
+                yield from _records_of_file(path, kind, context)
+                continue
+            with TemporaryDirectory() as directory:
+                whole = Path(directory, path.name.removesuffix('.zstd'))
+                context.begin(number / len(files), 0.5 / len(files))
+                try:
+                    unpack_file(path, whole, context.advance)
+                except Exception as error:  # damaged or cut off
+                    context.handle_error(path, whole.suffix, error)
+                context.begin((number + 0.5) / len(files), 0.5 / len(files))
+                kind = kind_of(whole, path)
                 yield from _records_of_file(whole, kind, context)
         except Exception as error:  # the libraries raise errors of many types
             context.handle_error(path, kind, error)
