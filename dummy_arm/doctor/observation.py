@@ -209,7 +209,7 @@ def observe_bag(bag: 'Paths', namespace: str = '', partial: bool = False,
     own_topics = dynamic, static = f'{path}/tf', f'{path}/tf_static'
     latched = [topic for topic in topics if topic.name == static and topic.is_tf]
     not_known = {'listeners': 'a bag does not record the listeners'}
-    if any(not topic.durabilities for topic in latched):
+    if any({*topic.durabilities} <= {'UNKNOWN'} for topic in latched):
         not_known['qos'] = 'the bag does not record the QoS of the publishers'
     if not nodes:
         not_known['nodes'] = 'the bag does not record which node has sent a message'

@@ -1,6 +1,7 @@
 """The report of all checks."""
 
 from collections.abc import Callable, Collection
+import os
 from typing import Any, NamedTuple, Optional, TYPE_CHECKING, Union
 
 from dummy_arm.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked, SEVERITIES
@@ -86,6 +87,7 @@ def examine_bag(bag: 'Paths', *, ignore: Collection[str] = (), namespace: str = 
     :raises ValueError: if a code is unknown.
     """
     check_codes(ignore)
+    bag = bag if isinstance(bag, (str, os.PathLike)) else [*bag]
     name = name_of(bag)
     try:
         report = examine(bag, ignore=ignore, namespace=namespace, partial=partial,

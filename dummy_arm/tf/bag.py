@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Optional
 
 from dummy_arm.tf._bag.context import BagContext, HEADERS, NOT_RECORDED, Record, Stream, TF_TYPES
 from dummy_arm.tf._bag.formats import BagError
-from dummy_arm.tf._bag.recordings import is_bag, later_part, Paths, Recording
+from dummy_arm.tf._bag.recordings import is_bag, later_part, Paths, Recording, resolved
 from dummy_arm.tf._bag.recordings import recordings as find_recordings
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
@@ -101,8 +101,10 @@ def recordings(paths: Paths) -> list[list[Path]]:
 
 def missing_part(path: Paths) -> str:
     """Return a sentence that names the first part, if only later parts are given; else ''."""
-    found = find_recordings(path)
-    return later_part(found[0]) if found and found[0].first else ''
+    for recording in find_recordings(path):
+        recording = resolved(recording, True)
+        return later_part(recording) if recording.first else ''
+    return ''
 
 
 def messages(path: Paths, *, namespace: str = '', partial: bool = False,
@@ -206,12 +208,19 @@ def _open(paths: Paths, namespace: str, partial: bool, max_bytes: int,
     if index(max_bytes) < 1:
         raise ValueError(f'max_bytes must be a positive number of bytes, got {max_bytes}')
     found = find_recordings(paths)
-    if len(found) != 1:
+    if not found:
+        raise BagError('no path of a bag is given')
+    if len(found) > 1:
         names = comma_list([str(each.path) for each in found], _SHOWN)
-        raise BagError(f'these are {len(found)} recordings ({names}): give the files of one'
-                       if found else 'no path of a bag is given')
-    return found[0], BagContext(
-        found[0], namespace, partial, max_bytes, on_progress or (lambda done: None), with_headers)
+        first = next((str(each.first) for each in found if each.first), '')
+        raise BagError(f'these are {len(found)} recordings ({names}): give the files of one' + (
+            f'; or, if they are parts of one, also its first part, {first}' if first else ''))
+    try:
+        recording = resolved(found[0], partial)
+    except ImportError as error:
+        raise _library_missing(error) from None
+    return recording, BagContext(
+        recording, namespace, partial, max_bytes, on_progress or (lambda done: None), with_headers)
 
 
 def _finish(recording: Recording, context: BagContext, count: int,
@@ -254,9 +263,13 @@ def _records(recording: Recording, context: BagContext) -> Iterator[Record]:
         yield from records(recording, context)
     except ImportError as error:
         context.tick()  # if on_progress has raised an exception, this raises it again
-        raise BagError(f'a library that reads bags cannot be imported ({error}): '
-                       'pip install rosbags mcap') from None
+        raise _library_missing(error) from None
     context.finish()
+
+
+def _library_missing(error: ImportError) -> BagError:
+    return BagError(f'a library that reads bags cannot be imported ({error}): '
+                    'pip install rosbags mcap')
 
 
 def _grouped_by_stream(records: Iterable[Record], in_order: bool

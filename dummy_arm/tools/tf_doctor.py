@@ -1,19 +1,19 @@
 """The command `tf_doctor`: find faults in transforms, or explain the path between two frames."""
 
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import suppress
 from functools import partial as partial_function
 from importlib import import_module
 import json
 from multiprocessing import active_children, get_context
 import sys
+import threading
 import time
 from typing import Any, Optional, TYPE_CHECKING
 
 from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_partial
 from dummy_arm.cli.parser import (
-    CommandError,
     DEFAULT_TIME,
     listening_time,
     number,
@@ -143,26 +143,35 @@ def _results(found: Sequence[Sequence['Path']], jobs: int,
                 show(number)
                 yield examine_one(paths, on_progress=lambda done: check_signals())
             return
-        # A forked process could hold locks of threads that it does not have.
-        with ProcessPoolExecutor(jobs, get_context('spawn')) as executor:
-            with signals_blocked():  # in the processes; this one ends them
-                futures = [executor.submit(examine_one, paths) for paths in found]
+        # Each thread waits for a process of its own, so that a process that is killed costs only
+        # one result. A forked process could hold locks of threads that it does not have.
+        local = threading.local()
+
+        def examine_in_process(paths: Sequence['Path']) -> dict[str, Any]:
+            if not hasattr(local, 'executor'):
+                local.executor = ProcessPoolExecutor(1, get_context('spawn'))
             try:
-                for paths, future in zip(found, futures):
+                result: dict[str, Any] = local.executor.submit(examine_one, paths).result()
+                return result
+            except BrokenExecutor:
+                del local.executor
+                return {'bag': str(paths[0]),
+                        'error': f'the process that read {paths[0]} was killed, perhaps for lack '
+                                 'of memory: use fewer --jobs'}
+
+        with ThreadPoolExecutor(min(jobs, len(found))) as executor:
+            with signals_blocked():  # in the threads and the processes; this thread ends them
+                futures = [executor.submit(examine_in_process, paths) for paths in found]
+            try:
+                for future in futures:
                     while not future.done():
                         show(sum(each.done() for each in futures))
                         sleep(_POLL)
-                    try:
-                        yield future.result()
-                    except BrokenExecutor:
-                        raise CommandError(
-                            f'{paths[0]} or another bag has ended a process, perhaps for lack of '
-                            'memory: use fewer --jobs') from None
-            except BaseException:
+                    yield future.result()
+            finally:
+                executor.shutdown(wait=False, cancel_futures=True)
                 for process in active_children():
                     process.kill()
-                executor.shutdown(cancel_futures=True)
-                raise
 
 
 def _explain_bag(ends: tuple[str, str], stamp: int, bag: Sequence[str], namespace: str,

@@ -2,7 +2,9 @@
 
 import bz2
 from functools import cache
+import os
 from random import randrange
+import signal
 import struct
 import sys
 
@@ -17,6 +19,7 @@ if sys.version_info >= (3, 14):
 else:
     from backports import zstd
 
+from dummy_arm.doctor import examine_bag
 from dummy_arm.tf._core.pose import Row
 
 S = 10**9
@@ -72,6 +75,13 @@ def file_of(path):
     (file,) = [path] if path.is_file() else (
         each for each in path.iterdir() if each.suffix != '.yaml')
     return file
+
+
+def examine_unless_faulty(paths, **kwargs):
+    """Examine a bag in this process; end the process if the bag has the name faulty.bag."""
+    if paths[0].name == 'faulty.bag':
+        os.kill(os.getpid(), signal.SIGKILL)
+    return examine_bag(paths, **kwargs)
 
 
 def point(frame, stamp=S, version=2):

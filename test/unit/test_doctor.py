@@ -589,7 +589,8 @@ def profile(durability):
 @pytest.mark.parametrize('kind', ['mcap', 'db3'])
 @pytest.mark.parametrize(('durabilities', 'unlatched'), [
     ('TRANSIENT_LOCAL', []), ('TRANSIENT_LOCAL TRANSIENT_LOCAL', []), ('VOLATILE', ['VOLATILE']),
-    ('TRANSIENT_LOCAL VOLATILE SYSTEM_DEFAULT', ['VOLATILE', 'SYSTEM_DEFAULT']), ('UNKNOWN', []),
+    ('TRANSIENT_LOCAL VOLATILE SYSTEM_DEFAULT', ['VOLATILE', 'SYSTEM_DEFAULT']), ('UNKNOWN', None),
+    ('UNKNOWN TRANSIENT_LOCAL', []),
     ('', None)])
 def test_the_recorded_qos(capsys, tmp_path, kind, durabilities, unlatched):
     """Each publisher on /tf_static must be transient local; an empty list says nothing."""
@@ -639,10 +640,11 @@ def test_a_missing_part(tmp_path):
     report = examine(later)
     assert [finding.code for finding in report.findings] == [
         'unknown_frame', 'disconnected', 'missing_part', 'several_trees']
-    remedy = (f'{later} is a later part of a recording, whose static transforms are usually in '
-              f'the first part only: read {first}, too.')
+    remedy = (f'{later} is without the first part of its recording, which usually has all static '
+              f'transforms: read {first}, too.')
     for finding in report.findings:
-        assert finding.evidence if finding.code == 'missing_part' else finding.remedy == remedy
+        assert remedy == (
+            finding.evidence if finding.code == 'missing_part' else finding.remedy)
     assert not [finding for finding in examine([first, later]).findings
                 if finding.code in ('unknown_frame', 'missing_part')]
 
@@ -676,7 +678,7 @@ def test_many_bags(capsys, several, jobs):
     assert [('error' if 'error' in result else result['verdict'].partition(':')[0])
             for result in results] == [
         'healthy', 'healthy', 'healthy', 'error', '1 error', 'error', 'error']
-    assert 'its end is missing' in results[3]['error']
+    assert 'it ends too early' in results[3]['error']
     assert 'empty is not a bag' in results[5]['error']
     assert results[6]['error'] == f'cannot read {several[-1]}: No such file or directory'
     assert err == '7 bags: 3 without errors, 1 with errors, 3 not readable\n'
@@ -700,3 +702,14 @@ def test_examine_bag(several):
     assert examine_bag(str(several[-1]))['error'].startswith('cannot read ')
     with pytest.raises(ValueError, match='unknown code'):
         examine_bag(several[-1], ignore=['nothing'])
+
+
+def test_a_process_that_is_killed(capsys, monkeypatch, several):
+    """It costs the report of its bag only."""
+    monkeypatch.setattr('dummy_arm.tools.tf_doctor.examine_bag',
+                        bags.examine_unless_faulty)
+    assert main(['--bag', *map(str, several), '--jobs', '2', '--json']) == 1
+    results = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert [result.get('error', 'healthy')[:40] for result in results if 'faulty' in result['bag']
+            ] == ['the process that read ' + str(several[5])[:18]]
+    assert sum('error' not in result for result in results) == 3

@@ -66,9 +66,8 @@ def test_a_later_part_that_rosbag_has_split():
     with pytest.raises(LookupException) as error:
         buffer.lookup_transform('map', 'laser')
     assert str(error.value).endswith(
-        f"Known frames: 'base_link', 'map'. {SPLIT}/robot_1.bag is a later part of a recording, "
-        f'whose static transforms are usually in the first part only: read {SPLIT}/robot_0.bag, '
-        'too.')
+        f"Known frames: 'base_link', 'map'. {SPLIT}/robot_1.bag is without the first part of "
+        f'its recording, which usually has all static transforms: read {SPLIT}/robot_0.bag, too.')
 
 
 @pytest.mark.parametrize('kind', ['mcap', 'db3', 'mcap file', 'db3 file', 'mcap storage'])
@@ -114,7 +113,7 @@ def test_a_recording_that_was_killed(tmp_path):
     *_, last = parts(tmp_path / 'killed')
     last.write_bytes(last.read_bytes()[:-3000])
     (tmp_path / 'killed' / 'notes.txt').write_text('Dear diary')
-    with pytest.raises(BagError, match=r'robot_2.mcap: its end is missing\. .*--partial'):
+    with pytest.raises(BagError, match=r'robot_2.mcap: it ends too early\. .*--partial'):
         read(tmp_path / 'killed')
     assert 62 <= counts(tmp_path / 'killed', partial=True)['base_link'] < 93
 
@@ -140,6 +139,50 @@ def test_several_recordings(tmp_path):
         read([walk, again])
 
 
+def test_the_last_part_is_not_compressed_yet(tmp_path):
+    """rosbag2 compresses a file when it begins the next one, so it may be killed before."""
+    first, second, last = parts(tmp_path / 'robot')
+    packed = parts(tmp_path / 'other', 'mcap file', [0, 1])
+    first.unlink()
+    second.unlink()
+    for file in packed:
+        file.rename(tmp_path / 'robot' / file.name)
+    assert counts(tmp_path / 'robot') == WHOLE
+    assert bag.missing_part(last).endswith(f'read {tmp_path}/robot/robot_0.mcap.zstd, too.')
+
+
+def test_relative_and_absolute_paths(tmp_path, monkeypatch):
+    """They name the same files."""
+    monkeypatch.chdir(tmp_path)
+    files = parts(tmp_path)
+    assert counts([*files, 'robot_0.mcap', files[1].name]) == WHOLE
+
+
+def test_a_first_part_that_is_missing(tmp_path):
+    """Of a directory read with partial=True, it is named, too."""
+    whole, (first, *_) = with_metadata(tmp_path / 'whole', parts(tmp_path))
+    first.unlink()
+    with pytest.raises(LookupException, match=f'whole is without the first part .*{first}, too'):
+        read(whole, partial=True).lookup_transform('base_link', 'laser')
+    assert str(first) in bag.missing_part(whole)
+
+
+def test_parts_without_the_first(tmp_path):
+    """They may be separate recordings; the error names the first part."""
+    files = parts(tmp_path, numbers=(1, 2))
+    with pytest.raises(BagError, match=r'these are 2 recordings .*; or, if they are parts of one, '
+                       r'also its first part, \S+/robot_0\.mcap$'):
+        read(files)
+
+
+def test_names_that_rosbag_chooses(tmp_path):
+    """Each part has a time of its own, so the name of the first part is not known."""
+    for number, name in enumerate(('x_2026-01-01-00-00-00_0', 'x_2026-01-01-00-01-00_1')):
+        shutil.copy(SPLIT / f'robot_{number}.bag', tmp_path / f'{name}.bag')
+    assert len(recordings(tmp_path)) == 2
+    assert bag.missing_part(tmp_path / f'{name}.bag') == ''
+
+
 @pytest.mark.parametrize('names', [
     ('run_001.mcap', 'run_002.mcap'), ('run_1.mcap', 'run_2.mcap'), ('run1.mcap', 'run2.mcap')])
 def test_files_that_are_no_parts(tmp_path, names):
@@ -159,5 +202,5 @@ def test_a_later_part_with_static_transforms(tmp_path):
 def test_a_later_part_without_transforms(tmp_path):
     """The error names the first part."""
     path = bags.file_of(bags.make(tmp_path / 'x', 'mcap', [])).rename(tmp_path / 'robot_1.mcap')
-    with pytest.raises(BagError, match=r'robot_1\.mcap has no TF: .* later part .*robot_0\.mcap'):
+    with pytest.raises(BagError, match=r'robot_1\.mcap has no TF: .* first part .*robot_0\.mcap'):
         read(path)

@@ -10,7 +10,7 @@ import re
 import struct
 from typing import NamedTuple, Optional, Union
 
-from dummy_arm.tf._bag.formats import BagError
+from dummy_arm.tf._bag.formats import BagError, NotPartial
 from dummy_arm.tf._bag.recordings import error_line, Recording
 from dummy_arm.tf._core.texts import comma_list, in_log, namespace_path, TF_MESSAGE, visible
 from dummy_arm.tf._wire import cdr, ros1
@@ -134,7 +134,7 @@ class BagContext:
         """Append an error to `damage` if `partial` is True; else, raise a BagError."""
         if self._raised is not None:
             raise self._raised
-        if isinstance(error, ImportError):
+        if isinstance(error, (ImportError, NotPartial)):
             raise error
         is_named = isinstance(error, BagError)  # its text already names the file
         if self.partial:
@@ -176,6 +176,15 @@ class BagContext:
                                     for topic in self.own_topics_of_wrong_type()))
         return (f'{types}, not {TF_MESSAGE}: send transforms with a TransformBroadcaster or a '
                 'StaticTransformBroadcaster')
+
+
+def durabilities(profiles: str) -> list[str]:
+    """Return the durability in each of the QoS profiles that rosbag2 has recorded as YAML."""
+    from rosbags.rosbag2.metadata import parse_qos
+    try:
+        return [profile.durability.name for profile in parse_qos(profiles)]
+    except Exception:  # a damaged or incomplete text raises errors of many types
+        return []
 
 
 @lru_cache(maxsize=1000)

@@ -15,6 +15,10 @@ class BagError(Exception):
     """A bag cannot be read or has no transforms; the text says why, and what to do."""
 
 
+class NotPartial(BagError):
+    """A bag cannot be read in parts."""
+
+
 def kind_of(path: Path, name: Optional[Path] = None) -> str:
     """
     Return '.mcap', '.db3', '.bag' or '.zstd', by the first bytes of the file.

@@ -1,7 +1,6 @@
 """The TF messages of an mcap file without an index, or that was cut off, read by mcap."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from pathlib import Path
 import struct
 from typing import Any, Optional, Union
@@ -9,24 +8,9 @@ from typing import Any, Optional, Union
 from mcap.exceptions import EndOfFile, RecordLengthLimitExceeded
 from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import breakup_chunk, StreamReader
-from rosbags.rosbag2.metadata import parse_qos
 
-from dummy_arm.tf._bag.context import BagContext, BagTopic, Record, Stream
+from dummy_arm.tf._bag.context import BagContext, BagTopic, durabilities, Record, Stream
 from dummy_arm.tf._bag.unpacking import Oversized, unpack_message
-
-_MAGIC = b'\x89MCAP0\r\n'
-_FOOTER_SIZE = 1 + 8 + 20 + len(_MAGIC)  # bytes
-
-
-def has_summary(path: Path) -> bool:
-    """Return whether a file has the profile ros2 and a summary; raise an EOFError if it is cut."""
-    with path.open('rb') as file:
-        header = file.read(len(_MAGIC) + 9 + 8)
-        file.seek(max(0, path.stat().st_size - _FOOTER_SIZE))
-        footer = file.read()
-    if not footer.endswith(_MAGIC) or len(footer) < _FOOTER_SIZE:
-        raise EOFError('its end is missing')
-    return header.endswith(b'\x04\0\0\0ros2') and struct.unpack_from('<Q', footer, 9) != (0,)
 
 
 def records_in_file_order(path: Path, context: BagContext) -> Iterator[Record]:
@@ -64,8 +48,8 @@ def _records(path: Path, context: BagContext) -> Iterator[Any]:
         except (EndOfFile, struct.error):
             raise EOFError('it ends too early') from None
         except RecordLengthLimitExceeded as error:
-            raise ValueError(
-                f'{error}: if this size is expected, pass a larger max_bytes') from None
+            raise ValueError(f'{error}, and what follows is not read: if this size is expected, '
+                             'pass a larger max_bytes') from None
 
 
 def _in_chunk(chunk: Chunk, max_bytes: int) -> list[Any]:
@@ -79,10 +63,7 @@ def _in_chunk(chunk: Chunk, max_bytes: int) -> list[Any]:
 
 def _stream(channel: Channel, schema: Optional[Schema], context: BagContext
             ) -> Union[Stream, BagTopic, None]:
-    profiles: list[Any] = []
-    with suppress(Exception):  # of a damaged text
-        profiles = parse_qos(channel.metadata.get('offered_qos_profiles', ''))
     return context.add_topic(
         channel.topic, schema.name if schema else '', channel.message_encoding,
         schema.data.decode(errors='replace') if schema else '',
-        [profile.durability.name for profile in profiles])
+        durabilities(channel.metadata.get('offered_qos_profiles', '')))

@@ -7,7 +7,7 @@ import logging
 import os
 from pathlib import Path, PurePath
 import re
-from typing import Any, NamedTuple, Optional, Union
+from typing import NamedTuple, Optional, Union
 
 from dummy_arm.tf._bag.formats import BAG_DEFINITION, BagError, refuse_special
 from dummy_arm.tf._core.texts import abbreviated, comma_list, visible
@@ -17,7 +17,9 @@ Paths = Union[str, 'os.PathLike[str]', Iterable[Union[str, 'os.PathLike[str]']]]
 
 _FILE = re.compile(r'\.(mcap|db3|bag)(\.zstd)?$')
 #: The name of a part of a split recording: rosbag2 writes `name_0.mcap`, `name_1.mcap` and so on.
-_PART = re.compile(r'(.*)_(0|[1-9]\d*)(\.(?:mcap|db3|bag)(?:\.zstd)?)')
+_PART = re.compile(r'(.*)_(0|[1-9]\d*)(\.(?:mcap|db3|bag))(?:\.zstd)?')
+#: The time in the name of each part if rosbag of ROS 1 was not given a name.
+_TIME = re.compile(r'\d{4}(-\d\d){5}$')
 _LONGEST_METADATA = 10_000_000  # bytes
 #: The largest number of files that the text of an error lists.
 _SHOWN = 5
@@ -36,13 +38,16 @@ class Recording(NamedTuple):
 def recordings(paths: Paths) -> list[Recording]:
     """Sort the files that some paths name into recordings, in the order of the paths."""
     given = [paths] if isinstance(paths, (str, os.PathLike)) else [*paths]
-    found: dict[Path, Recording] = {}
-    parts: dict[Path, dict[int, Path]] = {}
+    found: dict[str, Recording] = {}
+    parts: dict[str, dict[int, Path]] = {}
+    listed: dict[Path, list[Path]] = {}
     for path in (bag for text in given for bag in _bags(str(text))):
         if path.is_dir():
-            found[path] = Recording(path, [])
+            found[os.path.abspath(path)] = Recording(path, [])
             continue
-        key, number, first = _part(path)
+        first, number = _part(path, listed)
+        key = os.path.abspath(path.parent if path.parent in listed and first in
+                              listed[path.parent] else first if first.exists() else path)
         if key not in found or found[key].files:
             parts.setdefault(key, {})[number] = path
             files = [file for _, file in sorted(parts[key].items())]
@@ -53,8 +58,8 @@ def recordings(paths: Paths) -> list[Recording]:
 def later_part(recording: Recording) -> str:
     """Say why a recording may have no static transforms, and what to do."""
     path, first = (visible(str(each)) for each in (recording.path, recording.first))
-    return (f'{path} is a later part of a recording, whose static transforms are usually in the '
-            f'first part only: read {first}, too.')
+    return (f'{path} is without the first part of its recording, which usually has all static '
+            f'transforms: read {first}, too.')
 
 
 def is_bag(path: str) -> bool:
@@ -70,6 +75,8 @@ def is_bag(path: str) -> bool:
 
 def _bags(text: str) -> list[Path]:
     """Return what a path or a pattern names: files, and directories with a metadata.yaml."""
+    if not text:
+        return []
     matches = filter(_is_named_bag, map(Path, glob(text))) if _is_pattern(text) else [Path(text)]
     paths = {path.parent if path.name == 'metadata.yaml' else path for path in matches}
     return [bag for path in sorted(paths, key=_natural)
@@ -97,11 +104,11 @@ def _natural(path: Path) -> list[str]:
     return [part.zfill(20) if part.isdigit() else part for part in re.split(r'(\d+)', str(path))]
 
 
-def files_of(recording: Recording, partial: bool) -> list[Path]:
-    """Return the files; `partial`: some may be missing, and a metadata.yaml may be damaged."""
+def resolved(recording: Recording, partial: bool) -> Recording:
+    """Find the files; `partial`: some may be missing, and a metadata.yaml may be damaged."""
     directory = recording.path
-    if recording.files or not directory.is_dir():
-        return recording.files or [directory]
+    if recording.files:
+        return recording
     if not (directory / 'metadata.yaml').exists():
         raise BagError(f'{directory} is not a bag: {BAG_DEFINITION}')
     try:
@@ -112,14 +119,15 @@ def files_of(recording: Recording, partial: bool) -> list[Path]:
         if not partial or not files:
             raise
         logging.getLogger('dummy_arm.tf').warning('%s; reading %s', error, _names(files))
-    if missing := [path for path in files if not path.exists()]:
-        if not partial or len(missing) == len(files):
-            raise BagError(
-                f'{directory} cannot be read: files that its metadata.yaml lists are missing: '
-                f'{_names(missing)}; partial=True (--partial) reads the others')
+    missing = [path for path in files if not path.exists()]
+    if missing and (not partial or len(missing) == len(files)):
+        raise BagError(f'{directory} cannot be read: files that its metadata.yaml lists are '
+                       f'missing: {_names(missing)}; partial=True (--partial) reads the others')
+    if missing:
         logging.getLogger('dummy_arm.tf').warning(
             '%s: files that its metadata.yaml lists are missing: %s', directory, _names(missing))
-    return [path for path in files if path.exists()]
+    return Recording(directory, [path for path in files if path not in missing],
+                     files[0] if files[0] in missing else None)
 
 
 def _listed(directory: Path) -> list[Path]:
@@ -135,9 +143,10 @@ def _listed(directory: Path) -> list[Path]:
         information = YAML(typ='safe').load(data.decode(errors='replace'))[
             'rosbag2_bagfile_information']
         compression = information.get('compression_format') or 'zstd'
-        files = [directory / PurePath(name).name for name in information['relative_file_paths']]
-        if not files:
+        names = information['relative_file_paths']
+        if not isinstance(names, list) or not names:
             raise ValueError('it lists no files')
+        files = [directory / PurePath(name).name for name in names]
     except ImportError:
         raise
     except Exception as error:  # the YAML library raises errors of many types
@@ -149,18 +158,21 @@ def _listed(directory: Path) -> list[Path]:
     return files
 
 
-def _part(path: Path) -> tuple[Any, int, Optional[Path]]:
-    """Return a key for the recording of a file, the number of the part, and the first part."""
-    if (path.parent / 'metadata.yaml').exists():
-        with suppress(BagError, ImportError):  # the file can be read without metadata
-            files = _listed(path.parent)
-            if path in files:
-                return path.parent, files.index(path), files[0]
-    if (match := _PART.fullmatch(path.name)) is None:
-        return path, 0, None
-    first = path.with_name(f'{match[1]}_0{match[3]}')
-    key = first if first.exists() else path
-    return key, int(match[2]), first
+def _part(path: Path, listed: dict[Path, list[Path]]) -> tuple[Path, int]:
+    """Return the first part of the recording of a file, and the number of this part."""
+    directory = path.parent
+    if directory not in listed:
+        listed[directory] = []
+        if (directory / 'metadata.yaml').exists():
+            with suppress(BagError, ImportError):  # the file can be read without metadata
+                listed[directory] = _listed(directory)
+    if path in listed[directory]:
+        return listed[directory][0], listed[directory].index(path)
+    match = _PART.fullmatch(path.name)
+    if match is None or _TIME.search(match[1]):
+        return path, 0
+    firsts = [path.with_name(f'{match[1]}_0{match[3]}{suffix}') for suffix in ('', '.zstd')]
+    return next((first for first in firsts if first.exists()), firsts[0]), int(match[2])
 
 
 def _names(files: Iterable[Path]) -> str:

@@ -54,6 +54,8 @@ def unpack_file(path: Path, whole: Path, advance: Callable[[float], object]) -> 
 
 def unpack_message(data: bytes, limit: int) -> bytes:
     """Decompress a message, if it is compressed; raise `Oversized` if it is too large."""
+    if len(data) > limit:
+        raise Oversized('a message', str(len(data)), limit)
     if data[:4] == ZSTD:
         decompressor = _zstd().ZstdDecompressor()
         size, data = len(data), decompressor.decompress(data, limit + 1)
