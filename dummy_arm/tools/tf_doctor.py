@@ -6,7 +6,7 @@ from contextlib import suppress
 from functools import partial as partial_function
 from importlib import import_module
 import json
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, resource_tracker
 import sys
 import threading
 import time
@@ -159,6 +159,8 @@ def _results(found: Sequence[Sequence['Path']], jobs: int,
                         'error': f'the process that read {paths[0]} was killed, perhaps for lack '
                                  'of memory: use fewer --jobs'}
 
+        if sys.platform != 'win32':  # the thread that starts it would unblock signals
+            resource_tracker.ensure_running()
         with ThreadPoolExecutor(min(jobs, len(found))) as executor:
             with signals_blocked():  # in the threads and the processes; this thread ends them
                 futures = [executor.submit(examine_in_process, paths) for paths in found]
