@@ -217,6 +217,7 @@ def _open(paths: Paths, namespace: str, partial: bool, max_bytes: int,
             f'; or, if they are parts of one, also its first part, {first}' if first else ''))
     try:
         recording = resolved(found[0], partial)
+        recording.files[0].stat()  # a missing file is reported before a missing library
     except ImportError as error:
         raise _library_missing(error) from None
     return recording, BagContext(

@@ -42,12 +42,12 @@ def recordings(paths: Paths) -> list[Recording]:
     parts: dict[str, dict[int, Path]] = {}
     listed: dict[Path, list[Path]] = {}
     for path in (bag for text in given for bag in _bags(str(text))):
-        if path.is_dir():
+        if os.path.isdir(path):
             found[os.path.abspath(path)] = Recording(path, [])
             continue
         first, number = _part(path, listed)
         key = os.path.abspath(path.parent if path.parent in listed and first in
-                              listed[path.parent] else first if first.exists() else path)
+                              listed[path.parent] else first if os.path.exists(first) else path)
         if key not in found or found[key].files:
             parts.setdefault(key, {})[number] = path
             files = [file for _, file in sorted(parts[key].items())]
@@ -69,8 +69,10 @@ def is_bag(path: str) -> bool:
     It is if it ends like a bag, is a pattern, names a directory of bags, or has a directory and
     exists.
     """
-    return bool(_FILE.search(path) or _is_pattern(path) or _bags_in(Path(path))
-                or (os.path.dirname(path) and os.path.lexists(path)))
+    with suppress(OSError):  # such as a directory that cannot be read
+        return bool(_FILE.search(path) or _is_pattern(path) or _bags_in(Path(path))
+                    or (os.path.dirname(path) and os.path.lexists(path)))
+    return True
 
 
 def _bags(text: str) -> list[Path]:
@@ -88,16 +90,16 @@ def _is_pattern(text: str) -> bool:
 
 
 def _is_named_bag(path: Path) -> bool:
-    return bool(_FILE.search(path.name)) or path.name == 'metadata.yaml' or (
-        path / 'metadata.yaml').exists()
+    return bool(_FILE.search(path.name)) or path.name == 'metadata.yaml' or os.path.exists(
+        path / 'metadata.yaml')
 
 
 def _bags_in(directory: Path) -> list[Path]:
     """Return the bags in a directory, or the directory if it is one; in the order of numbers."""
-    if (directory / 'metadata.yaml').exists():
+    if os.path.exists(directory / 'metadata.yaml'):
         return [directory]
     return sorted((path for path in directory.iterdir() if _is_named_bag(path)), key=_natural) if (
-        directory.is_dir()) else []
+        os.path.isdir(directory)) else []
 
 
 def _natural(path: Path) -> list[str]:
@@ -109,7 +111,7 @@ def resolved(recording: Recording, partial: bool) -> Recording:
     directory = recording.path
     if recording.files:
         return recording
-    if not (directory / 'metadata.yaml').exists():
+    if not os.path.exists(directory / 'metadata.yaml'):
         raise BagError(f'{directory} is not a bag: {BAG_DEFINITION}')
     try:
         files = _listed(directory)
@@ -119,7 +121,7 @@ def resolved(recording: Recording, partial: bool) -> Recording:
         if not partial or not files:
             raise
         logging.getLogger('dummy_arm.tf').warning('%s; reading %s', error, _names(files))
-    missing = [path for path in files if not path.exists()]
+    missing = [path for path in files if not os.path.exists(path)]
     if missing and (not partial or len(missing) == len(files)):
         raise BagError(f'{directory} cannot be read: files that its metadata.yaml lists are '
                        f'missing: {_names(missing)}; partial=True (--partial) reads the others')
@@ -163,7 +165,7 @@ def _part(path: Path, listed: dict[Path, list[Path]]) -> tuple[Path, int]:
     directory = path.parent
     if directory not in listed:
         listed[directory] = []
-        if (directory / 'metadata.yaml').exists():
+        if os.path.exists(directory / 'metadata.yaml'):
             with suppress(BagError, ImportError):  # the file can be read without metadata
                 listed[directory] = _listed(directory)
     if path in listed[directory]:
@@ -172,7 +174,7 @@ def _part(path: Path, listed: dict[Path, list[Path]]) -> tuple[Path, int]:
     if match is None or _TIME.search(match[1]):
         return path, 0
     firsts = [path.with_name(f'{match[1]}_0{match[3]}{suffix}') for suffix in ('', '.zstd')]
-    return next((first for first in firsts if first.exists()), firsts[0]), int(match[2])
+    return next((first for first in firsts if os.path.exists(first)), firsts[0]), int(match[2])
 
 
 def _names(files: Iterable[Path]) -> str:
