@@ -7,7 +7,14 @@ import re
 from typing import NamedTuple, Optional
 
 from dummy_arm.doctor.observation import in_words, Observation, SHOWN, total
-from dummy_arm.doctor.tf_statistics import FUTURE, LATE, NORM_TOLERANCE, OTHER_CLOCK, Track
+from dummy_arm.doctor.tf_statistics import (
+    FUTURE,
+    LATE,
+    NORM_TOLERANCE,
+    OTHER_CLOCK,
+    SMALLEST_JUMP,
+    Track,
+)
 from dummy_arm.inspection.forest import Forest
 from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import (
@@ -28,6 +35,10 @@ _GAP, _SHORTEST_GAP, _JITTER, _FEWEST_GAPS = 3, SECOND // 2, 0.02, 3
 #: The smallest number of steps that are judged. A shorter period (ns) counts as this one, since
 #: some programs send several transforms of a frame at once.
 _FEWEST, _SHORTEST_PERIOD = 10, SECOND // 1000
+#: A move from pose to pose is a jump if it is this many times as fast as the frame usually is.
+_JUMP = 10
+#: A transform of /tf was sent once if none follows within this time (ns).
+_ONCE = 2 * SECOND
 #: Transforms that are late or from the future are reported if more than this part of them is.
 _SHARE = 0.05
 #: The frames of REP 105, from the root to the robot.
@@ -60,6 +71,7 @@ class _Fault(NamedTuple):
     topics: Sequence[str] = ()  #: further topics
     nodes: Sequence[str] = ()  #: further nodes
     remedy: str = ''  #: '': that of the check
+    severity: str = ''  #: '': that of the check
 
 
 _Find = Callable[[Observation], Iterator[_Fault]]
@@ -100,7 +112,7 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
             nodes = map(observation.node_of, fault.tracks)
             frames = map(_child_of, fault.tracks) if fault.frames is None else fault.frames
             findings.append(Finding(
-                check.code, check.severity, tuple(dict.fromkeys(frames)),
+                check.code, fault.severity or check.severity, tuple(dict.fromkeys(frames)),
                 tuple(dict.fromkeys((*fault.topics, *topics))),
                 tuple(dict.fromkeys(filter(None, (*fault.nodes, *nodes)))), fault.evidence,
                 fault.remedy or check.remedy))
@@ -297,6 +309,17 @@ def _static_not_latched(observation: Observation) -> Iterator[_Fault]:
                          f'{endpoint.unlatched}', topics=[endpoint.topic], nodes=[endpoint.node])
 
 
+@_check('volatile_listener', WARNING,
+        'A subscription to /tf_static is not transient local: if it is created after a static '
+        'transform was sent, it does not receive it.',
+        'Use a TransformListener, or give the subscription the durability TRANSIENT_LOCAL.',
+        'listeners')
+def _volatile_listener(observation: Observation) -> Iterator[_Fault]:
+    for node in observation.volatile_listeners:
+        yield _Fault(f'1 subscription of {node or "a node"} to {observation.topics[1]} has the '
+                     'durability VOLATILE', topics=observation.topics[1:], nodes=[node])
+
+
 @_check('incompatible_qos', ERROR,
         'A listener receives nothing from a publisher, because their QoS do not match.',
         'Give the publisher the QoS of a TransformBroadcaster (reliable), or correct that of the '
@@ -416,6 +439,42 @@ def _has_gap(track: Track) -> bool:
     return steps >= _FEWEST and bool(
         track['largest_step'] > max(_GAP * period, _SHORTEST_GAP)
         or track.steps_beyond(_GAP * period) >= max(_FEWEST_GAPS, _JITTER * steps))
+
+
+@_check('jump', WARNING,
+        f'A frame moves from one pose to the next {_JUMP} times as fast as it does otherwise; two '
+        'publishers or a wrong measurement can be the cause.',
+        'If two nodes publish the frame, stop one of them; otherwise, look at the node that '
+        'computes its pose.')
+def _jump(observation: Observation) -> Iterator[_Fault]:
+    for track in observation.tracks:
+        limit = _JUMP * track['usual_speed']
+        if track['steps'].sum() < _FEWEST or track['jump'] < SMALLEST_JUMP or (
+                track['largest_speed'] <= limit):
+            continue
+        # REP 105: the frame odom may jump in map, when the robot is localised.
+        is_localisation = (track.child.rpartition('/')[2] == 'odom' and all(
+            parent.rpartition('/')[2] == 'map' for parent in track.parents))
+        yield _Fault(
+            f'{track.jumps_beyond(limit)} of {track["count"]} transforms of '
+            f'{shortened(track.child)} jump; at {display_time(int(track["jump_at"]))}, by '
+            f'{track["jump"]:.3g} (m plus rad), {track["largest_speed"]:.3g} per second; '
+            f'otherwise, it moves by at most {track["usual_speed"]:.3g} per second', [track],
+            severity=INFO if is_localisation else '')
+
+
+@_check('one_shot', WARNING,
+        'A frame was sent once on /tf and never again, so it is in the past of all other frames.',
+        'If it does not move, publish it on /tf_static, by a StaticTransformBroadcaster; '
+        'otherwise, publish it again and again.')
+def _one_shot(observation: Observation) -> Iterator[_Fault]:
+    end = max([observation.end, *(track['last_time'] for track in observation.tracks)])
+    once = {track for tracks in observation.by_child.values()
+            if len(tracks) == 1 and not (track := tracks[0]).is_static and track['count'] == 1
+            and track['last_time'] and end - track['last_time'] > _ONCE}
+    for tracks in observation.by_publisher(once.__contains__):
+        yield _Fault(f'one transform of {_names(map(_child_of, tracks))} in '
+                     f'{in_words(end - tracks[0]["last_time"])}', tracks)
 
 
 @_check('late', WARNING,

@@ -42,6 +42,7 @@ class Observation:
     nodes: Mapping[str, str] = field(default_factory=dict)
     present: Optional[Collection[str]] = None  #: the publishers that exist at the end; None: all
     endpoints: Sequence[Endpoint] = ()  #: those on the topics; of a bag, those of a wrong type
+    volatile_listeners: Sequence[str] = ()  #: nodes that subscribe to /tf_static, volatile
     #: By topic: the frames that the headers of its messages name.
     headers: Mapping[str, Collection[str]] = field(default_factory=dict)
     tf_topics: Collection[str] = ()  #: the other topics with transforms

@@ -24,6 +24,12 @@ _SAME_POSITION, _SAME_ROTATION = 1e-6, 1e-11
 #: The histogram of the steps from stamp to stamp: the upper end of the first bin (ns), the number
 #: of bins for a factor of two, and the number of bins. The end of the last bin exceeds int64.
 _FIRST_BIN, _BINS_PER_OCTAVE, _BINS = 1000, 8, 426
+#: A jump is a move from pose to pose of at least this (m plus rad). Moves within more than
+#: `_LONGEST_MOVE` (ns) do not count; moves within less than `_SHORTEST_MOVE` (s) count as such.
+SMALLEST_JUMP, _LONGEST_MOVE, _SHORTEST_MOVE = 0.2, SECOND // 2, 0.02
+#: The histogram of the speeds of jumps: the number of bins for a factor of two, and of all. The
+#: first bin begins at the least possible speed.
+_JUMPS_PER_OCTAVE, _JUMPS = 4, 80
 _MOST_TRACKS = 10_000
 
 _FIELDS = np.dtype([
@@ -37,6 +43,11 @@ _FIELDS = np.dtype([
     ('step_back', 'i8'),  # the largest difference of these two stamps (ns)
     ('oldest', 'i8'), ('latest', 'i8'),  # the range of the stamps that are not 0 (ns)
     ('stamp', 'i8'), ('pose', '7f8'),  # the last stamp (ns) and pose
+    ('pose_before', '7f8'),  # the pose before the last one
+    ('speed', 'f8'),  # the speed between these two (m/s plus rad/s)
+    ('usual_speed', 'f8'),  # the largest of the speeds but those of jumps; see `_add_moves`
+    ('largest_speed', 'f8'), ('jump', 'f8'), ('jump_at', 'i8'),  # the move at the largest speed
+    ('jumps', 'i8', _JUMPS),  # the histogram of the speeds of moves of `SMALLEST_JUMP` or more
     ('first_time', 'i8'), ('last_time', 'i8'),  # the range of the times of arrival (ns)
     ('delays', 'i8'),  # the number of transforms whose delay is known: the time to the arrival
     ('total_delay', 'f8'),  # their sum (ns)
@@ -85,6 +96,12 @@ class Track:
         span = int(self['latest'] - self['oldest'])
         count = self['count'] - self['zero_stamps']
         return float((count - 1) * SECOND / span) if span > 0 else None
+
+    def jumps_beyond(self, speed: float) -> int:
+        """Count the jumps that are faster than a speed (m/s plus rad/s), within 20 %."""
+        least = SMALLEST_JUMP * SECOND / _LONGEST_MOVE
+        first = ceil(log2(max(speed, least) / least) * _JUMPS_PER_OCTAVE)
+        return int(self['jumps'][first:].sum())
 
     def steps_beyond(self, step: float) -> int:
         """
@@ -164,6 +181,7 @@ class Statistics:
         is_compared[0] &= ~is_new
         _add_poses(values, poses, is_compared)
         if not table.is_static:
+            _add_moves(values, poses, stamps, before)
             _add_stamps(values, stamps, before)
         is_timed = table.times != 0
         if is_timed.any():
@@ -225,6 +243,51 @@ def _differ(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[
         cosine = np.abs((a * b).sum(axis=-1))
         largest = np.sqrt(np.square(a).sum(axis=-1) * np.square(b).sum(axis=-1))
         return np.asarray(is_moved | (cosine < largest * (1.0 - _SAME_ROTATION)))
+
+
+def _add_moves(values: Any, poses: NDArray[np.float64], stamps: NDArray[np.int64],
+               before: NDArray[np.int64]) -> None:
+    """
+    Count the moves from pose to pose, (m, n, 7), and their speeds.
+
+    The usual speed at a pose is the least of three: from the pose before, to the pose after, and
+    between these two. So a single jump, and poses of another publisher in between, are not usual.
+    """
+    is_first, is_second = (values['count'] == count for count in (0, 1))
+    last = np.where(is_first[:, None], poses[0], values['pose'])
+    chain = np.concatenate([np.where((is_first | is_second)[:, None], last,
+                                     values['pose_before'])[None], last[None], poses])
+    spans = np.where((stamps < before) | (stamps - before > _LONGEST_MOVE), np.inf,
+                     np.maximum((stamps - before) / SECOND, _SHORTEST_MOVE))
+    moves = _distance(chain[2:], chain[1:-1])
+    speeds = moves / spans
+    both = np.concatenate([values['speed'][None], speeds])
+    across = _distance(chain[2:], chain[:-2]) / (2.0 * spans)
+    values['usual_speed'] = np.maximum(values['usual_speed'], np.minimum(
+        np.minimum(both[1:], both[:-1]), across).max(axis=0))
+    at = speeds.argmax(axis=0)[None]
+    speed, move, stamp = (np.take_along_axis(each, at, 0)[0] for each in (speeds, moves, stamps))
+    is_larger = speed > values['largest_speed']
+    for name, value in ('largest_speed', speed), ('jump', move), ('jump_at', stamp):
+        values[name] = np.where(is_larger, value, values[name])
+    rows, columns = np.nonzero((moves > SMALLEST_JUMP) & (speeds > 0.0))
+    if len(rows):
+        bins = np.log2(speeds[rows, columns] * _LONGEST_MOVE / SECOND / SMALLEST_JUMP)
+        indices = np.clip(bins * _JUMPS_PER_OCTAVE, 0, _JUMPS - 1).astype(np.int64)
+        values['jumps'] += np.bincount(
+            indices + columns * _JUMPS, minlength=moves.shape[1] * _JUMPS).reshape(-1, _JUMPS)
+    values['speed'], values['pose_before'] = speeds[-1], chain[-2]
+
+
+def _distance(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return distance (m) plus angle (rad) between (m, n, 7) poses; 0 where it is not finite."""
+    with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
+        distance = np.sqrt(np.square(poses[..., :3] - others[..., :3]).sum(axis=-1))
+        a, b = poses[..., 3:], others[..., 3:]
+        norms = np.sqrt(np.square(a).sum(axis=-1)) * np.sqrt(np.square(b).sum(axis=-1))
+        cosine = np.where(np.isfinite(norms), np.abs((a * b).sum(axis=-1)) / norms, np.nan)
+        result = distance + 2.0 * np.arccos(np.minimum(cosine, 1.0))
+    return np.where(np.isfinite(result), result, 0.0)
 
 
 def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64]) -> None:

@@ -314,7 +314,7 @@ def _observation(listening: _Listening, sampler: _HeaderSampler, where: str) -> 
         statistics, where, (dynamic, static),
         nodes=listener.names_of(statistics.publishers()),
         present=listener.present, endpoints=[*_endpoints(node, (dynamic, static))],
-        headers=sampler.frames,
+        volatile_listeners=_volatile_listeners(node, static), headers=sampler.frames,
         tf_topics=[topic for topic, types in node.get_topic_names_and_types()
                    if TF_MESSAGE in types and node.count_publishers(topic)],
         not_known=_not_known(listening), left_out=left_out,
@@ -359,6 +359,15 @@ def _endpoints(node: 'Node', topics: tuple[str, str]) -> Iterator[Endpoint]:
                 unlatched='VOLATILE' if topic == topics[1] and (
                     publisher.qos_profile.durability == DurabilityPolicy.VOLATILE) else '',
                 mismatch=_mismatch(publisher, listeners, own_name))
+
+
+def _volatile_listeners(node: 'Node', topic: str) -> list[str]:
+    from rclpy.qos import DurabilityPolicy
+
+    from dummy_arm.tf.publisher_listener import node_of
+    return [node_of(info) for info in node.get_subscriptions_info_by_topic(topic)
+            if info.topic_type == TF_MESSAGE
+            and info.qos_profile.durability == DurabilityPolicy.VOLATILE]
 
 
 def _mismatch(publisher: Any, listeners: Sequence[Any], own_name: str) -> str:

@@ -87,6 +87,7 @@ def test_publishers_and_headers(ros):
     unlatched = nodes[1].create_publisher(TFMessage, '/tf_static', 10)
     best_effort = nodes[1].create_publisher(
         TFMessage, '/tf', QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT))
+    volatile = nodes[1].create_subscription(TFMessage, '/tf_static', lambda _: None, 10)
     point = ros.node.create_publisher(PointStamped, '/point', LATCHED)
     point.publish(point_in('lost'))
     joints = ros.node.create_publisher(JointState, '/joint_states', 10)
@@ -100,10 +101,11 @@ def test_publishers_and_headers(ros):
     status, data = examine(ros, send=send, publishers=[
         *(sender.pub_tf for sender in senders), static.pub_tf, point, joints])
     assert (unlatched.topic_name, best_effort.topic_name) == ('/tf_static', '/tf')
+    assert volatile.topic_name == '/tf_static'
     nodes[1].destroy_node()  # or it would publish in this domain until it is garbage
     found = {finding['code']: finding for finding in data['findings']}
     assert codes(data) == {'two_publishers', 'unknown_frame', 'static_not_latched',
-                           'incompatible_qos', 'other_clock'}
+                           'incompatible_qos', 'other_clock', 'volatile_listener'}
     assert status == 1
     assert {*found['two_publishers']['nodes']} == {'/test', '/other'}
     assert found['two_publishers']['frames'] == ['base_link']
@@ -111,6 +113,8 @@ def test_publishers_and_headers(ros):
         ['lost'], ['/point'])
     assert found['static_not_latched']['nodes'] == ['/other']
     assert found['static_not_latched']['topics'] == ['/tf_static']
+    assert found['volatile_listener']['nodes'] == ['/other']
+    assert found['volatile_listener']['topics'] == ['/tf_static']
     assert found['incompatible_qos']['topics'] == ['/tf']
     assert found['incompatible_qos']['evidence'] == (
         '1 publisher of /other on /tf does not match a TransformListener (Best effort publisher '

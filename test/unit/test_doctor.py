@@ -128,6 +128,14 @@ FAULTS = {
         ['base_link', 'arm'],
         r'^no transform of base_link for 0\.62 s after 1700000000\.980000; the usual period is '
         r'0\.02 s; 1 of 169 steps from stamp to stamp are longer than 3 periods$'),
+    'jump': (
+        [*robot(100, edges=['odom base_link']),
+         *(tf(100 + i, 'odom base_link', x=9.0 + i / 100) for i in range(100))], ['base_link'],
+        r'^1 of 200 transforms of base_link jump; at 1700000002\.000000, by 8\.01 \(m plus rad\), '
+        r'40[01] per second; otherwise, it moves by at most 0\.5 per second$'),
+    'one_shot': (
+        [*robot(110), tf(5, 'base_link camera')], ['camera'],
+        r'^one transform of camera in 2\.08 s$'),
     'late': (
         robot(change=lambda i: {'delay': 600 * MS}), ['base_link', 'arm'],
         r'^200 of 200 transforms of base_link, arm arrived more than 0\.5 s after their stamp; '
@@ -179,7 +187,7 @@ HEALTHY = {
         '/tf_static', T + S, [bags.row(T, 'map', 'odom', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0))],
         bags.TF, '/fixed')],
     'rounded quaternions': with_pose(
-        robot(), 7, (0.06, 0.0, 0.0, 0.0, 0.0, 0.7071, 0.7071)),
+        robot(), 7, (0.06, 0.0, 0.0, 0.0, 0.0, 0.0, 0.9995)),
     'wheels': robot(edges=('odom base_link', *(
         f'base_link {name}_wheel' for name in ('fl', 'fr', 'rl', 'rr')))),
     'headers with known frames': [*robot(), *points('/scan', *['laser'] * 20)],
@@ -191,12 +199,21 @@ HEALTHY = {
         for i in range(100)],
     'a rare frame': [tf(i * 50, 'map odom') for i in range(20)],
     'a single message': [tf(0, 'map odom')],
+    'a frame that begins late': [*robot(), tf(100, 'base_link camera')],
+    'a robot that stands and starts': [
+        *(tf(i, 'odom base_link', x=0.0 if i < 60 else (i - 60) * 0.5) for i in range(100))],
+    'a camera that is turned in steps': [
+        *(tf(i, 'odom base_link', 'base_link camera', x=i // 10 * 0.1) for i in range(100))],
+    'a pause, and then another place': [
+        *robot(), *(tf(200 + i, 'odom base_link', 'base_link arm', x=2.0 + i / 100)
+                    for i in range(100))][:2] + [*robot()[2:]],
     'static only': [static('map odom', 'odom base_link')],
     'REP 105': [
         static('earth map'), *(tf(i, 'map odom', 'odom base_link') for i in range(100))],
 }
 #: What the messages of a bag do not show: other tests have these codes.
-ELSEWHERE = {'static_not_latched', 'incompatible_qos', 'many_publishers', 'missing_part'}
+ELSEWHERE = {'static_not_latched', 'incompatible_qos', 'many_publishers', 'missing_part',
+             'volatile_listener'}
 
 
 def numbered(i, name, **kwargs):
@@ -219,7 +236,7 @@ CASES = {
             ('/tf', at(i) + 2 * MS, [bags.row(at(i), 'base_link', name, pose(x))], bags.TF,
              '/robot')
             for i in range(100) for name, x in (('arm', 0.0), ('/arm', 1.0)))],
-        {'same_stamp', 'leading_slash'}),
+        {'same_stamp', 'leading_slash', 'jump'}),
     'a slash in a header': ([*robot(), *points('/scan', '/laser')], {'leading_slash'}),
     'one stamp from another clock': (
         robot(change=lambda i: {'stamp': 5 * S} if i == 99 else {}),
@@ -405,7 +422,7 @@ def test_the_text(capsys, tmp_path):
         '    On /tf_static, /tf.',
         f'    {CHECKS["static_and_dynamic"].remedy}',
         '',
-        'not checked: incompatible_qos: a bag does not record the listeners',
+        'not checked: volatile_listener, incompatible_qos: a bag does not record the listeners',
         'not checked: static_not_latched: the bag does not record the QoS of the publishers',
         'not checked: two_publishers, many_publishers: the bag does not record which node has '
         'sent a message',
@@ -574,6 +591,19 @@ def test_two_publishers_of_an_edge(capsys, tmp_path):
     path = bags.make(tmp_path, 'bag', in_order(FAULTS['two_publishers'][0]))
     assert main(['--bag', str(path), 'odom', 'base_link']) == 0
     assert '  /robot, /other' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('first', 'every'), [(1, 2), (3, 5)])
+@pytest.mark.parametrize('frames', ['odom base_link', 'map odom'])
+def test_a_frame_that_flickers(capsys, tmp_path, frames, first, every):
+    """A bag of ROS 2 does not record that two nodes publish the frame; odom may jump in map."""
+    path = bags.make(tmp_path, 'mcap', [
+        tf(i, frames, x=i / 100 + 3.0 * (i % every >= first)) for i in range(200)])
+    code, found = doctor(capsys, path)
+    (finding,) = found['findings']
+    assert (code, finding['code']) == (0, 'jump')
+    assert finding['severity'] == ('info' if frames == 'map odom' else 'warning')
+    assert int(finding['evidence'].split()[0]) > 70
 
 
 # Recordings
