@@ -259,34 +259,37 @@ def _add_moves(values: Any, poses: NDArray[np.float64], stamps: NDArray[np.int64
                                      values['pose_before'])[None], last[None], poses])
     spans = np.where((stamps < before) | (stamps - before > _LONGEST_MOVE), np.inf,
                      np.maximum((stamps - before) / SECOND, _SHORTEST_MOVE))
-    moves = _distance(chain[2:], chain[1:-1])
+    moves = _distances(chain[2:], chain[1:-1])
     speeds = moves / spans
     both = np.concatenate([values['speed'][None], speeds])
-    across = _distance(chain[2:], chain[:-2]) / (2.0 * spans)
-    values['usual_speed'] = np.maximum(values['usual_speed'], np.minimum(
-        np.minimum(both[1:], both[:-1]), across).max(axis=0))
-    at = speeds.argmax(axis=0)[None]
-    speed, move, stamp = (np.take_along_axis(each, at, 0)[0] for each in (speeds, moves, stamps))
-    is_larger = speed > values['largest_speed']
-    for name, value in ('largest_speed', speed), ('jump', move), ('jump_at', stamp):
-        values[name] = np.where(is_larger, value, values[name])
-    rows, columns = np.nonzero((moves > SMALLEST_JUMP) & (speeds > 0.0))
-    if len(rows):
+    usual = np.minimum(both[1:], both[:-1])
+    values['speed'], values['pose_before'] = speeds[-1], chain[-2]
+    if moves.max() >= SMALLEST_JUMP:
+        usual = np.minimum(usual, _distances(chain[2:], chain[:-2]) / (2.0 * spans))
+        at = speeds.argmax(axis=0)[None]
+        fastest = [np.take_along_axis(each, at, 0)[0] for each in (speeds, moves, stamps)]
+        is_larger = fastest[0] > values['largest_speed']
+        for name, value in zip(('largest_speed', 'jump', 'jump_at'), fastest):
+            values[name] = np.where(is_larger, value, values[name])
+        rows, columns = np.nonzero((moves >= SMALLEST_JUMP) & (speeds > 0.0))
         bins = np.log2(speeds[rows, columns] * _LONGEST_MOVE / SECOND / SMALLEST_JUMP)
         indices = np.clip(bins * _JUMPS_PER_OCTAVE, 0, _JUMPS - 1).astype(np.int64)
         values['jumps'] += np.bincount(
             indices + columns * _JUMPS, minlength=moves.shape[1] * _JUMPS).reshape(-1, _JUMPS)
-    values['speed'], values['pose_before'] = speeds[-1], chain[-2]
+    values['usual_speed'] = np.maximum(values['usual_speed'], usual.max(axis=0))
 
 
-def _distance(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return distance (m) plus angle (rad) between (m, n, 7) poses; 0 where it is not finite."""
-    with np.errstate(over='ignore', invalid='ignore', divide='ignore'):
-        distance = np.sqrt(np.square(poses[..., :3] - others[..., :3]).sum(axis=-1))
-        a, b = poses[..., 3:], others[..., 3:]
-        norms = np.sqrt(np.square(a).sum(axis=-1)) * np.sqrt(np.square(b).sum(axis=-1))
-        cosine = np.where(np.isfinite(norms), np.abs((a * b).sum(axis=-1)) / norms, np.nan)
-        result = distance + 2.0 * np.arccos(np.minimum(cosine, 1.0))
+def _distances(poses: NDArray[np.float64], others: NDArray[np.float64]) -> NDArray[np.float64]:
+    """
+    Return distance (m) plus angle (rad) between (m, n, 7) poses; 0 where it is not finite.
+
+    The angle is approximated by twice the chord between two unit quaternions: 2.8 for pi.
+    """
+    with np.errstate(over='ignore', invalid='ignore'):
+        steps = poses[..., :3] - others[..., :3]
+        cosine = np.abs(np.einsum('ijk,ijk->ij', poses[..., 3:], others[..., 3:]))
+        result = np.sqrt(np.einsum('ijk,ijk->ij', steps, steps)) + np.sqrt(
+            np.maximum(8.0 - 8.0 * cosine, 0.0))
     return np.where(np.isfinite(result), result, 0.0)
 
 
