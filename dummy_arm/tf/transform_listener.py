@@ -211,7 +211,7 @@ class TransformListener:
                 f'Dropped a message that cannot be decoded, {error}. Further messages with '
                 'this fault are dropped silently.'))
         else:
-            self._log.warn(''.join(format_exception(error)))
+            self._log.warn_once('error', ''.join(format_exception(error)), 1.0)
 
     def _close(self) -> None:
         """Remove the source and destroy the subscriptions; called when the listener ends."""

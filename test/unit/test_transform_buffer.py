@@ -303,23 +303,27 @@ def test_refuses_with_the_words_of_tf2(parent, child, pose, cause, logs):
     assert buffer.all_frames_as_yaml() == '[]'
 
 
-def test_warnings_are_logged_once_a_second_per_cause(logs, monkeypatch):
-    """A warning of the same cause is logged again after a second at the earliest."""
+def test_warnings_are_logged_once_per_cause_and_frame(logs, monkeypatch):
+    """A warning of the same cause is logged for another frame after a second at the earliest."""
     now = 100.0
     monkeypatch.setattr('dummy_arm.tf._core.texts.monotonic', lambda: now)
     buffer = TransformBuffer()
     put(buffer, 'a', 'b', T)
-    for _ in range(3):
-        assert not put(buffer, 'a', 'b', T - 11 * S, authority='late')
-        assert not put(buffer, 'a', 'a')
-    now = 101.0
-    assert not put(buffer, 'a', 'b', T - 11 * S, authority='late')
+    put(buffer, 'a', 'c', T)
+    for second in range(3):
+        now = 100.0 + second
+        for _ in range(3):
+            assert not put(buffer, 'a', 'b', T - 11 * S, authority='late')
+            assert not put(buffer, 'a', 'c', T - 12 * S, authority='late')
+            assert not put(buffer, 'a', 'a')
     messages = [record.getMessage() for record in logs]
     assert [message.split()[0] for message in messages] == [
         'TF_OLD_DATA', 'TF_SELF_TRANSFORM:', 'TF_OLD_DATA']
     assert messages[0].startswith(
         'TF_OLD_DATA ignoring data from the past for frame b at time 1699999989.000000 according '
-        'to authority late\n')
+        'to authority late\nIt is 11.000000 s older than the newest transform of this frame, and '
+        '10.000000 s are kept. Usual causes: ')
+    assert 'for frame c at time 1699999988.000000' in messages[2]
     assert {record.levelno for record in logs} == {logging.WARNING}
 
 

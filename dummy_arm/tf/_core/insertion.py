@@ -65,7 +65,7 @@ class Insertion:
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
         if warnings := refusals(parent, child, pose, authority):
-            self.log.warn(*warnings)
+            self.log.warn(child, *warnings)
             return False
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
             # tf2 accepts an infinite translation, and lookups in tf2 then return NaN. So NaN is
@@ -77,11 +77,11 @@ class Insertion:
         is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
         if not is_known_edge:
             self._lookups.paths.clear()
-        if not is_accepted:
-            self.log.warn(old_data(child, stamp, authority))
-        elif not is_static:
-            history = self._tree.histories[child]
-            assert isinstance(history, History)
+        history = self._tree.histories[child]
+        if isinstance(history, History) and not is_accepted:
+            self.log.warn(child, old_data(
+                child, stamp, authority, history.latest, self._tree.cache_time))
+        elif isinstance(history, History):
             self._room -= 1
             if self._room < 0 or len(history) > self._max_samples_per_frame:
                 self._drop_oldest(history, 1, child, authority)
@@ -91,7 +91,7 @@ class Insertion:
         """Return True if both names are short enough, and `max_frames` allows the new frames."""
         if is_too_long(parent) or is_too_long(child):
             what, name = ('child_frame_id', child) if is_too_long(child) else ('frame_id', parent)
-            self.log.warn(too_long_name(child, what, name, LONGEST_NAME, authority))
+            self.log.warn(child, too_long_name(child, what, name, LONGEST_NAME, authority))
             return False
         frames = self._tree.histories
         if len(frames) + (child not in frames) + (parent not in frames) > self._max_frames:
@@ -133,7 +133,7 @@ class Insertion:
                         self._insert(stamp, parent, child, _unpack_pose(packed),
                                      batch.authority, False)
             except Exception:  # no memory, or a bug in this package: insert the other batches
-                self.log.warn(format_exc())
+                self.log.warn_once('insertion', format_exc(), 1.0)
                 self.mend()
 
     def clear(self) -> None:

@@ -21,6 +21,8 @@ TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
 LONGEST = 100
 #: The largest number of names that an error lists.
 _MAX_SHOWN = 5
+#: The largest number of frames of which it is remembered that there was a warning.
+_MAX_WARNED = 1000
 #: The largest number of names that are compared with an unknown name.
 _MAX_COMPARED = 1000
 
@@ -231,10 +233,14 @@ def refusals(parent: str, child: str, pose: Sequence[float], authority: str) -> 
     return found
 
 
-def old_data(child: str, stamp: int, authority: str) -> str:
+def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: int) -> str:
+    """Return tf2's warning about a transform that is too old, and the cause; times in ns."""
     return (f'TF_OLD_DATA ignoring data from the past for frame {in_log(child)} at time '
             f'{display_time(stamp)} according to authority {in_log(authority)}\n'
-            'Possible reasons are listed at http://wiki.ros.org/tf/Errors%20explained')
+            f'It is {display_time(latest - stamp)} s older than the newest transform of this '
+            f'frame, and {display_time(cache_time)} s are kept. Usual causes: two nodes publish '
+            'the frame, a bag or a simulation has started again, or use_sim_time is set in some '
+            'nodes only. This is logged once per frame.')
 
 
 # The warnings of this package, in the style of tf2's.
@@ -316,18 +322,27 @@ class ThrottledLog:
         self.write: Callable[[str], None] = logging.getLogger('dummy_arm.tf').warning
         #: The earliest monotonic time (s) of the next warning, by cause.
         self._next_times: dict[str, float] = {}
+        #: The causes and frames of `warn`.
+        self._warned: set[tuple[str, str]] = set()
         self._queue: deque[str] = deque()
 
-    def warn(self, *problems: str) -> None:
-        """Queue each warning, but at most one a second per cause; the first word is the cause."""
+    def warn(self, child: str, *problems: str) -> None:
+        """
+        Queue warnings about a frame, each once per cause, which is the first word.
+
+        At most one warning a second is queued per cause.
+        """
+        child = abbreviated(child)
         for problem in problems:
-            self._warn(problem.partition(' ')[0], problem, 1.0)
+            cause = problem.partition(' ')[0]
+            if (cause, child) not in self._warned and self.is_due(cause, 1.0):
+                self._queue.append(problem)
+                if len(self._warned) >= _MAX_WARNED:
+                    self._warned.clear()
+                self._warned.add((cause, child))
 
-    def warn_once(self, cause: str, problem: str) -> None:
-        """Queue a warning if none of this cause was queued; `warn` must not use this cause."""
-        self._warn(cause, problem, inf)
-
-    def _warn(self, cause: str, problem: str, silence: float) -> None:
+    def warn_once(self, cause: str, problem: str, silence: float = inf) -> None:
+        """Queue a warning, unless one of this cause was queued within some time (s)."""
         if self.is_due(cause, silence):
             self._queue.append(problem)
 
