@@ -10,11 +10,11 @@ from typing import Any, NamedTuple, Optional
 
 from dummy_arm.tf._bag.context import BagContext, HEADERS, NOT_RECORDED, Record, Stream, TF_TYPES
 from dummy_arm.tf._bag.formats import BagError
-from dummy_arm.tf._bag.recordings import is_bag, later_part, Paths, Recording, resolved
+from dummy_arm.tf._bag.recordings import is_bag, Paths, Recording, resolved
 from dummy_arm.tf._bag.recordings import recordings as find_recordings
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._core.texts import comma_list
+from dummy_arm.tf._core.texts import comma_list, later_part
 from dummy_arm.tf._wire.cdr import MalformedMessage
 from dummy_arm.tf._wire.message_reader import Encoding, MessageReader
 from dummy_arm.tf.transform_buffer import TransformBuffer
@@ -103,7 +103,7 @@ def missing_part(path: Paths) -> str:
     """Return a sentence that names the first part, if only later parts are given; else ''."""
     for recording in find_recordings(path):
         recording = resolved(recording, True)
-        return later_part(recording) if recording.first else ''
+        return later_part(str(recording.path), str(recording.first)) if recording.first else ''
     return ''
 
 
@@ -198,7 +198,7 @@ def read(path: Paths, *, cache_time: Any = None, namespace: str = '',
         raise BagError(
             f'{recording.path} has TF messages ({count}), but no valid transform in them')
     if recording.first and not any(frame.is_static for frame in frames):
-        engine.tree.advice = f' {later_part(recording)}'
+        engine.tree.advice = f' {later_part(str(recording.path), str(recording.first))}'
     return buffer
 
 
@@ -227,15 +227,15 @@ def _open(paths: Paths, namespace: str, partial: bool, max_bytes: int,
 def _finish(recording: Recording, context: BagContext, count: int,
             accepts_wrong_types: bool = False) -> None:
     """Report that the bag, with `count` TF messages, has been read; log its damage."""
-    is_wrong = bool(context.own_topics_of_wrong_type())
-    if not count and not (is_wrong and accepts_wrong_types):
+    wrong_types = context.wrong_types()
+    if not count and not (wrong_types and accepts_wrong_types):
         if context.damage:
             raise BagError(f'no TF message can be read: {" ".join(context.damage)}')
-        part = f'. {later_part(recording)}' if recording.first else ''
-        raise BagError(f'{recording.path} has no TF: {context.why_no_tf()}{part}')
-    if is_wrong and not accepts_wrong_types:
-        logging.getLogger('dummy_arm.tf').warning(
-            '%s: %s', recording.path, context.wrong_types_text())
+        part = recording.first and later_part(str(recording.path), str(recording.first))
+        raise BagError(f'{recording.path} has no TF: {context.why_no_tf()}'
+                       + (f'. {part}' if part else ''))
+    if wrong_types and not accepts_wrong_types:
+        logging.getLogger('dummy_arm.tf').warning('%s: %s', recording.path, wrong_types)
     if context.damage:
         logging.getLogger('dummy_arm.tf').warning(
             '%s Read %d TF messages', ' '.join(context.damage), count)
@@ -265,7 +265,7 @@ def _records(recording: Recording, context: BagContext) -> Iterator[Record]:
     except ImportError as error:
         context.tick()  # if on_progress has raised an exception, this raises it again
         raise _library_missing(error) from None
-    context.finish()
+    context.begin(1.0, 0.0)
 
 
 def _library_missing(error: ImportError) -> BagError:

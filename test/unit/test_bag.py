@@ -466,8 +466,8 @@ def test_partial_is_for_mcap(tmp_path, kind):
     """Other bags are refused in one line, though they are whole."""
     file = bags.file_of(bags.make(tmp_path, kind, bags.walk(1)))
     assert outcome(file, partial=True) == (
-        f'{file} cannot be read with partial=True (--partial), which reads .mcap files only: '
-        'leave it out')
+        f'no TF message can be read: {file} cannot be read with partial=True (--partial), which '
+        'reads .mcap files only: leave it out.')
 
 
 def test_a_database_that_was_not_closed(tmp_path):

@@ -4,16 +4,17 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import lru_cache
 from pathlib import Path
 import re
 import struct
 from typing import NamedTuple, Optional, Union
 
-from dummy_arm.tf._bag.formats import BagError, NotPartial
-from dummy_arm.tf._bag.recordings import error_line, Recording
-from dummy_arm.tf._core.texts import comma_list, in_log, namespace_path, TF_MESSAGE, visible
+from dummy_arm.tf._bag.formats import BagError
+from dummy_arm.tf._bag.recordings import Recording
+from dummy_arm.tf._core import texts
+from dummy_arm.tf._core.texts import error_line, namespace_path, TF_MESSAGE, visible
 from dummy_arm.tf._wire import cdr, ros1
+from dummy_arm.tf._wire.definitions import begins_with_header
 from dummy_arm.tf._wire.message_reader import Encoding
 
 #: The publisher of a stream if the bag does not record it; rosbag2 never does.
@@ -21,7 +22,9 @@ NOT_RECORDED = 'not recorded'
 TF_TYPES = TF_MESSAGE, 'tf/msg/tfMessage'
 #: The number of messages of a topic other than TF whose headers are read.
 HEADERS = 10
-#: The largest number of topics, of namespaces or of faults that a text lists.
+#: Progress is reported once for this many messages.
+ADVANCE = 100
+#: The largest number of faults that a text lists.
 _SHOWN = 10
 #: The largest number of topics that are remembered.
 _MAX_TOPICS = 10_000
@@ -85,7 +88,7 @@ class BagContext:
         #: Descriptions of the first `_SHOWN` faults in the files of the bag.
         self.damage: list[str] = []
 
-    def add_topic(self, name: str, msgtype: str, encoding: str, definition: str = '',
+    def add_topic(self, name: str, msgtype: str, definition: str, encoding: str,
                   durabilities: Sequence[str] = (), publisher: str = ''
                   ) -> Union[Stream, BagTopic, None]:
         """Remember a topic; return its stream, or the topic if its headers are to be read."""
@@ -100,7 +103,7 @@ class BagContext:
             if len(self.topics) < _MAX_TOPICS or is_static is not None:
                 self.topics[name, msgtype] = topic
             if self._with_headers and is_static is None and msgtype not in TF_TYPES:
-                topic.has_header = _begins_with_header(msgtype, definition)
+                topic.has_header = begins_with_header(msgtype, definition)
         if is_static is None or msgtype not in TF_TYPES:
             return topic if topic.needs_headers() else None
         topic.durabilities |= Counter(durabilities)  # the largest numbers of all files
@@ -114,10 +117,6 @@ class BagContext:
     def advance(self, part: float) -> None:
         """Report the fraction of the current step that is done."""
         self._done = self._start + part * self._share
-        self.tick()
-
-    def finish(self) -> None:
-        self._done = 1.0
         self.tick()
 
     def tick(self) -> None:
@@ -134,7 +133,7 @@ class BagContext:
         """Append an error to `damage` if `partial` is True; else, raise a BagError."""
         if self._raised is not None:
             raise self._raised
-        if isinstance(error, (ImportError, NotPartial)):
+        if isinstance(error, ImportError):
             raise error
         is_named = isinstance(error, BagError)  # its text already names the file
         if self.partial:
@@ -148,57 +147,16 @@ class BagContext:
             raise BagError(f'{self._path} cannot be read: {name}{error_line(error)} '
                            f'{_REMEDIES.get(kind, "")}'.rstrip()) from None
 
-    def own_topics_of_wrong_type(self) -> list[BagTopic]:
-        return [topic for topic in self.topics.values()
-                if topic.name in self._is_static and topic.msgtype not in TF_TYPES]
+    def wrong_types(self) -> str:
+        """Name the topics of TF that have another type; return '' if there are none."""
+        found = [(topic.name, topic.msgtype) for topic in self.topics.values()
+                 if topic.name in self._is_static and topic.msgtype not in TF_TYPES]
+        return texts.wrong_types(found) if found else ''
 
     def why_no_tf(self) -> str:
-        expected = ' or '.join(self._is_static)
         namespaces = {topic.name.rpartition('/')[0] for topic in self.topics.values()
                       if topic.msgtype in TF_TYPES and re.search('/tf(_static)?$', topic.name)}
-        others = sorted(namespaces - {self._namespace})
-        if others == ['']:
-            return (f'no TFMessage on {expected}, but on topics without a namespace: omit the '
-                    'namespace')
-        if others:
-            return (f'no TFMessage on {expected}, but in the namespace '
-                    f'{comma_list([in_log(name) or "/" for name in others], _SHOWN)}: pass it as '
-                    'namespace (--namespace)')
-        if self.own_topics_of_wrong_type():
-            return self.wrong_types_text()
-        topics = sorted(f'{in_log(topic.name)} ({in_log(topic.msgtype)})'
-                        for topic in self.topics.values())
-        return (f'no {TF_MESSAGE} on {expected}; its topics: '
-                f'{comma_list(topics, _SHOWN) or "none"}')
-
-    def wrong_types_text(self) -> str:
-        types = ' and '.join(sorted(f'{in_log(topic.name)} has the type {in_log(topic.msgtype)}'
-                                    for topic in self.own_topics_of_wrong_type()))
-        return (f'{types}, not {TF_MESSAGE}: send transforms with a TransformBroadcaster or a '
-                'StaticTransformBroadcaster')
-
-
-def durabilities(profiles: str) -> list[str]:
-    """Return the durability in each of the QoS profiles that rosbag2 has recorded as YAML."""
-    from rosbags.rosbag2.metadata import parse_qos
-    try:
-        return [profile.durability.name for profile in parse_qos(profiles)]
-    except Exception:  # a damaged or incomplete text raises errors of many types
-        return []
-
-
-@lru_cache(maxsize=1000)
-def _begins_with_header(msgtype: str, definition: str) -> Optional[bool]:
-    """Return whether messages begin with a header; None: the definition is not understood."""
-    from rosbags.typesys import get_types_from_idl, get_types_from_msg, get_typestore, Stores
-    try:
-        if not definition:
-            types = get_typestore(Stores.LATEST).fielddefs
-        elif re.search(r'\bmodule\s+\w+\s*{', definition):
-            types = get_types_from_idl(definition)
-        else:
-            types = get_types_from_msg(definition, msgtype)
-        fields = types[msgtype][1]
-    except Exception:  # the parser raises errors of many types
-        return None
-    return bool(fields) and fields[0][1][1] == 'std_msgs/msg/Header'
+        if others := sorted(namespaces - {self._namespace}):
+            return texts.no_tf_here([*self._is_static], others)
+        return self.wrong_types() or texts.no_tf([*self._is_static], [
+            (topic.name, topic.msgtype) for topic in self.topics.values()])

@@ -6,7 +6,6 @@ from typing import Optional
 #: The first bytes of the formats; `.zstd` is a file that is compressed as a whole.
 _KINDS = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3', b'#ROSBAG V': '.bag',
           b'\x28\xb5\x2f\xfd': '.zstd'}
-#: The definition of a bag, for the texts of errors.
 BAG_DEFINITION = ('a bag is a directory written by ros2 bag record, a .mcap or .db3 file in it, '
                   'or a .bag file of ROS 1')
 
@@ -15,16 +14,8 @@ class BagError(Exception):
     """A bag cannot be read or has no transforms; the text says why, and what to do."""
 
 
-class NotPartial(BagError):
-    """A bag cannot be read in parts."""
-
-
 def kind_of(path: Path, name: Optional[Path] = None) -> str:
-    """
-    Return '.mcap', '.db3', '.bag' or '.zstd', by the first bytes of the file.
-
-    :param name: the path in the text of the error, if it is another one.
-    """
+    """Return '.mcap', '.db3', '.bag' or '.zstd'; `name`: the path in the text of the error."""
     refuse_special(path)
     with path.open('rb') as file:
         beginning = file.read(16)

@@ -9,8 +9,9 @@ from mcap.exceptions import EndOfFile, RecordLengthLimitExceeded
 from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import breakup_chunk, StreamReader
 
-from dummy_arm.tf._bag.context import BagContext, BagTopic, durabilities, Record, Stream
+from dummy_arm.tf._bag.context import BagContext, BagTopic, Record, Stream
 from dummy_arm.tf._bag.unpacking import Oversized, unpack_message
+from dummy_arm.tf._wire.definitions import durabilities
 
 
 def records_in_file_order(path: Path, context: BagContext) -> Iterator[Record]:
@@ -64,6 +65,6 @@ def _in_chunk(chunk: Chunk, max_bytes: int) -> list[Any]:
 def _stream(channel: Channel, schema: Optional[Schema], context: BagContext
             ) -> Union[Stream, BagTopic, None]:
     return context.add_topic(
-        channel.topic, schema.name if schema else '', channel.message_encoding,
-        schema.data.decode(errors='replace') if schema else '',
+        channel.topic, schema.name if schema else '',
+        schema.data.decode(errors='replace') if schema else '', channel.message_encoding,
         durabilities(channel.metadata.get('offered_qos_profiles', '')))

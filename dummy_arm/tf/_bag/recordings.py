@@ -10,7 +10,7 @@ import re
 from typing import NamedTuple, Optional, Union
 
 from dummy_arm.tf._bag.formats import BAG_DEFINITION, BagError, refuse_special
-from dummy_arm.tf._core.texts import abbreviated, comma_list, visible
+from dummy_arm.tf._core.texts import comma_list, error_line, visible
 
 #: One path, or several: files, directories, and patterns such as `*.mcap`.
 Paths = Union[str, 'os.PathLike[str]', Iterable[Union[str, 'os.PathLike[str]']]]
@@ -23,8 +23,6 @@ _TIME = re.compile(r'\d{4}(-\d\d){5}$')
 _LONGEST_METADATA = 10_000_000  # bytes
 #: The largest number of files that the text of an error lists.
 _SHOWN = 5
-#: An error text that is longer than this (characters) is abbreviated.
-_LONGEST_ERROR = 500
 
 
 class Recording(NamedTuple):
@@ -55,20 +53,8 @@ def recordings(paths: Paths) -> list[Recording]:
     return [*found.values()]
 
 
-def later_part(recording: Recording) -> str:
-    """Say why a recording may have no static transforms, and what to do."""
-    path, first = (visible(str(each)) for each in (recording.path, recording.first))
-    return (f'{path} is without the first part of its recording, which usually has all static '
-            f'transforms: read {first}, too.')
-
-
 def is_bag(path: str) -> bool:
-    """
-    Return whether a text is the path of a bag, and not the name of a frame.
-
-    It is if it ends like a bag, is a pattern, names a directory of bags, or has a directory and
-    exists.
-    """
+    """Return whether a text is the path of a bag, and not the name of a frame."""
     with suppress(OSError):  # such as a directory that cannot be read
         return bool(_FILE.search(path) or _is_pattern(path) or _bags_in(Path(path))
                     or (os.path.dirname(path) and os.path.lexists(path)))
@@ -179,9 +165,3 @@ def _part(path: Path, listed: dict[Path, list[Path]]) -> tuple[Path, int]:
 
 def _names(files: Iterable[Path]) -> str:
     return comma_list([visible(file.name) for file in files], _SHOWN)
-
-
-def error_line(error: Exception) -> str:
-    """Return the text of an error, or its type, in one line that ends with one period."""
-    text = visible(' '.join(str(error).split())) or type(error).__name__
-    return f'{abbreviated(text, _LONGEST_ERROR).rstrip(".")}.'

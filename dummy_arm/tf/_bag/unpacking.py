@@ -9,7 +9,6 @@ from typing import Any
 
 #: The first bytes of data that are compressed by zstd; a message in CDR never begins with them.
 ZSTD = b'\x28\xb5\x2f\xfd'
-_PIECE = 2**18  # bytes
 
 
 class Oversized(Exception):
@@ -25,31 +24,17 @@ def unpack_file(path: Path, whole: Path, advance: Callable[[float], object]) -> 
     Decompress a file into a temporary one, but fill no more than half of the free space.
 
     Of a file that is cut off, what can be decompressed is written before the EOFError.
-
-    :param advance: called with the fraction of the file that has been read.
     """
-    max_size, size = shutil.disk_usage(whole.parent).free // 2, 0
-    decompressor, compressed_size = _zstd().ZstdDecompressor(), max(1, path.stat().st_size)
+    limit, size = shutil.disk_usage(whole.parent).free // 2, max(1, path.stat().st_size)
     with path.open('rb') as source, whole.open('wb') as target:
-        data = source.read(_PIECE)
-        while data or not decompressor.needs_input:
-            advance(min(1.0, source.tell() / compressed_size))
-            piece = decompressor.decompress(data, _PIECE)
+        file = _zstd().ZstdFile(source)
+        while piece := file.read1(2**18):
+            advance(source.tell() / size)
             target.write(piece)
-            size += len(piece)
-            if size > max_size:
-                raise OSError(
-                    f'its temporary copy takes more than {max_size} bytes, half of the free space '
-                    f'in {whole.parent.parent}: set TMPDIR to a directory with more space')
-            data = b''
-            if decompressor.eof:  # other data that were compressed separately may follow
-                data = decompressor.unused_data or source.read(_PIECE)
-                if not data:
-                    return
-                decompressor = _zstd().ZstdDecompressor()
-            elif decompressor.needs_input:
-                data = source.read(_PIECE)
-    raise EOFError('its compressed data end too early')
+            if target.tell() > limit:
+                raise OSError(f'its temporary copy takes more than {limit} bytes, half of the '
+                              f'free space in {whole.parent.parent}: set TMPDIR to a directory '
+                              'with more space')
 
 
 def unpack_message(data: bytes, limit: int) -> bytes:

@@ -10,15 +10,12 @@ from rosbags import rosbag1
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_mcap import McapReader
 
-from dummy_arm.tf._bag.context import BagContext, BagTopic, HEADERS, Record, Stream
+from dummy_arm.tf._bag.context import ADVANCE, BagContext, BagTopic, HEADERS, Record, Stream
 from dummy_arm.tf._bag.database import records_of_database
-from dummy_arm.tf._bag.formats import BagError, kind_of, NotPartial
+from dummy_arm.tf._bag.formats import BagError, kind_of
 from dummy_arm.tf._bag.mcap_stream import records_in_file_order
 from dummy_arm.tf._bag.recordings import Recording
 from dummy_arm.tf._bag.unpacking import Oversized, unpack_file, unpack_message, ZSTD
-
-#: Progress is reported once for this many messages.
-_ADVANCE = 100
 
 
 def records(recording: Recording, context: BagContext) -> Iterator[Record]:
@@ -60,8 +57,8 @@ def _records_of_file(whole: Path, path: Path, kind: str, context: BagContext) ->
             yield from records_in_file_order(whole, context)
             return
     elif context.partial:
-        raise NotPartial(f'{path} cannot be read with partial=True (--partial), which reads .mcap '
-                         'files only: leave it out')
+        raise BagError(f'{path} cannot be read with partial=True (--partial), which reads .mcap '
+                       'files only: leave it out')
     elif kind == '.db3':
         yield from records_of_database(whole, context)
         return
@@ -111,13 +108,10 @@ def _open_mcap(path: Path) -> Optional[McapReader]:
 def _records_of_reader(reader: Any, kind: str, context: BagContext) -> Iterator[Record]:
     streams, headers, max_bytes = {}, [], context.max_bytes
     for connection in reader.connections:
-        ext = connection.ext
-        stream = (context.add_topic(connection.topic, connection.msgtype, 'ros1',
-                                    connection.msgdef.data, publisher=ext.callerid or '')
-                  if kind == '.bag' else
-                  context.add_topic(connection.topic, connection.msgtype,
-                                    ext.serialization_format, connection.msgdef.data,
-                                    [qos.durability.name for qos in ext.offered_qos_profiles]))
+        ext, about = connection.ext, (connection.topic, connection.msgtype, connection.msgdef.data)
+        stream = context.add_topic(*about, 'ros1', publisher=ext.callerid or '') if (
+            kind == '.bag') else context.add_topic(*about, ext.serialization_format, [
+                qos.durability.name for qos in ext.offered_qos_profiles])
         if isinstance(stream, Stream):
             streams[connection.id] = connection, stream
         elif isinstance(stream, BagTopic):
@@ -127,7 +121,7 @@ def _records_of_reader(reader: Any, kind: str, context: BagContext) -> Iterator[
         _check_sizes(reader, {*streams, *(connection.id for connection, _ in headers)}, max_bytes)
     number, total = 0, sum(connection.msgcount for connection in wanted)
     for connection, time, data in reader.messages(wanted) if wanted else ():
-        if number % _ADVANCE == 0:
+        if number % ADVANCE == 0:
             context.advance(min(1.0, number / total))
         number += 1
         if len(data) > max_bytes or data[:4] == ZSTD:

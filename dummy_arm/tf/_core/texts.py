@@ -21,6 +21,10 @@ TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
 LONGEST = 100
 #: The largest number of names that an error lists.
 _MAX_SHOWN = 5
+#: The largest number of topics or namespaces that an error lists.
+_MAX_TOPICS = 10
+#: An error text that is longer than this (characters) is abbreviated.
+_LONGEST_ERROR = 500
 #: The largest number of frames of which it is remembered that there was a warning.
 _MAX_WARNED = 1000
 #: The largest number of names that are compared with an unknown name.
@@ -241,6 +245,46 @@ def old_data(child: str, stamp: int, authority: str, latest: int, cache_time: in
             f'frame, and {display_time(cache_time)} s are kept. Usual causes: two nodes publish '
             'the frame, a bag or a simulation has started again, or use_sim_time is set in some '
             'nodes only. This is logged once per frame.')
+
+
+# The errors of bags.
+
+
+def error_line(error: Exception) -> str:
+    """Return the text of an error, or its type, in one line that ends with one period."""
+    text = visible(' '.join(str(error).split())) or type(error).__name__
+    return f'{abbreviated(text, _LONGEST_ERROR).rstrip(".")}.'
+
+
+def later_part(path: str, first: str) -> str:
+    """Say why a recording may have no static transforms, and what to do."""
+    return (f'{visible(path)} is without the first part of its recording, which usually has all '
+            f'static transforms: read {visible(first)}, too.')
+
+
+def no_tf(expected: Sequence[str], topics: Sequence[tuple[str, str]]) -> str:
+    """Say that a bag has no transforms on the expected topics; `topics`: all, with their types."""
+    others = sorted(f'{in_log(name)} ({in_log(msgtype)})' for name, msgtype in topics)
+    return (f'no {TF_MESSAGE} on {" or ".join(expected)}; its topics: '
+            f'{comma_list(others, _MAX_TOPICS) or "none"}')
+
+
+def no_tf_here(expected: Sequence[str], namespaces: Sequence[str]) -> str:
+    """Say in which other namespaces a bag has transforms; '': without one."""
+    if namespaces == ['']:
+        where = 'on topics without a namespace: omit the namespace'
+    else:
+        names = comma_list([in_log(name) or '/' for name in namespaces], _MAX_TOPICS)
+        where = f'in the namespace {names}: pass it as namespace (--namespace)'
+    return f'no TFMessage on {" or ".join(expected)}, but {where}'
+
+
+def wrong_types(topics: Sequence[tuple[str, str]]) -> str:
+    """Say which topics of TF have another type."""
+    types = ' and '.join(f'{in_log(name)} has the type {in_log(msgtype)}'
+                         for name, msgtype in sorted(topics))
+    return (f'{types}, not {TF_MESSAGE}: send transforms with a TransformBroadcaster or a '
+            'StaticTransformBroadcaster')
 
 
 # The warnings of this package, in the style of tf2's.
