@@ -14,10 +14,10 @@ from dummy_arm.tf.bag import BagError, is_bag, read
 
 def add_bag_options(parser: Parser) -> None:
     parser.prepare = _repeat_option
-    parser.add_argument('--bag', action='append', metavar='FILE', help='read the transforms from '
-                        'a bag, without ROS: a rosbag2 directory, a .mcap or .db3 file, or a .bag '
-                        'of ROS 1. Of a recording that was split, give the directory, or all '
-                        'files')
+    parser.add_argument('--bag', action='append', metavar='FILE...',
+                        help='read the transforms from a bag, without ROS: a rosbag2 directory, a '
+                        '.mcap or .db3 file, or a .bag of ROS 1. Of a recording that was split, '
+                        'give the directory, or all files')
     add_namespace_option(parser, 'read the transforms from')
     parser.add_argument('--partial', action='store_true', help='with --bag: if a .mcap file is '
                         'cut off or damaged, read what can be read')
