@@ -14,8 +14,8 @@ from measure import resident
 import rclpy
 
 from dummy_arm.tf import TFMessage
-from dummy_arm.tf._core.pose import IDENTITY, Row
-from dummy_arm.tf._ros.transform_stamped import message_of
+from dummy_arm.tf._core.pose import IDENTITY
+from dummy_arm.tf.buffer_core import to_message
 
 
 def main(count: int = 1_000_000) -> None:
@@ -26,7 +26,7 @@ def main(count: int = 1_000_000) -> None:
     subscription = node.create_subscription(TFMessage, '/tf', lambda _: None, 10)
     publisher = node.create_publisher(TFMessage, '/tf', 10)
     message = TFMessage(transforms=[
-        message_of(Row(1_000_000_002, 'map', f'frame_{i}', IDENTITY))
+        to_message('map', f'frame_{i}', (1_000_000_002, IDENTITY))
         for i in range(2)])
     print('| published | taken | resident (MiB) |\n|---|---|---|')
     for published in range(count + 1):

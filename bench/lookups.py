@@ -17,9 +17,8 @@ from rclpy.duration import Duration
 from rclpy.time import Time
 
 from dummy_arm.tf import Buffer, TransformBuffer
-from dummy_arm.tf._core import pose as poses
 from dummy_arm.tf._core.pose import Pose
-from dummy_arm.tf._ros.transform_stamped import message_of
+from dummy_arm.tf.buffer_core import to_message
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
@@ -59,7 +58,7 @@ def rows(u: float) -> Iterator[Row]:
         real = tf2_ros.Buffer(CACHE)
 
         def insert(stamp: int, parent: str, child: str, pose: Pose) -> None:
-            real.set_transform(message_of(poses.Row(stamp, parent, child, pose)), 'bench')
+            real.set_transform(to_message(parent, child, (stamp, pose)), 'bench')
 
         fill(insert, 5, 10_000, 1000)
         yield from lookup_rows(real, 'tf2_ros', newest - between, u)
@@ -75,7 +74,7 @@ def rows(u: float) -> Iterator[Row]:
             'frame_0', 'frame_5', asked)) / MANY  # noqa: B023
         yield (f'{MANY} lookups in one call, times {name}, each', *cost(seconds, u),
                f'{seconds / reference:.3f} of the newest')
-    message = message_of(poses.Row(T + 11 * S, 'frame_0', 'frame_1', pose(0, 1000)))
+    message = to_message('frame_0', 'frame_1', (T + 11 * S, pose(0, 1000)))
     seconds = best(lambda: buffer.set_transform(message, 'bench'))
     yield 'set_transform', *cost(seconds, u), ''
 

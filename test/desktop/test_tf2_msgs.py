@@ -53,7 +53,7 @@ def test_messages_of_lookups_have_floats(runs):
     runs("""
 from rclpy.serialization import deserialize_message, serialize_message
 from dummy_arm.tf import Buffer
-from dummy_arm.tf._ros.transform_stamped import message_of
+from dummy_arm.tf.buffer_core import to_message
 
 def sent(*messages):
     data = serialize_message(TFMessage(transforms=messages))
@@ -67,7 +67,7 @@ assert TFMessage.__class__._TYPE_SUPPORT is not None
 buffer = Buffer()
 buffer.set_transform_static(wrong, 'test')
 found = buffer.lookup_transform('map', 'wrong', Time())
-made = message_of((0, 'map', 'wrong', (3, 0, 0, 0, 0, 0, 1)))
+made = to_message('map', 'wrong', (0, (3, 0, 0, 0, 0, 0, 1)))
 assert sent(found, made) == [found, made]
 assert (found.transform.translation.x, found.transform.rotation.w) == (3.0, 1.0)
 """)

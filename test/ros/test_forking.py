@@ -21,7 +21,7 @@ def in_child(work, meanwhile):
 
 import rclpy
 from dummy_arm.tf import Buffer, TransformBroadcaster, TransformException, TransformListener
-from dummy_arm.tf._ros.transform_stamped import message_of
+from dummy_arm.tf.buffer_core import to_message
 from rclpy.duration import Duration
 from rclpy.time import Time
 
@@ -34,8 +34,8 @@ number = 0
 def send():
     global number
     number += 1
-    broadcaster.sendTransform(message_of(
-        (100 * 10**9 + number, 'map', 'tool', (float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))))
+    broadcaster.sendTransform(to_message('map', 'tool', (
+        100 * 10**9 + number, (float(number), 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))))
 def x():
     return buffer.lookup_transform('map', 'tool', Time()).transform.translation.x
 while not buffer.can_transform('map', 'tool', Time()):
@@ -65,8 +65,8 @@ def look():
     os.read(reading, 1)  # meanwhile, the parent has received more
     assert x() == before
     assert not buffer.can_transform('map', 'late', Time(), Duration(seconds=0.2))
-    buffer.set_transform(message_of(
-        (100 * 10**9, 'map', 'late', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))), 'child')
+    buffer.set_transform(to_message('map', 'late', (
+        100 * 10**9, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))), 'child')
     assert buffer.can_transform('map', 'late', Time())
     assert not waiting.done() and not kept.done()
     try:
@@ -94,8 +94,8 @@ try:
 finally:
     ends = True
     sender.join()
-buffer.set_transform(message_of(
-    (100 * 10**9, 'map', 'late', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))), 'parent')
+buffer.set_transform(to_message('map', 'late', (
+    100 * 10**9, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))), 'parent')
 thread.join(60)
 assert len(blocked) == 1
 assert waiting.done() and kept.done()

@@ -39,8 +39,7 @@ from dummy_arm.tf import (
     TransformListener,
 )
 from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._ros.transform_stamped import message_of
+from dummy_arm.tf.buffer_core import to_message
 
 S = 10**9
 LATEST = Time()
@@ -283,7 +282,7 @@ def time_of(number):
 
 def row_message(frame, number):
     """Return the message with a transform whose x is its stamp in ms."""
-    return message_of(Row(number * 10**6, 'map', frame, (float(number), *STILL[1:])))
+    return to_message('map', frame, (number * 10**6, (float(number), *STILL[1:])))
 
 
 def interrupt(seed):

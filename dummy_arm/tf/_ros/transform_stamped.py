@@ -73,11 +73,6 @@ def fields_of(message: TransformStamped) -> cdr.Fields:
              rotation._x, rotation._y, rotation._z, rotation._w))
 
 
-def message_of(row: Row) -> TransformStamped:
-    stamp_ns, frame_id, child_frame_id, pose = row
-    return message_of_fields((*divmod(stamp_ns, SECOND), frame_id, child_frame_id, pose))
-
-
 def message_of_fields(fields: cdr.Fields) -> TransformStamped:
     """
     Create a TransformStamped from its fields.
