@@ -78,14 +78,16 @@ class Insertion:
         if not is_known_edge:
             self._lookups.paths.clear()
         history = self._tree.histories[child]
-        if isinstance(history, History) and not is_accepted:
+        if not isinstance(history, History):
+            return is_accepted
+        if not is_accepted:
             self.log.warn(child, old_data(
                 child, stamp, authority, history.latest, self._tree.cache_time))
-        elif isinstance(history, History):
-            self._room -= 1
-            if self._room < 0 or len(history) > self._max_samples_per_frame:
-                self._drop_oldest(history, 1, child, authority)
-        return is_accepted
+            return False
+        self._room -= 1
+        if self._room < 0 or len(history) > self._max_samples_per_frame:
+            self._drop_oldest(history, 1, child, authority)
+        return True
 
     def _accepts_names(self, parent: str, child: str, authority: str) -> bool:
         """Return True if both names are short enough, and `max_frames` allows the new frames."""
