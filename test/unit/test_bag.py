@@ -716,18 +716,25 @@ def test_schemas_that_are_unknown(tmp_path, change_file):
     assert [frame.length for frame in read(path).frames()] == [1, 101]
 
 
-def test_messages_that_the_index_does_not_have(tmp_path):
-    """Messages outside of the chunks, and chunks that are not in the index, are read."""
+def test_a_message_that_the_index_does_not_have(tmp_path):
+    """A message after the chunks, which only the number of messages tells of, is read."""
     path = walk_by_mcap(tmp_path / 'x.mcap')
-    data = path.read_bytes()
-    at = data.index(b'\x06')  # may be inside of a record
-    header = 8 + 9 + int.from_bytes(data[9:17], 'little')
-    extra = bags.mcap_channel('/tf', 9) + bags.mcap_message(
-        [bags.row(S, 'map', 'outside')], S, 9)
-    assert at
-    path.write_bytes(data[:header] + extra + data[header:])
-    found = [frame.name for frame in read(path, partial=True).frames()]
-    assert sorted(found) == ['base_link', 'odom', 'outside']
+    data = bytearray(path.read_bytes())
+    footer = len(data) - 8 - 20
+    start, offsets, _ = struct.unpack_from('<QQI', data, footer)
+    statistics = start
+    while data[statistics] != 0x0b:
+        statistics += 9 + int.from_bytes(data[statistics + 1:statistics + 9], 'little')
+    (count,) = struct.unpack_from('<Q', data, statistics + 9)
+    extra = bags.mcap_message([bags.row(S, 'map', 'outside')], S, 2)
+    struct.pack_into('<Q', data, statistics + 9, count + 1)
+    struct.pack_into('<QQI', data, footer, start + len(extra), offsets + len(extra), 0)
+    data[start - 13:start - 13] = extra  # before the end of the data, a record of 13 bytes
+    path.write_bytes(data)
+    assert count == 102
+    for partial in False, True:
+        found = [frame.name for frame in read(path, partial=partial).frames()]
+        assert sorted(found) == ['base_link', 'odom', 'outside']
 
 
 def test_a_bomb_without_an_index(tmp_path):
