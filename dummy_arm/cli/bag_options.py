@@ -51,16 +51,18 @@ def read_bag(bag: Optional[Sequence[str]], namespace: str, partial: bool
 
     :raises CommandError: if the bag cannot be read, or is damaged and `partial` is not set.
     """
-    check_partial(bag, partial)
+    check_bag_options(bag, partial)
     if bag is None:
         return None
     with bag_progress(bag) as on_progress:
         return read(bag, namespace=namespace, partial=partial, on_progress=on_progress)
 
 
-def check_partial(bag: Optional[Sequence[str]], partial: bool) -> None:
+def check_bag_options(bag: Optional[Sequence[str]], partial: bool) -> None:
     if partial and bag is None:
         raise UsageError('--partial needs --bag')
+    if not all(bag or ()):
+        raise UsageError('--bag needs the path of a bag, got an empty one')
 
 
 @contextmanager
@@ -70,9 +72,6 @@ def bag_progress(bag: Sequence[str]) -> Iterator[Callable[[float], object]]:
 
     The target of `as` is the argument `on_progress` for `dummy_arm.tf.bag`; a signal ends it.
     """
-    if not all(bag):
-        raise UsageError('--bag needs the path of a bag, got an empty one')
-
     def on_progress(done: float) -> None:
         check_signals()
         show_progress(done)

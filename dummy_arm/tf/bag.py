@@ -14,7 +14,7 @@ from dummy_arm.tf._bag.recordings import is_bag, Paths, Recording, resolved
 from dummy_arm.tf._bag.recordings import recordings as find_recordings
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._core.texts import comma_list, later_part
+from dummy_arm.tf._core.texts import comma_list
 from dummy_arm.tf._wire.cdr import MalformedMessage
 from dummy_arm.tf._wire.message_reader import Encoding, MessageReader
 from dummy_arm.tf.transform_buffer import TransformBuffer
@@ -101,10 +101,8 @@ def recordings(paths: Paths) -> list[list[Path]]:
 
 def missing_part(path: Paths) -> str:
     """Return a sentence that names the first part, if only later parts are given; else ''."""
-    for recording in find_recordings(path):
-        recording = resolved(recording, True)
-        return later_part(str(recording.path), str(recording.first)) if recording.first else ''
-    return ''
+    found = find_recordings(path)
+    return resolved(found[0], True).missing_part if found else ''
 
 
 def messages(path: Paths, *, namespace: str = '', partial: bool = False,
@@ -197,8 +195,8 @@ def read(path: Paths, *, cache_time: Any = None, namespace: str = '',
     if not frames:
         raise BagError(
             f'{recording.path} has TF messages ({count}), but no valid transform in them')
-    if recording.first and not any(frame.is_static for frame in frames):
-        engine.tree.advice = f' {later_part(str(recording.path), str(recording.first))}'
+    if recording.missing_part and not any(frame.is_static for frame in frames):
+        engine.tree.advice = f' {recording.missing_part}'
     return buffer
 
 
@@ -220,6 +218,8 @@ def _open(paths: Paths, namespace: str, partial: bool, max_bytes: int,
         recording.files[0].stat()  # a missing file is reported before a missing library
     except ImportError as error:
         raise _library_missing(error) from None
+    if recording.warning:
+        logging.getLogger('dummy_arm.tf').warning(recording.warning)
     return recording, BagContext(
         recording, namespace, partial, max_bytes, on_progress or (lambda done: None), with_headers)
 
@@ -231,9 +231,8 @@ def _finish(recording: Recording, context: BagContext, count: int,
     if not count and not (wrong_types and accepts_wrong_types):
         if context.damage:
             raise BagError(f'no TF message can be read: {" ".join(context.damage)}')
-        part = recording.first and later_part(str(recording.path), str(recording.first))
-        raise BagError(f'{recording.path} has no TF: {context.why_no_tf()}'
-                       + (f'. {part}' if part else ''))
+        part = f'. {recording.missing_part}' if recording.missing_part else ''
+        raise BagError(f'{recording.path} has no TF: {context.why_no_tf()}{part}')
     if wrong_types and not accepts_wrong_types:
         logging.getLogger('dummy_arm.tf').warning('%s: %s', recording.path, wrong_types)
     if context.damage:

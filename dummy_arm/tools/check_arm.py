@@ -10,7 +10,7 @@ import re
 import sys
 from typing import Optional, TYPE_CHECKING
 
-from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_partial
+from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_bag_options
 from dummy_arm.cli.files import whole_file
 from dummy_arm.cli.parser import CommandError, number, Parser, run, UsageError
 from dummy_arm.cli.progress import wait
@@ -214,7 +214,7 @@ def command(files: Sequence[str] = (), seconds: Optional[float] = None,
             jobs: Optional[int] = None, *, ros_args: Sequence[str] = ()) -> int:
     """Judge programs, drawings, an arm in a bag, or the arm that is running; see `--help`."""
     duration = DEFAULT_TIME if seconds is None else seconds
-    check_partial(bag, partial)
+    check_bag_options(bag, partial)
     for is_wrong, text in (
             (sum((bool(files), bag is not None, bool(frames))) > 1,
              'give files of programs, or --bag, or --frames, or none of them to check the arm '

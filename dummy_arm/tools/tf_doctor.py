@@ -12,7 +12,7 @@ import threading
 import time
 from typing import Any, Optional, TYPE_CHECKING
 
-from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_partial
+from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_bag_options
 from dummy_arm.cli.parser import (
     DEFAULT_TIME,
     listening_time,
@@ -69,7 +69,7 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
         raise UsageError(str(error)) from None
     if bag is not None and duration is not None:
         raise UsageError('--time is for listening: leave it out with --bag')
-    check_partial(bag, partial)
+    check_bag_options(bag, partial)
     if jobs is not None and (bag is None or ends or jobs < 1):
         raise UsageError(f'--jobs must be at least 1, got {jobs}' if jobs < 1 else
                          '--jobs is for examining bags, with --bag and without frames')
@@ -106,8 +106,6 @@ def _explanation_data(explanation: Explanation) -> dict[str, Any]:
 def _examine_bags(bag: Sequence[str], jobs: int, as_json: bool,
                   examine_one: Callable[..., dict[str, Any]]) -> int:
     """Print a report for each recording, in their order; return the exit code."""
-    if not all(bag):
-        raise UsageError('--bag needs the path of a bag, got an empty one')
     found = recordings(bag)
     healthy = faulty = unreadable = 0
     for result in _results(found, jobs, examine_one):
@@ -120,9 +118,8 @@ def _examine_bags(bag: Sequence[str], jobs: int, as_json: bool,
         elif 'error' in result:
             print(f'tf_doctor: {visible(result["error"])}', file=sys.stderr)
         else:
-            report = Report([Finding(**{**each, **{name: tuple(each[name]) for name in (
-                'frames', 'topics', 'nodes')}}) for each in result['findings']],
-                result['not_checked'], result['verdict'])
+            report = Report([Finding(**each) for each in result['findings']],
+                            result['not_checked'], result['verdict'])
             print(report, end='\n\n' if len(found) > 1 else '\n')
     if len(found) > 1:
         print(f'{len(found)} bags: {healthy} without errors, {faulty} with errors, {unreadable} '

@@ -158,13 +158,15 @@ def test_relative_and_absolute_paths(tmp_path, monkeypatch):
     assert counts([*files, 'robot_0.mcap', files[1].name]) == WHOLE
 
 
-def test_a_first_part_that_is_missing(tmp_path):
-    """Of a directory read with partial=True, it is named, too."""
+def test_a_first_part_that_is_missing(tmp_path, logs):
+    """Of a directory read with partial=True, it is named, too; the log warns once."""
     whole, (first, *_) = with_metadata(tmp_path / 'whole', parts(tmp_path))
     first.unlink()
     with pytest.raises(LookupException, match=f'whole is without the first part .*{first}, too'):
         read(whole, partial=True).lookup_transform('base_link', 'laser')
     assert str(first) in bag.missing_part(whole)
+    assert [record.getMessage() for record in logs] == [
+        f'{whole}: files that its metadata.yaml lists are missing: robot_0.mcap']
 
 
 def test_parts_without_the_first(tmp_path):

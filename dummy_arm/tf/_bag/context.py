@@ -12,14 +12,13 @@ from typing import NamedTuple, Optional, Union
 from dummy_arm.tf._bag.formats import BagError
 from dummy_arm.tf._bag.recordings import Recording
 from dummy_arm.tf._core import texts
-from dummy_arm.tf._core.texts import error_line, namespace_path, TF_MESSAGE, visible
 from dummy_arm.tf._wire import cdr, ros1
 from dummy_arm.tf._wire.definitions import begins_with_header
 from dummy_arm.tf._wire.message_reader import Encoding
 
 #: The publisher of a stream if the bag does not record it; rosbag2 never does.
 NOT_RECORDED = 'not recorded'
-TF_TYPES = TF_MESSAGE, 'tf/msg/tfMessage'
+TF_TYPES = texts.TF_MESSAGE, 'tf/msg/tfMessage'
 #: The number of messages of a topic other than TF whose headers are read.
 HEADERS = 10
 #: Progress is reported once for this many messages.
@@ -76,7 +75,7 @@ class BagContext:
                  on_progress: Callable[[float], object], with_headers: bool = False) -> None:
         self._path = recording.path
         self._with_headers = with_headers
-        self._namespace = namespace_path(namespace)
+        self._namespace = texts.namespace_path(namespace)
         self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
         self.topics: dict[tuple[str, str], BagTopic] = {}  #: by name and type
         self._on_progress = on_progress
@@ -133,19 +132,16 @@ class BagContext:
         """Append an error to `damage` if `partial` is True; else, raise a BagError."""
         if self._raised is not None:
             raise self._raised
-        if isinstance(error, ImportError):
-            raise error
         is_named = isinstance(error, BagError)  # its text already names the file
-        if self.partial:
-            if len(self.damage) < _SHOWN:
-                self.damage.append(error_line(error) if is_named else
-                                   f'{visible(str(path))}: {error_line(error)}')
-        elif is_named:
+        if isinstance(error, ImportError) or (is_named and not self.partial):
             raise error
-        else:
-            name = '' if path == self._path else f'{visible(path.name)}: '
-            raise BagError(f'{self._path} cannot be read: {name}{error_line(error)} '
+        text = texts.error_line(error)
+        if not self.partial:
+            name = '' if path == self._path else f'{texts.visible(path.name)}: '
+            raise BagError(f'{self._path} cannot be read: {name}{text} '
                            f'{_REMEDIES.get(kind, "")}'.rstrip()) from None
+        if len(self.damage) < _SHOWN:
+            self.damage.append(text if is_named else f'{texts.visible(str(path))}: {text}')
 
     def wrong_types(self) -> str:
         """Name the topics of TF that have another type; return '' if there are none."""

@@ -3,9 +3,11 @@
 from pathlib import Path
 from typing import Optional
 
+from dummy_arm.tf._bag.unpacking import ZSTD
+
 #: The first bytes of the formats; `.zstd` is a file that is compressed as a whole.
 _KINDS = {b'\x89MCAP0\r\n': '.mcap', b'SQLite format 3\0': '.db3', b'#ROSBAG V': '.bag',
-          b'\x28\xb5\x2f\xfd': '.zstd'}
+          ZSTD: '.zstd'}
 BAG_DEFINITION = ('a bag is a directory written by ros2 bag record, a .mcap or .db3 file in it, '
                   'or a .bag file of ROS 1')
 

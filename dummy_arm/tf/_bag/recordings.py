@@ -3,14 +3,13 @@
 from collections.abc import Iterable
 from contextlib import suppress
 from glob import glob
-import logging
 import os
 from pathlib import Path, PurePath
 import re
 from typing import NamedTuple, Optional, Union
 
 from dummy_arm.tf._bag.formats import BAG_DEFINITION, BagError, refuse_special
-from dummy_arm.tf._core.texts import comma_list, error_line, visible
+from dummy_arm.tf._core.texts import comma_list, error_line, later_part, visible
 
 #: One path, or several: files, directories, and patterns such as `*.mcap`.
 Paths = Union[str, 'os.PathLike[str]', Iterable[Union[str, 'os.PathLike[str]']]]
@@ -31,6 +30,12 @@ class Recording(NamedTuple):
     path: Path  #: the directory, or the first file that was given
     files: list[Path]  #: empty if `path` is a directory
     first: Optional[Path] = None  #: the first part of the recording, if it was not given
+    warning: str = ''  #: what is wrong with its directory, although the files can be read
+
+    @property
+    def missing_part(self) -> str:
+        """A sentence that names the first part, if it was not given; else ''."""
+        return later_part(str(self.path), str(self.first)) if self.first else ''
 
 
 def recordings(paths: Paths) -> list[Recording]:
@@ -99,6 +104,7 @@ def resolved(recording: Recording, partial: bool) -> Recording:
         return recording
     if not os.path.exists(directory / 'metadata.yaml'):
         raise BagError(f'{directory} is not a bag: {BAG_DEFINITION}')
+    warning = ''
     try:
         files = _listed(directory)
     except BagError as error:
@@ -106,16 +112,15 @@ def resolved(recording: Recording, partial: bool) -> Recording:
                        key=_natural)
         if not partial or not files:
             raise
-        logging.getLogger('dummy_arm.tf').warning('%s; reading %s', error, _names(files))
+        warning = f'{error}; reading {_names(files)}'
     missing = [path for path in files if not os.path.exists(path)]
     if missing and (not partial or len(missing) == len(files)):
         raise BagError(f'{directory} cannot be read: files that its metadata.yaml lists are '
                        f'missing: {_names(missing)}; partial=True (--partial) reads the others')
     if missing:
-        logging.getLogger('dummy_arm.tf').warning(
-            '%s: files that its metadata.yaml lists are missing: %s', directory, _names(missing))
+        warning = f'{directory}: files that its metadata.yaml lists are missing: {_names(missing)}'
     return Recording(directory, [path for path in files if path not in missing],
-                     files[0] if files[0] in missing else None)
+                     files[0] if files[0] in missing else None, warning)
 
 
 def _listed(directory: Path) -> list[Path]:

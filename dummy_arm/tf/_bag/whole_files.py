@@ -15,7 +15,7 @@ from dummy_arm.tf._bag.database import records_of_database
 from dummy_arm.tf._bag.formats import BagError, kind_of
 from dummy_arm.tf._bag.mcap_stream import records_in_file_order
 from dummy_arm.tf._bag.recordings import Recording
-from dummy_arm.tf._bag.unpacking import Oversized, unpack_file, unpack_message, ZSTD
+from dummy_arm.tf._bag.unpacking import Oversized, unpack_file, unpack_message
 
 
 def records(recording: Recording, context: BagContext) -> Iterator[Record]:
@@ -124,9 +124,7 @@ def _records_of_reader(reader: Any, kind: str, context: BagContext) -> Iterator[
         if number % ADVANCE == 0:
             context.advance(min(1.0, number / total))
         number += 1
-        if len(data) > max_bytes or data[:4] == ZSTD:
-            data = unpack_message(data, max_bytes)
-        yield streams[connection.id][1], time, data
+        yield streams[connection.id][1], time, unpack_message(data, max_bytes)
     if number != total:
         raise ValueError(f'its index announces {total} messages of TF, but {number} were found')
     for connection, topic in headers:
