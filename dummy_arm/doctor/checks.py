@@ -2,10 +2,15 @@
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import chain, combinations, pairwise
+from math import ceil
 from operator import attrgetter, itemgetter
 import re
 from typing import NamedTuple, Optional
 
+import numpy as np
+from numpy.typing import NDArray
+
+from dummy_arm.doctor.message_times import CACHE, Edge, LONG_WAIT, MessageTimes, Verdict
 from dummy_arm.doctor.observation import in_words, Observation, SHOWN, total
 from dummy_arm.doctor.tf_statistics import (
     FUTURE,
@@ -276,9 +281,9 @@ def _disconnected(observation: Observation) -> Iterator[_Fault]:
     # By robot and tree: the frames that headers name, and the topics of these headers. Robots with
     # a namespace for their topics and their frames may have trees of their own.
     robots: dict[str, dict[int, dict[str, list[str]]]] = {}
-    for topic, frames in observation.own_headers.items():
+    for topic, headers in observation.own_headers.items():
         namespace = topic.split('/')[1]
-        for frame in sorted(frames):
+        for frame in sorted(headers.frames):
             name = frame.removeprefix('/')
             if name in observation.tree_of:
                 robot = namespace if name.startswith(f'{namespace}/') else ''
@@ -403,7 +408,112 @@ def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
         track['zero_stamps'] > 1 or not 0 < track['oldest'] < OTHER_CLOCK))
 
 
+@_check('message_other_clock', ERROR,
+        f'The stamps of messages are more than {OTHER_CLOCK // SECOND} s away from those of all '
+        'transforms, so the messages cannot be transformed.',
+        'Is one clock simulated, and the other that of the computer? Set use_sim_time on all '
+        'nodes or on none, and synchronise the clocks of the computers.', 'headers')
+def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
+    newest = max((int(track['latest']) for track in observation.tracks if not track.is_static),
+                 default=0)
+    for topic, found in _topics(observation, Verdict.OTHER_CLOCK):
+        stamp = int(topic.stamps[found][-1])
+        yield _of_messages(
+            observation, topic, found, 'have stamps of another clock; the last is '
+            f'{display_time(stamp)}, {in_words(stamp - newest)} '
+            f'{"before" if stamp < newest else "after"} the newest '
+            'transform')
+
+
+@_check('message_too_old', ERROR,
+        f'When messages arrive, a listener that keeps transforms for {CACHE // SECOND} s has '
+        'dropped those of their stamps.',
+        'Send the messages sooner, or give the listener a longer cache_time.', 'headers')
+def _message_too_old(observation: Observation) -> Iterator[_Fault]:
+    for topic, found in _topics(observation, Verdict.TOO_OLD):
+        age = CACHE + int(topic.waits[found].max())
+        yield _of_messages(
+            observation, topic, found, 'are too old: when they arrive, there are transforms up to '
+            f'{in_words(age)} newer', '', 'Send the messages sooner, or give the listener a '
+            f'cache_time of {ceil(age / SECOND) + 1} s.')
+
+
+@_check('message_never', ERROR,
+        'The transforms never reach the stamps of messages, so these wait in vain.',
+        'Look at the node that publishes the frame: has it stopped, or is its clock slow?',
+        'headers')
+def _message_never(observation: Observation) -> Iterator[_Fault]:
+    for topic, found in _topics(observation, Verdict.NEVER):
+        edge = topic.edges[int(topic.edge_numbers[found][-1])]
+        yield _of_messages(
+            observation, topic, found, 'wait in vain: the data of the edge '
+            f'{_edge_text(observation, edge)} end at {display_time(edge.end)}, and the last stamp '
+            f'is {display_time(int(topic.stamps[found].max()))}'
+            if edge.end < topic.stamps[found].max() else
+            f'wait in vain: when the data of the edge {_edge_text(observation, edge)} arrive, '
+            'those of other edges are not kept any more', edge.child)
+
+
+def _topics(observation: Observation, verdict: Verdict, least_wait: int = 0
+            ) -> Iterator[tuple[MessageTimes, NDArray[np.bool_]]]:
+    """Yield the topics with many messages of a verdict, and which of their messages these are."""
+    for topic in observation.message_times:
+        found = (topic.verdicts == verdict) & (topic.waits >= least_wait)
+        judged = topic.judged or len(found)  # 0 if all stamps are 0
+        if found.any() and found.sum() >= _SHARE * judged:
+            yield topic, found
+
+
+def _of_messages(observation: Observation, topic: MessageTimes, found: NDArray[np.bool_],
+                 what: str, child: str = '', remedy: str = '') -> _Fault:
+    """Return a fault of those messages of a topic that were found; `child`: of an edge."""
+    judged = topic.judged or len(found)
+    sample = f', a sample of {topic.messages},' if topic.step > 1 else ''
+    frames = {topic.frames[number]: None for number in topic.frame_numbers[found].tolist()}
+    tracks = [track for track in observation.by_child.get(child, ()) if not track.is_static]
+    return _Fault(
+        f'{found.sum()} of {judged} messages{sample} on {shortened(topic.topic)} {what}', (),
+        frames, [topic.topic], [*observation.senders.get(topic.topic, ()),
+                                *map(observation.node_of, tracks)], remedy)
+
+
+def _edge_text(observation: Observation, edge: Edge) -> str:
+    tracks = [track for track in observation.by_child[edge.child] if not track.is_static]
+    node = observation.node_of(max(tracks, key=itemgetter('last_time')))
+    return (f'{shortened(observation.parents[edge.child])} -> {shortened(edge.child)}'
+            f'{f" of {node}" if node else ""}')
+
+
 # Warnings
+
+
+@_check('message_early', WARNING,
+        f'Messages arrive {LONG_WAIT / SECOND:g} s or more before the transforms of their stamps, '
+        'so lookups without a timeout fail.',
+        'Wait for the transforms, or let them be sent sooner.', 'headers')
+def _message_early(observation: Observation) -> Iterator[_Fault]:
+    for topic, found in _topics(observation, Verdict.WAITS, LONG_WAIT):
+        edge = topic.edges[int(topic.edge_numbers[found][-1])]
+        median, most, largest = topic.quantiles()
+        yield _of_messages(
+            observation, topic, found, 'can be transformed only after waiting for the edge '
+            f'{_edge_text(observation, edge)}: {median:.3g} s (median), {most:.3g} s (95 %), '
+            f'{largest:.3g} s (largest)', edge.child,
+            f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
+            f'a filter: MessageFilter(..., queue_size={topic.queue()}, ...). Or let the '
+            'transforms be sent sooner.')
+
+
+@_check('message_zero_stamp', WARNING,
+        'Messages have the stamp 0, so every lookup takes the latest transform.',
+        'Set the stamp to the time of the measurement; with use_sim_time, wait until /clock is '
+        'received.', 'headers')
+def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
+    for topic, found in _topics(observation, Verdict.ZERO_STAMP):
+        yield _Fault(
+            f'{found.sum()} of {len(found)} messages on {shortened(topic.topic)} have the stamp 0',
+            (), {topic.frames[number]: None for number in topic.frame_numbers[found].tolist()},
+            [topic.topic], observation.senders.get(topic.topic, ()))
 
 
 @_check('gap', WARNING,

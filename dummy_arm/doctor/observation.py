@@ -7,9 +7,10 @@ from operator import itemgetter
 import os
 from typing import NamedTuple, Optional, TYPE_CHECKING
 
+from dummy_arm.doctor.message_times import Edge, Judge, MessageTimes
 from dummy_arm.doctor.tf_statistics import Statistics, Track
 from dummy_arm.inspection.traffic import recreated
-from dummy_arm.tf.bag import messages, missing_part, NOT_RECORDED, Topic
+from dummy_arm.tf.bag import Headers, messages, missing_part, NOT_RECORDED, Topic
 from dummy_arm.tf.formatting import comma_list, namespace_path, SECOND
 
 if TYPE_CHECKING:
@@ -43,8 +44,9 @@ class Observation:
     present: Optional[Collection[str]] = None  #: the publishers that exist at the end; None: all
     endpoints: Sequence[Endpoint] = ()  #: those on the topics; of a bag, those of a wrong type
     volatile_listeners: Sequence[str] = ()  #: nodes that subscribe to /tf_static, volatile
-    #: By topic: the frames that the headers of its messages name.
-    headers: Mapping[str, Collection[str]] = field(default_factory=dict)
+    headers: Mapping[str, Headers] = field(default_factory=dict)  #: by topic
+    #: By topic with headers: the full names of the nodes that publish it, if known.
+    senders: Mapping[str, Sequence[str]] = field(default_factory=dict)
     tf_topics: Collection[str] = ()  #: the other topics with transforms
     #: What is not known, and why; see `Check.needs`.
     not_known: dict[str, str] = field(default_factory=dict)
@@ -55,6 +57,9 @@ class Observation:
     #: True if the arrivals are times of a recording, which may be on another clock than all stamps
     has_record_times: bool = False
     end: int = 0  #: the end of the observation (ns), on the clock of the arrivals; 0: not known
+    #: Of a live system: the present time on the clock of the stamps minus that of the computer,
+    #: which dates the arrivals (ns); None: not known.
+    clock_offset: Optional[int] = None
     clock_hint: str = ''  #: a text about this computer's clock, for stamps from another clock
     #: The track with the most transforms, if a bag was recorded with another clock than that of
     #: most stamps.
@@ -63,6 +68,7 @@ class Observation:
     def __post_init__(self) -> None:
         """Derive attributes from the statistics."""
         self.tracks = self.statistics.tracks()
+        self._edges: dict[str, Optional[Edge]] = {}
         if self.statistics.not_counted:
             self.not_known['headers'] = 'there are too many frames'
             self.left_out.append(
@@ -118,7 +124,7 @@ class Observation:
         return {name: i for i, tree in enumerate(self.trees) for name in tree}
 
     @cached_property
-    def own_headers(self) -> dict[str, Collection[str]]:
+    def own_headers(self) -> dict[str, Headers]:
         """Those `headers` whose nearest namespace with transforms is that of `topics`."""
         namespace = self.topics[0].rpartition('/')[0]
         namespaces = {namespace, *(topic.rpartition('/')[0] for topic in self.tf_topics)}
@@ -128,15 +134,43 @@ class Observation:
                 topic = topic.rpartition('/')[0]
             return topic
 
-        return {topic: frames for topic, frames in self.headers.items()
+        return {topic: headers for topic, headers in self.headers.items()
                 if nearest(topic) == namespace}
+
+    @cached_property
+    def message_times(self) -> list[MessageTimes]:
+        """From when on the messages with `own_headers` can be transformed at their stamps."""
+        judge = Judge(
+            self._edges_above, [(track['oldest'], track['latest']) for track in self.tracks
+                                if track['latest'] and not track.is_static],
+            max([self.statistics.last_arrival, *(
+                max(headers.arrivals, default=0) for headers in self.own_headers.values())]),
+            self.clock_offset, self.statistics.settling)
+        return [judge.judge(topic, headers) for topic, headers in sorted(self.own_headers.items())]
+
+    def _edges_above(self, frame: str) -> Optional[list[Edge]]:
+        """Return the dynamic edges from a frame to its root; None: it is in no tree."""
+        name = frame.removeprefix('/')
+        path = [name, *self.ancestors(name)]
+        if name not in self.tree_of or path[-1] in self.parents:  # or in a loop
+            return None
+        edges = [edge for child in path if (edge := self._edge(child)) is not None]
+        # Edges whose transforms always arrive together are judged once.
+        return [*{id(edge.arrivals): edge for edge in reversed(edges)}.values()][::-1]
+
+    def _edge(self, child: str) -> Optional[Edge]:
+        if child not in self._edges:
+            tracks = [track for track in self.by_child.get(child, ()) if not track.is_static]
+            arrivals, stamps = self.statistics.arrivals(tracks)
+            self._edges[child] = Edge(child, arrivals, stamps) if len(stamps) else None
+        return self._edges[child]
 
     @cached_property
     def topics_of(self) -> dict[str, list[str]]:
         """By the frame of headers, in alphabetical order: the topics with these headers."""
         topics: dict[str, list[str]] = {}
-        for topic, frames in self.own_headers.items():
-            for frame in frames:
+        for topic, headers in self.own_headers.items():
+            for frame in headers.frames:
                 topics.setdefault(frame, []).append(topic)
         return dict(sorted(topics.items()))
 
@@ -227,11 +261,12 @@ def observe_bag(bag: 'Paths', namespace: str = '', partial: bool = False,
                    *(Endpoint(static, '', unlatched=durability) for topic in latched
                      for durability in topic.durabilities
                      if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN'))],
-        headers={topic.name: topic.frames for topic in topics if topic.frames},
+        headers={topic.name: topic.headers for topic in topics
+                 if topic.headers and topic.headers.count},
         tf_topics=tf_topics, not_known=not_known, has_record_times=True,
         left_out=[
             f'headers on {topic.name}: the definition of its type {topic.msgtype} is not known'
-            for topic in topics if topic.frames is None],
+            for topic in topics if topic.headers is None],
         missing_part='' if has_static else missing_part(bag),
         other_namespaces='' if not others or not all(track.is_static for track in tracks) else (
             f'there is no dynamic transform on {dynamic}, but there are transforms on '

@@ -1,10 +1,11 @@
 """The report of all checks."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Sequence
 import os
 from typing import Any, NamedTuple, Optional, TYPE_CHECKING, Union
 
 from dummy_arm.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked, SEVERITIES
+from dummy_arm.doctor.message_times import Verdict
 from dummy_arm.doctor.observation import name_of, Observation, observe_bag, SHOWN
 from dummy_arm.inspection.terminal import wrapped
 from dummy_arm.tf.formatting import comma_list, shortened, suggest_names, visible
@@ -17,6 +18,11 @@ class Report(NamedTuple):
     """The findings of all checks; `str` returns the text that `tf_doctor` prints."""
 
     findings: list[Finding]  #: errors first, then warnings, then infos
+    #: For each topic with headers, from when on its messages can be transformed at their stamps:
+    #: 'topic', 'messages', 'judged' (at most 20 000), the shares (from 0 to 1) 'at_once',
+    #: 'waiting' and 'never', the waits (s) 'median_wait', 'wait_of_95_percent' and 'largest_wait',
+    #: and 'queue', the size that a MessageFilter needs.
+    topics: list[dict[str, Any]]
     not_checked: list[str]  #: what could not be checked, and why
     verdict: str  #: the number of findings, of transforms and of frames, in one line
 
@@ -42,6 +48,8 @@ class Report(NamedTuple):
                      *([f'{where[0].upper()}{where[1:]}.'] if where else []), finding.remedy]
             lines += [visible(f'{finding.severity} {finding.code}: {names}'),
                       *(line for text in texts for line in wrapped(visible(text), '    ')), '']
+        if self.topics:
+            lines += [*map(visible, _table(self.topics)), '']
         for text in self.not_checked:
             lines += wrapped(visible(f'not checked: {text}'))
         return '\n'.join([*lines, *([''] if self.not_checked else []), self.verdict])
@@ -70,7 +78,11 @@ def examine(observed: 'Union[Paths, Observation]', *, ignore: Collection[str] = 
     counts = {severity: sum(finding.severity == severity for finding in findings)
               for severity in SEVERITIES}
     found = ', '.join(_count(count, severity) for severity, count in counts.items() if count)
-    return Report(findings, [*not_checked(observation, ignore), *observation.left_out], visible(
+    topics = [] if 'headers' in observation.not_known else [
+        topic.row() for topic in observation.message_times
+        if topic.judged or topic.count(Verdict.ZERO_STAMP)]
+    unknown = [*not_checked(observation, ignore), *observation.left_out]
+    return Report(findings, topics, unknown, visible(
         f'{found or "healthy"}: {_count(observation.statistics.count, "transform")} of '
         f'{_count(len(observation.tree_of), "frame")} {observation.where}'))
 
@@ -105,6 +117,23 @@ def check_codes(codes: Collection[str]) -> None:
         if code not in CHECKS:
             raise ValueError(
                 f'unknown code {code!r}. {suggest_names(code, tuple(CHECKS), "codes")}')
+
+
+def _table(topics: Sequence[dict[str, Any]]) -> list[str]:
+    """Return the lines of a table with a row for each topic."""
+    rows: list[tuple[str, ...]] = [
+        ('messages at their stamps', 'number', 'at once', 'after waiting', 'median', '95 %',
+         'largest', 'never', 'queue')]
+    for topic in topics:
+        at_once, waiting, never = (
+            f'{topic[share]:.1%}' for share in ('at_once', 'waiting', 'never'))
+        waits = (f'{topic[wait]:.3g} s' if topic[wait] else '-' for wait in (
+            'median_wait', 'wait_of_95_percent', 'largest_wait'))
+        rows.append((shortened(topic['topic']), str(topic['messages']), at_once, waiting, *waits,
+                     never, str(topic['queue'])))
+    widths = [max(map(len, column)) for column in zip(*rows)]
+    return ['  '.join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])])
+            for row in rows]
 
 
 def _count(number: int, noun: str) -> str:

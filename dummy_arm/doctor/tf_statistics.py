@@ -1,4 +1,8 @@
-"""Statistics of the messages on /tf and /tf_static; more messages do not take more memory."""
+"""
+Statistics of the messages on /tf and /tf_static.
+
+Of each message, only its time of arrival and its stamps are kept (16 bytes, if it has one stamp).
+"""
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
@@ -121,7 +125,7 @@ class Statistics:
 
         These messages may have waited until the publisher had discovered the subscription.
         """
-        self._settling = settling
+        self.settling = settling
         #: By publisher: the time of arrival of the first message (ns).
         self._since: dict[str, int] = {}
         self._tracks: dict[tuple[str, str, bool], Track] = {}
@@ -132,6 +136,11 @@ class Statistics:
         #: By publisher and topic (True: static): the other names of the transforms with an empty
         #: name, and how many there are.
         self.empty_names: dict[tuple[str, bool], Counter[str]] = {}
+        #: The numbers of dynamic tracks, and the times of arrival and the stamps (ns) of their
+        #: transforms.
+        self._arrivals: list[tuple[list[int], NDArray[np.int64], NDArray[np.int64]]] = []
+        #: By the indices of `_arrivals`: what `arrivals` has returned.
+        self._joined: dict[tuple[int, ...], tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
 
     def tracks(self) -> list[Track]:
         """Return the tracks, in the order of their first messages."""
@@ -154,6 +163,29 @@ class Statistics:
         for child, publisher, _ in self._tracks:
             names.setdefault(child, {})[nodes.get(publisher, publisher)] = None
         return {child: ', '.join(map(shortened, each)) for child, each in names.items()}
+
+    @property
+    def last_arrival(self) -> int:
+        """The time (ns) at which the last dynamic transform has arrived; 0: not known."""
+        return max((int(times.max()) for _, times, _ in self._arrivals), default=0)
+
+    def arrivals(self, tracks: Iterable[Track]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """
+        Return (n,) times of arrival and (n,) stamps (ns) of dynamic tracks, by arrival.
+
+        For tracks whose transforms always arrive together, the result is the same object.
+        """
+        numbers = {track.number for track in tracks}
+        parts = tuple(i for i, (found, _, _) in enumerate(self._arrivals)
+                      if not numbers.isdisjoint(found))
+        if parts not in self._joined:
+            none = np.empty(0, np.int64)
+            times, stamps = (np.concatenate([none, *(self._arrivals[i][column] for i in parts)])
+                             for column in (1, 2))
+            order = np.argsort(times, kind='stable')
+            order = order[(stamps[order] != 0) & (times[order] != 0)]
+            self._joined[parts] = times[order], stamps[order]
+        return self._joined[parts]
 
     def add_messages(self, messages: Iterable[Message], offset: Optional[int] = 0) -> None:
         """Count the transforms of messages; see `add`."""
@@ -183,17 +215,27 @@ class Statistics:
         if not table.is_static:
             _add_moves(values, poses, stamps, before)
             _add_stamps(values, stamps, before)
+            self._keep(numbers, table.times, stamps)
         is_timed = table.times != 0
         if is_timed.any():
             times = table.times[is_timed] + (offset or 0)
             _add_times(values, times)
             since = self._since.setdefault(table.publisher, int(times.min()))
-            is_settled = (times >= since + self._settling) | (self._settling == 0)
+            is_settled = (times >= since + self.settling) | (self.settling == 0)
             if offset is not None and not table.is_static and is_settled.any():
                 _add_delays(values, times[is_settled], stamps[is_timed][is_settled])
         values['count'] += len(stamps)
         values['stamp'], values['pose'] = stamps[-1], poses[-1]
         self._values[numbers] = values
+
+    def _keep(self, numbers: NDArray[np.intp], times: NDArray[np.int64],
+              stamps: NDArray[np.int64]) -> None:
+        """Keep arrivals; transforms of a message usually have the same stamp."""
+        if (stamps == stamps[:, :1]).all():
+            self._arrivals.append((numbers.tolist(), times, stamps[:, 0].copy()))
+        else:
+            self._arrivals += [([number], times, column.copy())
+                               for number, column in zip(numbers.tolist(), stamps.T)]
 
     def _number(self, table: TransformTable, parent: str, child: str) -> Optional[int]:
         names = parent.removeprefix('/'), child.removeprefix('/')

@@ -8,7 +8,7 @@ from operator import index
 from pathlib import Path
 from typing import Any, NamedTuple, Optional
 
-from dummy_arm.tf._bag.context import BagContext, HEADERS, NOT_RECORDED, Record, Stream, TF_TYPES
+from dummy_arm.tf._bag.context import BagContext, NOT_RECORDED, Record, Stream, TF_TYPES
 from dummy_arm.tf._bag.formats import BagError
 from dummy_arm.tf._bag.recordings import is_bag, Paths, Recording, resolved
 from dummy_arm.tf._bag.recordings import recordings as find_recordings
@@ -16,10 +16,11 @@ from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._core.texts import comma_list
 from dummy_arm.tf._wire.cdr import MalformedMessage
+from dummy_arm.tf._wire.headers import Headers
 from dummy_arm.tf._wire.message_reader import Encoding, MessageReader
 from dummy_arm.tf.transform_buffer import TransformBuffer
 
-__all__ = ['HEADERS', 'NOT_RECORDED', 'BagError', 'BagMessage', 'Paths', 'Topic', 'is_bag',
+__all__ = ['NOT_RECORDED', 'BagError', 'BagMessage', 'Headers', 'Paths', 'Topic', 'is_bag',
            'messages', 'missing_part', 'read', 'recordings']
 
 _ALL_TIME = 2**63 - 1  # ns
@@ -73,9 +74,9 @@ class Topic(NamedTuple):
 
     name: str
     msgtype: str  #: the type of its messages, such as 'sensor_msgs/msg/LaserScan'
-    #: The `frame_id` of the headers of its first messages; empty for TF messages, and others
-    #: without a header; None if it is not known whether the messages begin with a header.
-    frames: Optional[frozenset[str]]
+    #: The headers of its messages: of the first 20 000, or of an even sample. It is empty for TF
+    #: messages, and others without a header; None if it is not known whether they have one.
+    headers: Optional[Headers]
     #: The recorded durability of each publisher of TF messages, such as 'TRANSIENT_LOCAL'; empty
     #: if it was not recorded.
     durabilities: tuple[str, ...]
@@ -114,9 +115,8 @@ def messages(path: Paths, *, namespace: str = '', partial: bool = False,
 
     The other arguments are those of `read`.
 
-    :param on_topics: called at the end, with a list of the topics of the bag. Of each topic whose
-        messages begin with a std_msgs/Header, the headers of the first 10 messages are read. None:
-        no headers are read, and parts of the bag without TF are skipped.
+    :param on_topics: called at the end, with a list of the topics of the bag and the headers of
+        their messages. None: no headers are read, and parts of the bag without TF are skipped.
     :returns: an iterator over the messages. Those of each file are in the order of the times at
         which they were recorded, unless the file is cut off or has no index.
     :raises: the errors of `read`; but a bag whose messages have no valid transform is no error,
@@ -132,7 +132,7 @@ def messages(path: Paths, *, namespace: str = '', partial: bool = False,
     if on_topics:
         on_topics([Topic(
             topic.name, topic.msgtype,
-            None if topic.has_header is None else frozenset(topic.frames),
+            None if topic.has_header is None else topic.headers,
             tuple(topic.durabilities.elements())) for topic in context.topics.values()])
 
 

@@ -6,14 +6,12 @@ statistics, arrays are much faster than the method `rows` of each message.
 """
 
 from collections.abc import Callable, Iterable, Iterator
-import struct
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.message_reader import Encoding, KnownLayouts, Layout
 
 #: Tables are created when the collected messages take more than `_MOST_BYTES`. A message takes the
@@ -150,17 +148,3 @@ def _table_of(message: Message, row: Row) -> TransformTable:
     return TransformTable(
         message.publisher, message.is_static, [(row.frame_id, row.child_frame_id)],
         np.array([message.time]), np.array([[row.stamp_ns]]), np.array([[row.pose]]))
-
-
-def header_frame(data: bytes) -> str:
-    """
-    Return the frame_id of a message that begins with a std_msgs/Header.
-
-    :param data: the message, in CDR; it may be of any type, and incomplete after the header.
-    :returns: the frame_id.
-    :raises ValueError: if the bytes end too early.
-    """
-    try:
-        return cdr.header_frame(data)
-    except struct.error as error:
-        raise ValueError(f'the message has no header: {error}') from None

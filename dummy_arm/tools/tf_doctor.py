@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import suppress
 from functools import partial as partial_function
 from importlib import import_module
 import json
@@ -30,15 +29,13 @@ from dummy_arm.doctor.observation import Endpoint, Observation
 from dummy_arm.doctor.report import check_codes, examine, examine_bag, Report
 from dummy_arm.doctor.tf_statistics import Statistics
 from dummy_arm.inspection.terminal import wrapped
-from dummy_arm.tf.bag import HEADERS, messages, NOT_RECORDED, read, recordings
+from dummy_arm.tf.bag import Headers, messages, NOT_RECORDED, read, recordings
 from dummy_arm.tf.formatting import in_seconds, SECOND, TF_MESSAGE, visible
-from dummy_arm.tf.transform_table import header_frame
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from rclpy.node import Node
-    from rclpy.qos import QoSProfile
 
 #: For the path between two frames, the buffer keeps transforms for this time more than the command
 #: listens (s).
@@ -47,6 +44,8 @@ _MARGIN = 5.0
 _SETTLING = SECOND // 5
 #: The time between two searches for other topics (s).
 _SCAN_INTERVAL = 0.5
+#: How many messages of each other topic, and how many bytes of them, are received within a second.
+_MOST_MESSAGES, _MOST_BYTES = 50, 10_000_000
 #: The time between two looks at the processes that examine bags (s).
 _POLL = 0.05
 
@@ -119,7 +118,7 @@ def _examine_bags(bag: Sequence[str], jobs: int, as_json: bool,
             print(f'tf_doctor: {visible(result["error"])}', file=sys.stderr)
         else:
             report = Report([Finding(**each) for each in result['findings']],
-                            result['not_checked'], result['verdict'])
+                            result['topics'], result['not_checked'], result['verdict'])
             print(report, end='\n\n' if len(found) > 1 else '\n')
     if len(found) > 1:
         print(f'{len(found)} bags: {healthy} without errors, {faulty} with errors, {unreadable} '
@@ -201,88 +200,128 @@ class _Listening:
         self.statistics = Statistics(_SETTLING)
         self.dropped = 0  #: the number of messages that arrived too fast
         self.end = 0  #: the time of the last `poll` (ns); 0: not known
+        #: This time minus that of the computer (ns); None: not known.
+        self.offset: Optional[int] = None
 
     def poll(self) -> None:
         """Count what has arrived."""
         self.end = self.frame_listener.now()
         received, dropped = self.listener.received()
         self.dropped += dropped
-        self.statistics.add_messages(
-            received, self.end - time.time_ns() if self.end else None)
+        self.offset = self.end - time.time_ns() if self.end else None
+        self.statistics.add_messages(received, self.offset)
 
 
 class _HeaderSampler:
-    """Subscriptions to other topics, which read the headers of a few messages each."""
+    """Subscriptions to other topics, of whose messages the headers are read."""
 
     def __init__(self, node: 'Node') -> None:
         self._node = node
         self._next_scan = 0.0
-        self.frames: dict[str, set[str]] = {}  #: by topic: those of the headers that were read
+        self._topics: dict[str, Optional[_SampledTopic]] = {}  #: None: its headers are not read
         self.not_read: dict[str, str] = {}  #: by topic: why its headers are not read
+
+    def headers(self) -> dict[str, Headers]:
+        """Return the headers that were read, by topic."""
+        return {name: topic.headers for name, topic in self._topics.items() if topic}
+
+    def senders(self) -> dict[str, list[str]]:
+        """Return the nodes that publish these topics, by topic."""
+        from dummy_arm.tf.publisher_listener import node_of
+        return {name: sorted({node_of(info) for info in
+                              self._node.get_publishers_info_by_topic(name)})
+                for name, topic in self._topics.items() if topic}
 
     def scan_if_due(self) -> None:
         """Subscribe to new topics whose messages begin with a header, twice a second at most."""
+        for topic in self._topics.values():
+            if topic:
+                topic.resume_if_due()
         if time.monotonic() < self._next_scan:
             return
         self._next_scan = time.monotonic() + _SCAN_INTERVAL
-        for topic, types in self._node.get_topic_names_and_types():
+        for name, types in self._node.get_topic_names_and_types():
             # A node cannot subscribe to a topic with two types, such as one with transforms.
-            if TF_MESSAGE in types or (topic in self.frames and len(types) == 1):
+            if TF_MESSAGE in types or (name in self._topics and len(types) == 1):
                 continue
             published = sorted({
-                info.topic_type for info in self._node.get_publishers_info_by_topic(topic)})
-            if published and topic not in self.frames:
-                self.frames[topic] = set()
-                self._subscribe_if_header(topic, published[0])
+                info.topic_type for info in self._node.get_publishers_info_by_topic(name)})
+            if published and name not in self._topics:
+                self._topics[name] = self._sampled(name, published[0])
             if len(published) > 1:
-                self.not_read[topic] = (
+                self.not_read[name] = (
                     f'only one type is read; its publishers have the types {", ".join(published)}')
 
-    def _subscribe_if_header(self, topic: str, type_name: str) -> None:
-        package, is_message, name = type_name.partition('/msg/')
+    def _sampled(self, name: str, type_name: str) -> 'Optional[_SampledTopic]':
+        package, is_message, type_of_package = type_name.partition('/msg/')
         if not is_message:  # the topics of services and actions have no header
-            return
+            return None
         try:
-            message_type: Any = getattr(import_module(f'{package}.msg'), name)
+            message_type: Any = getattr(import_module(f'{package}.msg'), type_of_package)
             fields = message_type.get_fields_and_field_types()
             if next(iter(fields.values()), '') == 'std_msgs/Header':
-                self._subscribe(topic, message_type)
+                return _SampledTopic(self._node, name, message_type)
         except (ImportError, AttributeError):
-            self.not_read[topic] = f'its type {type_name} cannot be imported'
+            self.not_read[name] = f'its type {type_name} cannot be imported'
         except Exception as error:  # the code of another package can raise any error
-            self.not_read[topic] = f'{type_name}: {type(error).__name__}: {error}'
+            self.not_read[name] = f'{type_name}: {type(error).__name__}: {error}'
+        return None
 
-    def _subscribe(self, topic: str, message_type: Any) -> None:
+
+class _SampledTopic:
+    """Subscriptions to a topic, which pause when there were enough messages within a second."""
+
+    def __init__(self, node: 'Node', name: str, message_type: Any) -> None:
+        self._node, self._name, self._message_type = node, name, message_type
+        self.headers = Headers()
+        self._subscriptions: list[Any] = []
+        #: Latched messages that were sent before this time (ns) are not judged.
+        self._newest_latched = time.time_ns()
+        self._end = 0.0  # of the present second, on the monotonic clock
+        self._messages = self._bytes = 0
+        self.resume_if_due()
+
+    def resume_if_due(self) -> None:
+        """Begin a new second if the last one is over; subscribe again after a pause."""
+        if (now := time.monotonic()) < self._end:
+            return
+        self._end, self._messages, self._bytes = now + 1.0, 0, 0
+        if not self._subscriptions:
+            self._subscribe()
+
+    def _subscribe(self) -> None:
+        from rclpy.event_handler import SubscriptionEventCallbacks
         from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
         # A best-effort, volatile subscription matches all publishers. But latched messages of the
         # past are sent only to a reliable, transient-local one.
         latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
         other = ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE
-        offered = [(info.qos_profile.reliability, info.qos_profile.durability)
-                   for info in self._node.get_publishers_info_by_topic(topic)]
-        for reliability, durability in {
-                latched if each == latched else other for each in offered} or {other}:
-            self._read_headers(topic, message_type, QoSProfile(
-                depth=HEADERS, reliability=reliability, durability=durability))
+        offered = {(info.qos_profile.reliability, info.qos_profile.durability)
+                   for info in self._node.get_publishers_info_by_topic(self._name)}
+        for reliability, durability in [latched] if offered == {latched} else (
+                [latched, other] if latched in offered else [other]):
+            callback: Any = self._add_latched if (
+                (reliability, durability) == latched) else self._add
+            self._subscriptions.append(self._node.create_subscription(
+                self._message_type, self._name, callback,
+                QoSProfile(depth=_MOST_MESSAGES, reliability=reliability, durability=durability),
+                raw=True, event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False)))
 
-    def _read_headers(self, topic: str, message_type: Any, profile: 'QoSProfile') -> None:
-        """Read the headers of some messages, then unsubscribe."""
-        from rclpy.event_handler import SubscriptionEventCallbacks
-        count = 0
-        subscription: Any = None
+    def _add_latched(self, data: bytes, info: dict[str, Any]) -> None:
+        if info['source_timestamp'] > self._newest_latched:
+            self._newest_latched = info['source_timestamp']
+            self._add(data, info)
+            return
+        self.headers.add_frame(data)
 
-        def on_message(data: bytes) -> None:
-            nonlocal count
-            count += 1
-            if count <= HEADERS:
-                with suppress(ValueError):
-                    self.frames[topic].add(header_frame(data))
-            elif subscription is not None:
-                self._node.destroy_subscription(subscription)
-
-        subscription = self._node.create_subscription(
-            message_type, topic, on_message, profile, raw=True,
-            event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+    def _add(self, data: bytes, info: dict[str, Any]) -> None:
+        self._messages += 1
+        self._bytes += len(data)
+        if self.headers.wants_next():
+            self.headers.add(info['received_timestamp'] or time.time_ns(), data)
+        if self._messages >= _MOST_MESSAGES or self._bytes >= _MOST_BYTES:
+            while self._subscriptions:
+                self._node.destroy_subscription(self._subscriptions.pop())
 
 
 def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
@@ -311,13 +350,14 @@ def _observation(listening: _Listening, sampler: _HeaderSampler, where: str) -> 
         statistics, where, (dynamic, static),
         nodes=listener.names_of(statistics.publishers()),
         present=listener.present, endpoints=[*_endpoints(node, (dynamic, static))],
-        volatile_listeners=_volatile_listeners(node, static), headers=sampler.frames,
+        volatile_listeners=_volatile_listeners(node, static), headers=sampler.headers(),
+        senders=sampler.senders(),
         tf_topics=[topic for topic, types in node.get_topic_names_and_types()
                    if TF_MESSAGE in types and node.count_publishers(topic)],
         not_known=_not_known(listening), left_out=left_out,
         why_no_transforms='' if statistics.count else frame_listener.why_no_frames(),
         other_namespaces=frame_listener.other_topics_hint(), end=listening.end,
-        clock_hint=_clock_hint(node))
+        clock_offset=listening.offset, clock_hint=_clock_hint(node))
 
 
 def _not_known(listening: _Listening) -> dict[str, str]:

@@ -31,21 +31,23 @@ SIM_TIME = '--ros-args', '-p', 'use_sim_time:=true'
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def point_in(frame):
-    """Return a message with a header."""
+def point_in(frame, stamp=0):
+    """Return a message with a header; the stamp in ns."""
     message = PointStamped()
     message.header.frame_id = frame
+    message.header.stamp = Time(nanoseconds=stamp).to_msg()
     return message
 
 
-def run(ros, *arguments, publishers, send=lambda now: None):
+def run(ros, *arguments, publishers, send=lambda now: None, ticks=25):
     """
     Call the command; press Ctrl-C when it has heard the publishers for some time.
 
     :param publishers: those to which the command subscribes.
     :param send: called 50 times per second with the current time (ns).
+    :param ticks: how often it is called when all are heard.
     """
-    unheard, left = {*publishers}, 25
+    unheard, left = {*publishers}, ticks
 
     def tick():
         nonlocal unheard, left
@@ -122,6 +124,55 @@ def test_publishers_and_headers(ros):
     assert found['other_clock']['frames'] == ['wheel']
     assert found['other_clock']['nodes'] == ['/other']
     assert not [text for text in data['not_checked'] if not text.startswith('headers on')]
+
+
+def test_messages_at_their_stamps(ros):
+    """Each verdict on a topic of its own, beside one that is healthy; 500 messages a second."""
+    static = StaticTransformBroadcaster(ros.node)
+    static.sendTransform([stamped('map', 'odom'), stamped('base_link', 'laser')])
+    sender = TransformBroadcaster(ros.node)
+    begin = ros.node.get_clock().now().nanoseconds
+    topics = {name: ros.node.create_publisher(PointStamped, name, 100) for name in (
+        '/scan', '/fast', '/map_point', '/early', '/never', '/too_old', '/zero_stamp',
+        '/other_clock')}
+    heard = [0]
+
+    def send(now):
+        heard[0] += all(
+            each.get_subscription_count() for each in (sender.pub_tf, *topics.values()))
+        quick = now + 20 * (now - begin)  # the stamps of a frame that are 20 times as fast
+        sender.sendTransform([
+            stamped('odom', 'base_link', now), stamped('base_link', 'slow', now - 3 * S // 10),
+            stamped('odom', 'quick', quick),
+            *([stamped('base_link', 'gone', now)] if heard[0] < 25 else [])])
+        for name, frame, stamp in [
+                ('/scan', 'laser', now - 3 * S // 100), ('/map_point', 'odom', now - 200 * S),
+                ('/early', 'slow', now), ('/never', 'gone', now), ('/zero_stamp', 'laser', 0),
+                ('/too_old', 'quick', quick - 12 * S), ('/other_clock', 'laser', 5 * S),
+                *[('/fast', 'laser', now - 3 * S // 100)] * 4]:
+            topics[name].publish(point_in(frame, stamp))
+
+    status, data = examine(ros, send=send, publishers=[
+        sender.pub_tf, static.pub_tf, *topics.values()], ticks=250)
+    assert status == 1
+    found = {finding['topics'][0]: finding for finding in data['findings']
+             if finding['code'].startswith('message')}
+    assert {topic: finding['code'] for topic, finding in found.items()} == {
+        topic: f'message{topic.replace("/", "_")}' for topic in topics
+        if topic not in ('/scan', '/fast', '/map_point')}
+    assert 'edge base_link -> gone of /test end at' in found['/never']['evidence']
+    assert 'edge base_link -> slow of /test: ' in found['/early']['evidence']
+    assert all(finding['nodes'] == ['/test'] for finding in found.values())
+    table = {row['topic']: row for row in data['topics']}
+    assert table.keys() == topics.keys()
+    for topic in '/scan', '/fast', '/map_point':
+        assert table[topic]['at_once'] > 0.8
+        assert table[topic]['never'] == 0.0
+    # At most 50 messages a second are received, so that of the 200 many are not.
+    assert table['/fast']['messages'] < 0.6 * 4 * table['/scan']['messages']
+    assert table['/early']['waiting'] == 1.0
+    assert table['/early']['queue'] >= 15
+    assert table['/other_clock']['never'] == 1.0
 
 
 def test_another_type(ros):

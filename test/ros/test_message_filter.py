@@ -20,9 +20,11 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from rclpy.time import Time
+from recorded import judged, T, tf
 from ros_node import run_in_thread, stamped
 from std_msgs.msg import Empty
 
+from dummy_arm.doctor.message_times import Verdict
 from dummy_arm.tf import (
     Buffer,
     FilterFailureReason,
@@ -888,3 +890,39 @@ def test_a_filter_of_another_executor(ros):
     inserting.join()
     executor.shutdown()
     node.destroy_node()
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_tf_doctor_predicts_what_is_passed_on(ros, seed):
+    """With the queue of its table, a filter passes on what it says; with half of it, less."""
+    choose = random.Random(seed)
+    steps = [(edge, choose.choice([0, 20, 200, 700]), choose.choice([100, 250, 1000]))
+             for edge in ('map odom', 'odom base')]
+    transforms = [tf(i + delay, i, edge) for edge, delay, step in steps
+                  for i in range(0, choose.choice([12_000, 15_000]), step)]
+    messages = [(i, i - choose.choice([0, 0, 30, 300, 300, 11_000, -400]))
+                for i in range(10, 15_000, 200)]
+    times = judged(transforms, messages)
+    queue = times.queue()
+    assert queue > 1
+    passed = [stamp for stamp, verdict in zip(times.stamps.tolist(), times.verdicts.tolist())
+              if verdict in (Verdict.AT_ONCE, Verdict.WAITS)]
+    assert len(passed) == times.count(Verdict.AT_ONCE, Verdict.WAITS) < len(messages)
+    assert sorted(filtered(ros, transforms, messages, queue)) == sorted(passed)
+    assert len(filtered(ros, transforms, messages, queue // 2)) < len(passed)
+
+
+def filtered(ros, transforms, messages, queue):
+    """Return the stamps of the messages that a filter passes on, of those that arrive in turn."""
+    setup = Setup(ros, queue_size=queue, buffer=Buffer(Duration(seconds=10)))
+    events = sorted([*((each.time, 0, each) for each in transforms), *(
+        (T + arrival * MS, 1, T + stamp * MS) for arrival, stamp in messages)],
+        key=lambda event: event[:2])
+    for _, is_message, event in events:
+        if is_message:
+            setup.add(point(event, 'base'))
+        else:
+            for row in event.rows():
+                setup.insert(row.stamp_ns, child=row.child_frame_id, parent=row.frame_id)
+        setup.spin()
+    return setup.stamps()

@@ -8,6 +8,7 @@ from math import nan
 import pickle
 import re
 import sqlite3
+import struct
 import subprocess
 import sys
 
@@ -69,6 +70,12 @@ def points(topic, *frames, version=2):
             for i, frame in enumerate(frames)]
 
 
+def scans(topic='/scan', frame='laser', hertz=40, count=80, late=30 * MS, shift=0):
+    """Return messages whose stamps are late by some time, or shifted, too (ns)."""
+    times = [T + i * S // hertz for i in range(count)]
+    return [(topic, time + late, bags.point(frame, time + shift), POINT) for time in times]
+
+
 def with_pose(messages, index, new):
     """Replace a pose in a message."""
     topic, time, rows, *rest = messages[index]
@@ -123,6 +130,26 @@ FAULTS = {
     'zero_stamp': (
         [*robot(), *(tf(i, 'base_link wheel', stamp=0, x=1.0) for i in range(100))], ['wheel'],
         '^100 of 100 transforms of wheel with the stamp 0$'),
+    'message_other_clock': (
+        [*robot(), *scans(shift=-T + 5 * S)], ['laser'],
+        r'^80 of 80 messages on /scan have stamps of another clock; the last is 6\.975000, '
+        '1699999995 s before the newest transform$'),
+    'message_too_old': (
+        [*robot(700), *scans(hertz=10, count=100, shift=-11 * S, late=3 * S)], ['laser'],
+        '^29 of 29 messages on /scan are too old: when they arrive, there are transforms up to '
+        '14 s newer$'),
+    'message_never': (
+        [*robot(100), *(tf(i, 'base_link wheel') for i in range(400)), *scans(count=300)],
+        ['laser'], r'^159 of 239 messages on /scan wait in vain: the data of the edge odom -> '
+        r'base_link(?: of /robot)? end at 1700000001\.980000, and the last stamp is '
+        r'1700000005\.950000$'),
+    'message_early': (
+        [*robot(change=lambda i: {'delay': 250 * MS}), *scans()], ['laser'],
+        r'^80 of 80 messages on /scan can be transformed only after waiting for the edge odom -> '
+        r'base_link(?: of /robot)?: 0\.23 s \(median\), 0\.235 s \(95 %\), 0\.235 s \(largest\)$'),
+    'message_zero_stamp': (
+        [*robot(), *(('/scan', at(i), bags.point('laser', 0), POINT) for i in range(5)),
+         *scans()], ['laser'], '^5 of 85 messages on /scan have the stamp 0$'),
     'gap': (
         [message for i, message in enumerate(robot(200)) if not 50 < i <= 80],
         ['base_link', 'arm'],
@@ -170,8 +197,16 @@ FAULTS = {
         '^odom is above map: odom -> map$'),
 }
 #: What is found, too, since it follows from the fault.
-ALSO = {'disconnected': {'several_trees'}, 'similar_name': {'several_trees'},
+ALSO = {'disconnected': {'several_trees'}, 'message_never': {'gap'},
+        'similar_name': {'several_trees'},
         'time_goes_back': {'same_stamp'}}
+#: The remedies that are not those of `CHECKS`, since they have numbers.
+REMEDIES = {
+    'message_early':
+        'Wait: timeout=Duration(seconds=0.3) in the lookup; queue of a filter: MessageFilter(..., '
+        'queue_size=10, ...). Or let the transforms be sent sooner.',
+    'message_too_old':
+        'Send the messages sooner, or give the listener a cache_time of 15 s.'}
 #: By description: messages that come close to a fault, and where nothing is wrong.
 HEALTHY = {
     'a node that was started again': [
@@ -191,6 +226,12 @@ HEALTHY = {
     'wheels': robot(edges=('odom base_link', *(
         f'base_link {name}_wheel' for name in ('fl', 'fr', 'rl', 'rr')))),
     'headers with known frames': [*robot(), *points('/scan', *['laser'] * 20)],
+    'a scan at 40 Hz that is late by 30 ms': [*robot(), *scans()],
+    'some early scans': [
+        *(message for i, message in enumerate(robot()) if not 50 < i <= 58), *scans()],
+    'a single stamp 0': [*robot(), ('/scan', T, bags.point('laser', 0), POINT), *scans()],
+    'scans of another clock in the root': [*robot(), *scans(frame='map', shift=-T + S)],
+    'scans at the end without transforms': [*robot(100), *scans(count=155)],
     'a header without a frame': [*robot(), *points('/joint_states', '', '')],
     'recorded with another clock': [
         tf(i, 'odom base_link', 'base_link arm', delay=1000 * S) for i in range(100)],
@@ -308,7 +349,7 @@ def test_each_fault(capsys, tmp_path, code, kind):
     assert sorted(finding['frames']) == sorted(frames)
     assert re.search(evidence, finding['evidence'])
     assert finding['severity'] == CHECKS[code].severity
-    assert finding['remedy'] == CHECKS[code].remedy
+    assert finding['remedy'] == REMEDIES.get(code, CHECKS[code].remedy)
     if kind != 'bag':
         assert finding['nodes'] == []
     elif finding['topics'] and finding['topics'][0].startswith('/tf'):
@@ -321,9 +362,10 @@ def in_order(content):
     return sorted(content, key=lambda message: message[1])
 
 
-def frame_of(data):
-    """Return the frame of a PointStamped of ROS 2."""
-    return data[16:data.index(b'\0', 16)].decode()
+def frame_and_stamp(data):
+    """Return the frame and the stamp (ns) of a PointStamped of ROS 2."""
+    sec, nanosec = struct.unpack_from('<iI', data, 4)
+    return data[16:data.index(b'\0', 16)].decode(), sec * S + nanosec
 
 
 def test_all_codes_are_tested():
@@ -335,7 +377,7 @@ def test_all_codes_are_tested():
 def converted(content, kind):
     """Return messages with headers in the encoding of the kind of bag."""
     return [message if message[3:4] != (POINT,) or kind != 'bag' else (
-        *message[:2], bags.point(frame_of(message[2]), T, 1), POINT)
+        *message[:2], bags.point(*frame_and_stamp(message[2]), 1), POINT)
         for message in in_order(content)]
 
 

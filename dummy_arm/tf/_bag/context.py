@@ -2,11 +2,9 @@
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 import re
-import struct
 from typing import NamedTuple, Optional, Union
 
 from dummy_arm.tf._bag.formats import BagError
@@ -14,13 +12,12 @@ from dummy_arm.tf._bag.recordings import Recording
 from dummy_arm.tf._core import texts
 from dummy_arm.tf._wire import cdr, ros1
 from dummy_arm.tf._wire.definitions import begins_with_header
+from dummy_arm.tf._wire.headers import Headers
 from dummy_arm.tf._wire.message_reader import Encoding
 
 #: The publisher of a stream if the bag does not record it; rosbag2 never does.
 NOT_RECORDED = 'not recorded'
 TF_TYPES = texts.TF_MESSAGE, 'tf/msg/tfMessage'
-#: The number of messages of a topic other than TF whose headers are read.
-HEADERS = 10
 #: Progress is reported once for this many messages.
 ADVANCE = 100
 #: The largest number of faults that a text lists.
@@ -47,21 +44,12 @@ class BagTopic:
 
     name: str
     msgtype: str
+    encoding: Encoding
+    headers: Headers
     #: How many publishers have which recorded durability; of ROS 1 and of other topics: none.
     durabilities: Counter[str] = field(default_factory=Counter)
     #: Whether its messages begin with a header; None: it is not known.
     has_header: Optional[bool] = False
-    encoding: Encoding = cdr
-    header_count: int = 0
-    frames: set[str] = field(default_factory=set)  #: those of the headers that were read
-
-    def needs_headers(self) -> bool:
-        return bool(self.has_header) and self.header_count < HEADERS
-
-    def add_header(self, data: bytes) -> None:
-        self.header_count += 1
-        with suppress(struct.error):  # a damaged message
-            self.frames.add(self.encoding.header_frame(data))
 
 
 #: A TF message of a bag: its stream, the time at which it was recorded (ns), and its bytes.
@@ -98,13 +86,14 @@ class BagContext:
         is_static = self._is_static.get(name)
         topic = self.topics.get((name, msgtype))
         if topic is None:
-            topic = BagTopic(name, msgtype, encoding=ros1 if encoding == 'ros1' else cdr)
+            module = ros1 if encoding == 'ros1' else cdr
+            topic = BagTopic(name, msgtype, module, Headers(module))
             if len(self.topics) < _MAX_TOPICS or is_static is not None:
                 self.topics[name, msgtype] = topic
             if self._with_headers and is_static is None and msgtype not in TF_TYPES:
                 topic.has_header = begins_with_header(msgtype, definition)
         if is_static is None or msgtype not in TF_TYPES:
-            return topic if topic.needs_headers() else None
+            return topic if topic.has_header else None
         topic.durabilities |= Counter(durabilities)  # the largest numbers of all files
         return Stream(is_static, publisher or NOT_RECORDED, topic.encoding)
 

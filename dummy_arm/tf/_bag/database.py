@@ -7,7 +7,7 @@ import shlex
 import sqlite3
 from typing import Any
 
-from dummy_arm.tf._bag.context import ADVANCE, BagContext, BagTopic, HEADERS, Record, Stream
+from dummy_arm.tf._bag.context import ADVANCE, BagContext, BagTopic, Record, Stream
 from dummy_arm.tf._bag.formats import BagError, refuse_special
 from dummy_arm.tf._bag.unpacking import unpack_message
 from dummy_arm.tf._wire.definitions import durabilities
@@ -18,8 +18,12 @@ def records_of_database(path: Path, context: BagContext) -> Iterator[Record]:
     with closing(sqlite3.connect(f'{path.absolute().as_uri()}?immutable=1', uri=True)) as database:
         database.text_factory = lambda data: data.decode(errors='replace')
         streams = _streams(database, context)
-        wanted, topics = (', '.join(str(key) for key, stream in streams.items() if isinstance(
-            stream, kind)) for kind in (Stream, BagTopic))
+        wanted = ', '.join(str(key) for key, stream in streams.items() if stream)
+        if any(isinstance(stream, BagTopic) for stream in streams.values()):
+            for key, count in database.execute(
+                    'SELECT topic_id, count(*) FROM messages GROUP BY topic_id'):
+                if isinstance(topic := streams.get(key), BagTopic):
+                    topic.headers.expect(count)
         ((first, last),) = database.execute('SELECT (SELECT min(timestamp) FROM messages), '
                                             '(SELECT max(timestamp) FROM messages)')
         rows = database.execute('SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN '
@@ -29,15 +33,11 @@ def records_of_database(path: Path, context: BagContext) -> Iterator[Record]:
             time = time if type(time) is int else 0  # SQLite does not enforce the types
             if number % ADVANCE == 0:
                 context.advance((time - first) / span if span else 0.0)
-            yield streams[key], time, _message(data, context)
-        for key, data in database.execute(  # the first messages of each topic with headers
-                'SELECT topic_id, data FROM messages WHERE id IN (SELECT id FROM (SELECT id, '
-                'row_number() OVER (PARTITION BY topic_id ORDER BY timestamp, id) AS number FROM '
-                f'messages WHERE topic_id IN ({topics})) WHERE number <= {HEADERS}) '
-                'ORDER BY timestamp, id'):
-            context.advance(1.0)
-            if streams[key].needs_headers():
-                streams[key].add_header(_message(data, context))
+            stream = streams[key]
+            if isinstance(stream, Stream):
+                yield stream, time, _message(data, context)
+            elif stream.headers.wants_next():
+                stream.headers.add(time, _message(data, context))
 
 
 def _check_log(path: Path) -> None:

@@ -27,8 +27,9 @@ def records_in_file_order(path: Path, context: BagContext) -> Iterator[Record]:
             stream = streams.get(record.channel_id)
             if isinstance(stream, Stream):
                 yield stream, record.log_time, unpack_message(record.data, context.max_bytes)
-            elif stream and stream.needs_headers():
-                stream.add_header(unpack_message(record.data, context.max_bytes))
+            elif stream and stream.headers.wants_next():
+                stream.headers.add(
+                    record.log_time, unpack_message(record.data, context.max_bytes))
 
 
 def _records(path: Path, context: BagContext) -> Iterator[Any]:

@@ -1,7 +1,6 @@
 """The TF messages of the files of a recording; rosbags reads those of mcap and of ROS 1."""
 
 from collections.abc import Iterator, Set
-from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Optional
@@ -10,7 +9,7 @@ from rosbags import rosbag1
 from rosbags.rosbag2.errors import ReaderError
 from rosbags.rosbag2.storage_mcap import McapReader
 
-from dummy_arm.tf._bag.context import ADVANCE, BagContext, BagTopic, HEADERS, Record, Stream
+from dummy_arm.tf._bag.context import ADVANCE, BagContext, BagTopic, Record, Stream
 from dummy_arm.tf._bag.database import records_of_database
 from dummy_arm.tf._bag.formats import BagError, kind_of
 from dummy_arm.tf._bag.mcap_stream import records_in_file_order
@@ -106,31 +105,31 @@ def _open_mcap(path: Path) -> Optional[McapReader]:
 
 
 def _records_of_reader(reader: Any, kind: str, context: BagContext) -> Iterator[Record]:
-    streams, headers, max_bytes = {}, [], context.max_bytes
+    streams, max_bytes = {}, context.max_bytes
     for connection in reader.connections:
         ext, about = connection.ext, (connection.topic, connection.msgtype, connection.msgdef.data)
         stream = context.add_topic(*about, 'ros1', publisher=ext.callerid or '') if (
             kind == '.bag') else context.add_topic(*about, ext.serialization_format, [
                 qos.durability.name for qos in ext.offered_qos_profiles])
-        if isinstance(stream, Stream):
+        if isinstance(stream, BagTopic):
+            stream.headers.expect(connection.msgcount)
+        if stream is not None:
             streams[connection.id] = connection, stream
-        elif isinstance(stream, BagTopic):
-            headers.append((connection, stream))
     wanted = [connection for connection, _ in streams.values()]
     if kind == '.mcap':
-        _check_sizes(reader, {*streams, *(connection.id for connection, _ in headers)}, max_bytes)
+        _check_sizes(reader, streams.keys(), max_bytes)
     number, total = 0, sum(connection.msgcount for connection in wanted)
     for connection, time, data in reader.messages(wanted) if wanted else ():
         if number % ADVANCE == 0:
             context.advance(min(1.0, number / total))
         number += 1
-        yield streams[connection.id][1], time, unpack_message(data, max_bytes)
+        stream = streams[connection.id][1]
+        if isinstance(stream, Stream):
+            yield stream, time, unpack_message(data, max_bytes)
+        elif stream.headers.wants_next():
+            stream.headers.add(time, unpack_message(data, max_bytes))
     if number != total:
-        raise ValueError(f'its index announces {total} messages of TF, but {number} were found')
-    for connection, topic in headers:
-        context.advance(1.0)
-        for _, _, data in islice(reader.messages([connection]), HEADERS - topic.header_count):
-            topic.add_header(unpack_message(data, max_bytes))
+        raise ValueError(f'its index announces {total} messages, but {number} were found')
 
 
 def _check_sizes(reader: McapReader, channels: Set[int], max_bytes: int) -> None:

@@ -183,13 +183,21 @@ def key(data: bytes) -> bytes:
         return b''
 
 
-def header_frame(data: bytes) -> str:
-    """Return the frame_id of a message that begins with a Header; or raise a struct.error."""
-    # The header begins with the stamp (8 bytes), after the encapsulation (4 bytes).
-    (length,) = struct.unpack_from(f'{_BYTE_ORDER.get(data[:2], "<")}I', data, 12)
-    if 16 + length > len(data):
+_unpack_header, _unpack_header_big = (struct.Struct(f'{order}iII').unpack_from for order in '<>')
+
+
+def header(data: bytes) -> tuple[int, bytes]:
+    """
+    Return the stamp (ns) and the bytes of the frame_id of a message that begins with a Header.
+
+    If the bytes end too early, raise a struct.error.
+    """
+    unpack = _unpack_header_big if data[:2] == b'\0\0' else _unpack_header
+    sec, nanosec, length = unpack(data, 4)
+    name = data[16:16 + length]
+    if len(name) < length:
         raise struct.error('the bytes end in the middle of the frame_id')
-    return _text(data[16:16 + length])
+    return sec * SECOND + nanosec, name
 
 
 STAMP = '<iI'

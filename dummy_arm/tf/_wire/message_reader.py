@@ -41,8 +41,8 @@ class Encoding(Protocol):
     def layout(self, edges: Sequence[tuple[str, str]]) -> tuple[str, list[bytes]]:
         """See `cdr.layout`."""
 
-    def header_frame(self, data: bytes) -> str:
-        """Return the frame_id of a message with a header, or raise struct.error."""
+    def header(self, data: bytes) -> tuple[int, bytes]:
+        """See `cdr.header`."""
 
 
 #: The parts of a message: its layout, its n stamps and its n poses, each as bytes.

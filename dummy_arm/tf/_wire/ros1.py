@@ -23,6 +23,7 @@ from dummy_arm.tf._wire.cdr import MalformedMessage
 _FIRST_NAME = 16  # where the first frame_id begins
 _SMALLEST_TRANSFORM = 4 + 4 + 4 + 4 + 4 + POSE_BYTES
 _unpack_length = struct.Struct('<I').unpack_from
+_unpack_header = struct.Struct('<4xIII').unpack_from
 _unpack_head = struct.Struct('<4xII').unpack_from
 _unpack_pose = struct.Struct('<7d').unpack_from
 
@@ -66,12 +67,13 @@ def key(data: bytes) -> bytes:
         return b''
 
 
-def header_frame(data: bytes) -> str:
-    """Return the frame_id of a message that begins with a header; or raise a struct.error."""
-    name, end = _name(data, 12)
-    if end > len(data):
+def header(data: bytes) -> tuple[int, bytes]:
+    """Return what `cdr.header` returns."""
+    sec, nanosec, length = _unpack_header(data)
+    name = data[16:16 + length]
+    if len(name) < length:
         raise struct.error('the bytes end in the middle of the frame_id')
-    return name
+    return sec * SECOND + nanosec, name
 
 
 STAMP = '<II'

@@ -1,0 +1,52 @@
+"""Messages of TF and headers as `tf_doctor` gets them, made by hand."""
+
+import struct
+
+from dummy_arm.doctor.observation import Observation
+from dummy_arm.doctor.tf_statistics import Statistics
+from dummy_arm.tf._core.pose import Row
+from dummy_arm.tf._wire import cdr
+from dummy_arm.tf.bag import Headers
+
+S, MS = 10**9, 10**6
+T = 1_700_000_000 * S
+_STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
+
+
+class Recorded:
+    """A message of TF."""
+
+    publisher, encoding = '/robot', cdr
+
+    def __init__(self, time, is_static, *rows):
+        """Serialise transforms; `time`: the arrival (ns)."""
+        self.time, self.is_static, self.data = time, is_static, cdr.pack(rows)
+
+    def rows(self):
+        """Return the transforms."""
+        return cdr.unpack(self.data)
+
+
+def tf(arrival, stamp, *edges, is_static=False):
+    """Return a message of TF; times in ms after `T`, each edge 'parent child'."""
+    return Recorded(T + arrival * MS, is_static, *(
+        Row(T + stamp * MS, parent, child, _STILL)
+        for parent, child in (edge.split(' ') for edge in edges)))
+
+
+def _header(stamp, frame):
+    """Serialise a message with a header, in CDR."""
+    name = frame.encode() + b'\0'
+    return struct.pack('<4siII', b'\0\1\0\0', *divmod(stamp, S), len(name)) + name
+
+
+def judged(transforms, messages, frame='base', offset=None):
+    """Return the `MessageTimes` of messages, each (arrival, stamp) in ms after `T`; None: 0."""
+    statistics, headers = Statistics(), Headers()
+    statistics.add_messages(sorted(transforms, key=lambda message: message.time))
+    for arrival, stamp in messages:
+        assert headers.wants_next()
+        headers.add(T + arrival * MS, _header(0 if stamp is None else T + stamp * MS, frame))
+    (times,) = Observation(
+        statistics, 'here', headers={'/scan': headers}, clock_offset=offset).message_times
+    return times
