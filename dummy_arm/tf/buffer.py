@@ -20,6 +20,7 @@ from dummy_arm.tf._core.buffer_base import debug_tuple
 from dummy_arm.tf._core.times import nanoseconds, SECOND
 from dummy_arm.tf._core.waiting import wait, why_not
 from dummy_arm.tf._ros.futures import PendingFutures
+from dummy_arm.tf._ros.graph import clock_surroundings
 from dummy_arm.tf._ros.messages import FrameGraph
 from dummy_arm.tf.buffer_core import BufferCore, to_message
 from dummy_arm.tf.buffer_interface import BufferInterface, NO_WAIT
@@ -58,6 +59,7 @@ class Buffer(BufferCore, BufferInterface):
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
             self.srv = _create_frames_service(node, self)
+        self._engine.look = partial(clock_surroundings, self.clock)
         self.jump_handle = create_jump_handle(self.clock, self)
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:

@@ -9,11 +9,14 @@ _Error = TypeVar('_Error', bound='TransformException')
 class TransformException(Exception):
     """Base class of the errors of a lookup."""
 
-    _hint: Optional[Callable[[], str]] = None
+    #: tf2's words, and the hint; None after the text was read.
+    _parts: Optional[tuple[str, Callable[[], str]]] = None
 
     def __str__(self) -> str:
-        if self._hint is not None:
-            self.args, self._hint = (f'{self.args[0]}{self._hint()}',), None
+        if (parts := self._parts) is not None:  # two threads may come here
+            words, hint = parts
+            self.args = (words + hint(),)
+            self._parts = None
         return super().__str__()
 
     def __repr__(self) -> str:
@@ -52,5 +55,5 @@ def with_hint(error: _Error, hint: Callable[[], str]) -> _Error:
     While a lookup or a future waits, many errors are raised and discarded. A hint can take long to
     compute, so do not read the text while you hold the lock of the buffer.
     """
-    error._hint = hint
+    error._parts = error.args[0], hint
     return error

@@ -12,27 +12,25 @@ from operator import attrgetter
 from time import monotonic, time_ns
 from typing import Any, NamedTuple, Optional
 
-from rclpy.topic_endpoint_info import TopicEndpointInfo
-
+from dummy_arm.tf._core import hints
 from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf._core.pose import BatchOrRows, Row
-from dummy_arm.tf._core.texts import comma_list, full_name, TF_MESSAGE
-from dummy_arm.tf._ros.rclpy_private import GID_SIZE, rcl_take, Taker
+from dummy_arm.tf._core.texts import comma_list, TF_MESSAGE
+from dummy_arm.tf._ros.graph import gid_of, node_of, UNKNOWN
+from dummy_arm.tf._ros.rclpy_private import rcl_take, Taker
 from dummy_arm.tf._ros.subscription import SubscriptionSource, TopicSubscription
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.message_reader import Encoding
 from dummy_arm.tf.transform_listener import TransformListener
 
-#: The name of a publisher whose node is not known.
-UNKNOWN = 'unknown publisher'
+__all__ = ['UNKNOWN', 'PublisherListener', 'Received', 'ReceivedMessage', 'gid_of', 'node_of']
+
 #: The time between two regular queries of the ROS graph (s).
 _QUERY_INTERVAL = 0.5
 #: The largest number of node names; beyond it, the oldest names of ended publishers are dropped.
 _MOST_NAMES = 10_000
 #: The largest number of nodes in a text such as 'one of /a, /b'.
 _SHOWN = 5
-#: The node name that rmw reports for a publisher whose node is not discovered yet.
-_UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 #: The largest number of messages that are kept for `received`, and of their bytes.
 _MOST_MESSAGES, _MOST_BYTES = 10_000, 2**24
 
@@ -75,17 +73,6 @@ class Received(NamedTuple):
 
     messages: list[ReceivedMessage]  #: the messages of each topic are in the order of arrival
     dropped: int  #: the number of older messages that were dropped, to limit the memory
-
-
-def gid_of(info: TopicEndpointInfo) -> str:
-    """Return the gid (in hex) of a publisher in the ROS graph."""
-    return bytes(info.endpoint_gid[:GID_SIZE]).hex()
-
-
-def node_of(info: TopicEndpointInfo) -> str:
-    """Return the full name of a publisher's node; UNKNOWN if it is not discovered yet."""
-    return (UNKNOWN if info.node_name == _UNKNOWN_NODE
-            else full_name(info.node_namespace, info.node_name))
 
 
 class _GidSource(SubscriptionSource):
@@ -228,6 +215,28 @@ class PublisherListener(TransformListener):
         if not requested <= self._nodes.keys():
             self._query()
         return {gid: self._name_of(gid) for gid in requested}
+
+    def wrong_type_hint(self) -> str:
+        """Return who publishes another type than TFMessage on the topics; '' if nobody does."""
+        return hints.wrong_type(self._surroundings())
+
+    def other_topics_hint(self) -> str:
+        """
+        Return which other topics have transforms, and how to receive them.
+
+        It is '' if a dynamic transform was received or has a publisher here, or if a static one
+        was received in a namespace.
+        """
+        return hints.other_topics(self._surroundings())
+
+    def topics_hint(self) -> str:
+        """Return why transforms may not arrive; '' if there is no sign of it."""
+        return hints.topics(self._surroundings())
+
+    def _surroundings(self) -> hints.Surroundings:
+        return super()._surroundings()._replace(ended={
+            gid: node for gid, (node, _) in tuple(self._nodes.items())
+            if gid not in self._present})
 
     def _name_of(self, gid: str) -> str:
         if found := self._nodes.get(gid):

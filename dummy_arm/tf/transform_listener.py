@@ -1,9 +1,11 @@
 """Transform listeners like those of tf2_ros: they subscribe to /tf and /tf_static."""
 
 from collections.abc import Callable
+from functools import partial
 from threading import RLock
 from traceback import format_exception
 from typing import Any, Optional, Union
+from weakref import ref
 
 from geometry_msgs.msg import TransformStamped
 from rclpy.callback_groups import ReentrantCallbackGroup
@@ -13,7 +15,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
 from dummy_arm.tf._core.engine import Engine, engine_of
+from dummy_arm.tf._core.hints import Surroundings
 from dummy_arm.tf._core.texts import ThrottledLog
+from dummy_arm.tf._ros.graph import surroundings
 from dummy_arm.tf._ros.listener_thread import ListenerThread, NodeThread, Round, SpinThread
 from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._ros.qos import profile
@@ -159,6 +163,7 @@ class TransformListener:
         if before is not None:
             self._detach(before)
         if engine is not None:
+            engine.look = partial(_surroundings, ref(self))
             engine.add_source(self._source)
             # Another thread may have replaced `_engine` or ended the listener meanwhile.
             if self._engine is not engine or self._thread.must_end:
@@ -167,6 +172,16 @@ class TransformListener:
     def _detach(self, engine: Engine) -> None:
         engine.remove_source(self._source)
         engine.after_insertion()
+
+    def _surroundings(self) -> Surroundings:
+        """Return what hints may use: the clock and the publishers."""
+        topics = [each.topic_name for each in self.subscriptions]
+        tree = None if self._engine is None else self._engine.tree
+        is_fed = tree is not None and (
+            tree.has_dynamic() or (bool(tree.histories) and topics[-1] != '/tf'))
+        durability = self.tf_static_sub.qos_profile.durability
+        return surroundings(
+            self.node, topics, durability == DurabilityPolicy.VOLATILE, is_fed)
 
     def callback(self, data: TFMessage) -> None:
         """Insert a message of /tf; called only if the listener uses subscriptions of the node."""
@@ -240,6 +255,11 @@ class StaticTransformListener(TransformListener):
         """Subscribe; see `TransformListener` for the parameters."""
         super().__init__(buffer, node, spin_thread=spin_thread, static_qos=static_qos,
                          tf_static_topic=tf_static_topic, static_only=True)
+
+
+def _surroundings(reference: ref[TransformListener]) -> Surroundings:
+    listener = reference()
+    return Surroundings() if listener is None else listener._surroundings()
 
 
 def _engine_or_none(buffer: Any) -> Optional[Engine]:

@@ -9,14 +9,16 @@ thread that holds the lock already neither updates nor waits. Such lookups are t
 
 from array import array
 from collections.abc import Callable, Iterable, Sequence
+from functools import partial
 import logging
 from operator import index
 import os
 from queue import SimpleQueue
 from threading import RLock
 from typing import Any, Optional, Protocol, TypeVar
-from weakref import WeakSet
+from weakref import ref, WeakSet
 
+from dummy_arm.tf._core.hints import Look, Surroundings
 from dummy_arm.tf._core.insertion import Insertion
 from dummy_arm.tf._core.lookup import Lookups
 from dummy_arm.tf._core.pose import BatchOrRows, Pose
@@ -72,6 +74,10 @@ class Engine:
         self.tree = FrameTree(cache_time)
         self.lookups = Lookups(self.tree)
         self.insertion = Insertion(self.lookups, max_frames, max_samples)
+        #: Returns what hints may use; a buffer with a clock, or a listener, assigns it.
+        self.look: Look = Surroundings
+        # An error that nobody has read does not keep the data alive.
+        self.tree.look = partial(_look, ref(self))
         #: Returns False when blocked lookups should give up, as when ROS is shut down.
         self.is_alive: Callable[[], bool] = lambda: True
         self._sources: tuple[Source, ...] = ()
@@ -261,9 +267,21 @@ class Engine:
         self.lock = RLock()  # another thread may have held the old one
         self._sources, self._waiters, self.queues = (), (), set()
         self.is_alive = lambda: True
+        self.look = Surroundings  # locks of the ROS graph may be held for good
         self.insertion.log.write = logging.getLogger('dummy_arm.tf').warning
         self.tree.release()
         self._mend()  # another thread may have been inserting
+
+
+def _look(reference: 'ref[Engine]') -> Surroundings:
+    """Return the surroundings of a buffer; nothing is known while this thread holds its lock."""
+    engine = reference()
+    if engine is None or engine.is_held():
+        return Surroundings()
+    try:
+        return engine.look()
+    except Exception:  # the node is destroyed, or ROS is shut down
+        return Surroundings()
 
 
 #: All engines of this process.

@@ -1,6 +1,7 @@
 """Insertion of transforms into a tree of frames, after normalisation and checks."""
 
 from collections.abc import Iterable
+from functools import partial
 from itertools import starmap
 import math
 import struct
@@ -11,6 +12,7 @@ from typing import Optional
 import numpy as np
 from numpy.typing import NDArray
 
+from dummy_arm.tf._core import hints
 from dummy_arm.tf._core.composition import normalized
 from dummy_arm.tf._core.frames import is_too_long, LONGEST_NAME
 from dummy_arm.tf._core.history import History, MAX_SAMPLES_PER_STAMP
@@ -65,14 +67,16 @@ class Insertion:
         x, y, z, qx, qy, qz, qw = pose
         pose = (x, y, z, *normalized(qx, qy, qz, qw))
         if warnings := refusals(parent, child, pose, authority):
-            self.log.warn(child, *warnings)
+            self.log.warn(child, *warnings, end=partial(
+                hints.refused, self._tree.look, authority, is_static))
             return False
         if not (math.isfinite(x) and math.isfinite(y) and math.isfinite(z)):
             # tf2 accepts an infinite translation, and lookups in tf2 then return NaN. So NaN is
             # inserted here.
             pose = (math.nan, math.nan, math.nan, *pose[3:])
         is_known_edge = self._tree.is_known_edge(parent, child, is_static)
-        if not is_known_edge and not self._accepts_names(parent, child, authority):
+        if not is_known_edge and not self._accepts_names(
+                parent, child, authority, is_static):
             return False
         is_accepted = self._tree.insert(stamp, parent, child, pose, authority, is_static)
         if not is_known_edge:
@@ -82,23 +86,26 @@ class Insertion:
             return is_accepted
         if not is_accepted:
             self.log.warn(child, old_data(
-                child, stamp, authority, history.latest, self._tree.cache_time))
+                child, stamp, authority, history.latest, self._tree.cache_time), end=partial(
+                    hints.old_data, self._tree.look, authority))
             return False
         self._room -= 1
         if self._room < 0 or len(history) > self._max_samples_per_frame:
             self._drop_oldest(history, 1, child, authority)
         return True
 
-    def _accepts_names(self, parent: str, child: str, authority: str) -> bool:
+    def _accepts_names(self, parent: str, child: str, authority: str, is_static: bool) -> bool:
         """Return True if both names are short enough, and `max_frames` allows the new frames."""
+        end = partial(hints.refused, self._tree.look, authority, is_static)
         if is_too_long(parent) or is_too_long(child):
             what, name = ('child_frame_id', child) if is_too_long(child) else ('frame_id', parent)
-            self.log.warn(child, too_long_name(child, what, name, LONGEST_NAME, authority))
+            self.log.warn(child, too_long_name(
+                child, what, name, LONGEST_NAME, authority), end=end)
             return False
         frames = self._tree.histories
         if len(frames) + (child not in frames) + (parent not in frames) > self._max_frames:
             self.log.warn_once('too many frames', too_many_frames(
-                child, self._max_frames, authority))
+                child, self._max_frames, authority), end=end)
             return False
         return True
 

@@ -1,5 +1,5 @@
 """
-Error texts and log lines: tf2's own words, the hints that follow them, and printable names.
+Error texts and log lines: tf2's own words, printable names, and what `hints` is written with.
 
 Names of frames are received from other nodes. They can contain any character, and can be long.
 Therefore they are escaped and abbreviated before they are printed.
@@ -13,7 +13,7 @@ import logging
 from math import inf, isnan
 from time import monotonic
 
-from dummy_arm.tf._core.times import display_time, SECOND
+from dummy_arm.tf._core.times import display_time
 
 #: The name of the type TFMessage, in the ROS graph and in bags of rosbag2.
 TF_MESSAGE = 'tf2_msgs/msg/TFMessage'
@@ -22,7 +22,7 @@ LONGEST = 100
 #: The largest number of names that an error lists.
 _MAX_SHOWN = 5
 #: The largest number of topics or namespaces that an error lists.
-_MAX_TOPICS = 10
+MAX_TOPICS = 10
 #: An error text that is longer than this (characters) is abbreviated.
 _LONGEST_ERROR = 500
 #: The largest number of frames of which it is remembered that there was a warning.
@@ -148,6 +148,16 @@ def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = s
     return f'{", ".join(map(write, texts[:shown]))}{more}'
 
 
+def see(heading: str) -> str:
+    """
+    Return the last sentence of a hint: it names a section of docs/troubleshooting.md.
+
+    >>> see('TF_OLD_DATA')
+    ' See troubleshooting.md: TF_OLD_DATA.'
+    """
+    return f' See troubleshooting.md: {heading}.'
+
+
 def namespace_path(namespace: str) -> str:
     """
     Return a namespace as the beginning of the name of a topic.
@@ -266,7 +276,7 @@ def no_tf(expected: Sequence[str], topics: Sequence[tuple[str, str]]) -> str:
     """Say that a bag has no transforms on the expected topics; `topics`: all, with their types."""
     others = sorted(f'{in_log(name)} ({in_log(msgtype)})' for name, msgtype in topics)
     return (f'no {TF_MESSAGE} on {" or ".join(expected)}; its topics: '
-            f'{comma_list(others, _MAX_TOPICS) or "none"}')
+            f'{comma_list(others, MAX_TOPICS) or "none"}')
 
 
 def no_tf_here(expected: Sequence[str], namespaces: Sequence[str]) -> str:
@@ -274,7 +284,7 @@ def no_tf_here(expected: Sequence[str], namespaces: Sequence[str]) -> str:
     if namespaces == ['']:
         where = 'on topics without a namespace: omit the namespace'
     else:
-        names = comma_list([in_log(name) or '/' for name in namespaces], _MAX_TOPICS)
+        names = comma_list([in_log(name) or '/' for name in namespaces], MAX_TOPICS)
         where = f'in the namespace {names}: pass it as namespace (--namespace)'
     return f'no TFMessage on {" or ".join(expected)}, but {where}'
 
@@ -320,39 +330,6 @@ def too_many_samples(child: str, limit: int, authority: str) -> str:
             'or raise max_samples.')
 
 
-# The hints that follow the texts of tf2.
-
-
-def roots_hint(target: str, target_root: str, source: str, source_root: str) -> str:
-    return (f' {quoted(target)} is in the tree with root {quoted(target_root)}, '
-            f'{quoted(source)} in the tree with root {quoted(source_root)}.')
-
-
-def extrapolation_hint(frame: str, parent: str, oldest: int, latest: int, time: int) -> str:
-    """Say how far a time outside of the samples of an edge is from the nearest sample."""
-    edge = f'{quoted(parent)} -> {quoted(frame)}'
-    if time > latest:
-        return f' The data of edge {edge} end {_exact_seconds(time - latest)} before that time.'
-    return f' The data of edge {edge} begin {_exact_seconds(oldest - time)} after that time.'
-
-
-def _exact_seconds(duration: int) -> str:
-    return f'{duration // SECOND}.{duration % SECOND:09d} s'
-
-
-def cleared_hint(frame: str) -> str:
-    return f' No transform of {quoted(frame)} has been received since the buffer was cleared.'
-
-
-def loop_hint(chain: Sequence[str]) -> str:
-    """Name the frames of the loop at the upper end of a chain, or say that the chain is long."""
-    last = chain[-1]
-    earlier = [i for i, frame in enumerate(chain[:-1]) if frame == last]
-    if not earlier:
-        return f'There is no loop, but a chain of more than {len(chain) - 1} edges.'
-    return f'The loop: {" -> ".join(map(quoted, reversed(chain[earlier[-1]:])))}.'
-
-
 class ThrottledLog:
     """
     A log that limits how often it warns of the same cause.
@@ -368,27 +345,30 @@ class ThrottledLog:
         self._next_times: dict[str, float] = {}
         #: The causes and frames of `warn`.
         self._warned: set[tuple[str, str]] = set()
-        self._queue: deque[str] = deque()
+        #: The warnings, each with a function that returns the end of its text.
+        self._queue: deque[tuple[str, Callable[[], str]]] = deque()
 
-    def warn(self, child: str, *problems: str) -> None:
+    def warn(self, child: str, *problems: str, end: Callable[[], str] = str) -> None:
         """
         Queue warnings about a frame, each once per cause, which is the first word.
 
-        At most one warning a second is queued per cause.
+        At most one warning a second is queued per cause. `flush` calls `end`, which returns the
+        end of each text.
         """
         child = abbreviated(child)
         for problem in problems:
             cause = problem.partition(' ')[0]
             if (cause, child) not in self._warned and self.is_due(cause, 1.0):
-                self._queue.append(problem)
+                self._queue.append((problem, end))
                 if len(self._warned) >= _MAX_WARNED:
                     self._warned.clear()
                 self._warned.add((cause, child))
 
-    def warn_once(self, cause: str, problem: str, silence: float = inf) -> None:
+    def warn_once(self, cause: str, problem: str, silence: float = inf,
+                  end: Callable[[], str] = str) -> None:
         """Queue a warning, unless one of this cause was queued within some time (s)."""
         if self.is_due(cause, silence):
-            self._queue.append(problem)
+            self._queue.append((problem, end))
 
     def is_due(self, cause: str, silence: float) -> bool:
         """Return whether a warning may be written; if so, the next is due after `silence` (s)."""
@@ -400,4 +380,5 @@ class ThrottledLog:
 
     def flush(self) -> None:
         while self._queue:
-            self.write(self._queue.popleft())
+            problem, end = self._queue.popleft()
+            self.write(problem + end())

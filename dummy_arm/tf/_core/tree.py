@@ -1,14 +1,14 @@
 """The tree of frames: the history of each frame, and tf2's search for paths between frames."""
 
 from collections.abc import Callable, Iterator
-from functools import reduce
+from functools import partial, reduce
 from itertools import pairwise, takewhile
 from typing import Any, Optional
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.tf._core import texts
+from dummy_arm.tf._core import hints, texts
 from dummy_arm.tf._core.frames import as_string
 from dummy_arm.tf._core.history import AnyHistory, History, State, StaticHistory
 from dummy_arm.tf._core.path import Path
@@ -44,6 +44,8 @@ class FrameTree:
         #: A hint that follows if frames are unknown or not connected, as when a part of a bag is
         #: missing.
         self.advice = ''
+        #: What the hints of errors use; called when a text is read.
+        self.look: hints.Look = hints.Surroundings
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -108,7 +110,7 @@ class FrameTree:
         problem = self._problem(name)
         if problem == texts.UNKNOWN_FRAME:
             raise with_hint(
-                LookupException(texts.unknown_frame(name, where)), self._nearest(name))
+                LookupException(texts.unknown_frame(name, where)), self._unknown(name))
         if problem:
             raise InvalidArgumentException(texts.invalid_argument(name, where, problem))
 
@@ -124,12 +126,10 @@ class FrameTree:
                 words = texts.invalid_frame_id(name, argument, problem)
                 if problem != texts.UNKNOWN_FRAME:
                     raise TransformException(words)
-                raise with_hint(TransformException(f'{words}. '), self._nearest(name))
+                raise with_hint(TransformException(f'{words}. '), self._unknown(name))
 
-    def _nearest(self, name: str) -> Callable[[], str]:
-        """Return a function that suggests similar names of frames that exist now."""
-        names = self.names
-        return lambda: texts.suggest_names(name, names) + self.advice
+    def _unknown(self, name: str) -> Callable[[], str]:
+        return partial(hints.unknown_frame, self.look, name, self.names, self.advice)
 
     def _problem(self, name: str) -> Optional[str]:
         """Return, in tf2's words, what is wrong with a frame's name; None if the frame exists."""
@@ -314,12 +314,16 @@ class FrameTree:
             edges = self.newest_edges()
             raise with_hint(
                 LookupException(texts.LOOP),
-                lambda: f'{as_string(edges)}\n{texts.loop_hint(chain)}')
+                lambda: f'{as_string(edges)}\n{hints.loop(chain)}')
 
     def states(self, until: int = 0) -> list[tuple[str, State]]:
         """Return the name and state of each frame with samples up to a time (ns; 0: no limit)."""
         return [(name, state) for name, history in self.histories.items()
                 if history is not None and (state := history.state(until)) is not None]
+
+    def has_dynamic(self) -> bool:
+        """Return whether there are, or were, dynamic frames; needs no lock."""
+        return any(isinstance(history, History) for history in tuple(self.histories.values()))
 
     def edges(self, until: int = 0) -> Iterator[tuple[str, str, AnyHistory]]:
         """Yield each frame of `states` with its newest parent and its history."""
@@ -348,9 +352,11 @@ class FrameTree:
         assert isinstance(history, History)
         words = texts.extrapolation(
             len(history), history.oldest, history.latest, time, target, source)
-        return ExtrapolationException(words + self._why_not_at(time, target, source, frame))
+        return with_hint(
+            ExtrapolationException(words), self._why_not_at(time, target, source, frame))
 
-    def _why_not_at(self, time: int, target: str, source: str, stopped_at: str) -> str:
+    def _why_not_at(self, time: int, target: str, source: str, stopped_at: str
+                    ) -> Callable[[], str]:
         """
         Return the hint of an ExtrapolationException.
 
@@ -374,9 +380,10 @@ class FrameTree:
         history = self.histories[worst]
         assert isinstance(history, History)
         if not len(history):
-            return texts.cleared_hint(worst)
-        return texts.extrapolation_hint(
-            worst, history.parent_at(0) or '', history.oldest, history.latest, time)
+            return partial(hints.cleared, worst)
+        return partial(hints.extrapolation, self.look, hints.Edge(
+            history.parent_at(0) or '', worst, len(history), history.oldest, history.latest,
+            self.cache_time, history.start > 0, history.authority), time)
 
     def _chains_to_meeting(self, source: str, target: str, time: int = _END
                            ) -> tuple[dict[str, None], dict[str, None], Optional[str]]:
@@ -404,18 +411,18 @@ class FrameTree:
         return *chains, None
 
     def _why_unconnected(self, target: str, target_root: str, source: str, source_root: str
-                         ) -> str:
+                         ) -> Callable[[], str]:
         """Return the hint for two frames that have different roots."""
         for root in source_root, target_root:
             if (history := self.histories[root]) is not None and not len(history):
-                return texts.cleared_hint(root)
-        return texts.roots_hint(target, target_root, source, source_root) + self.advice
+                return partial(hints.cleared, root)
+        return partial(hints.unconnected, self.look, target, target_root, source, source_root,
+                       self.advice)
 
     def _unconnected(self, target: str, source: str) -> ConnectivityException:
-        return ConnectivityException(
-            texts.unconnected(target, source)
-            + texts.roots_hint(target, self.root(target), source, self.root(source))
-            + self.advice)
+        return with_hint(
+            ConnectivityException(texts.unconnected(target, source)),
+            self._why_unconnected(target, self.root(target), source, self.root(source)))
 
 
 def _union(stamps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:
