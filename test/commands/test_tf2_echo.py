@@ -66,13 +66,13 @@ def test_a_time_exactly(ros):
     assert between.stdout.startswith(
         'At time 1795204941.623456789\n- Translation: [2.0000005, 0.0000000, ')
     assert between.stdout.count('At time') == 1
-    assert 'Frames here, the nearest names first: ' in late.stderr
+    assert ' The newest is ' in late.stderr
     assert late.stdout == ''
 
 
 def test_waiting_says_what_is_missing(monkeypatch, ros):
     """
-    Once a second, it logs tf2's text and the known frames, the nearest names first.
+    Once a second, it logs tf2's text and the hint.
 
     That nothing may publish is logged once, after 6 s.
     """
@@ -90,9 +90,9 @@ def test_waiting_says_what_is_missing(monkeypatch, ros):
     steps = [
         (lambda text: text.count('Waiting for transform map ->  base_lnik: ') >= 8,
          [('earth', 'moon')]),
-        (lambda text: "'base_lnik' does not exist either. Frames here" in text,
+        (lambda text: "does not exist. Known frames: 'moon', 'earth'. See " in text,
          [('map', name) for name in ('odom', 'base_link', 'base')]),
-        (lambda text: "here, the nearest names first: 'base_link', 'base', " in text,
+        (lambda text: "does not exist. Nearest known: 'base_link', 'base'. See " in text,
          [('map', 'base_lnik')])]
 
     def until(text):
@@ -115,8 +115,6 @@ def test_waiting_says_what_is_missing(monkeypatch, ros):
     assert 'Publishers on /tf and /tf_static here: 1. Check that something publishes' in seventh
     assert 'No transform has been received yet.' in eighth
     assert 'Invalid frame ID "base_lnik" passed to canTransform argument source_frame - ' in error
-    assert "'map'" in others[-1]
-    assert 'Known frames' not in error
 
 
 def test_a_failure_is_printed_and_it_goes_on(ros):

@@ -81,8 +81,8 @@ def test_it_continues_when_something_is_missing(ros):
     broadcaster = StaticTransformBroadcaster(ros.node)
     steps = [('No transform has been received yet. Publishers on ', ('map', 'robo')),
              ('Waiting for transform map ->  robot: Invalid frame ID "robot" passed to '
-              'canTransform argument source_frame - frame does not exist. Frames here, the '
-              "nearest names first: 'robo', 'map'.\n", ('map', 'robot')),
+              'canTransform argument source_frame - frame does not exist. Nearest known: '
+              "'robo'. See troubleshooting.md: A frame does not exist.\n", ('map', 'robot')),
              ('Chain is: map -> robot\nNet delay     none: all transforms are static, or the time '
               'is not known\n', ('moon', 'robot')),
              ('not part of the same tree', ('map', 'robot')),

@@ -29,7 +29,7 @@ def test_a_port_that_is_given(start, ros, monkeypatch):
         assert answer.status == 200
     robot = TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
     viewer = Viewer(port)
-    hint = f'{robot.pub_tf.topic_name} has 1 publisher: --namespace robot1'
+    hint = f'To listen to {robot.pub_tf.topic_name}, pass '
     viewer.until(lambda: hint in viewer.text('overview'))
     viewer.close()
     process.end(signal.SIGTERM)

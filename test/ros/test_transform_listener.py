@@ -548,8 +548,8 @@ def test_refusals_are_logged_in_the_words_of_tf2(sender, listen, log_lines, monk
         'TF_NAN_INPUT', 'TF_DENORMALIZED_QUATERNION', 'TF_SELF_TRANSFORM', 'TF_NO_FRAME_ID',
         'TF_NO_CHILD_FRAME_ID', 'TF_OLD_DATA'}
     assert ('TF_SELF_TRANSFORM: Ignoring transform from authority "default_authority" with '
-            'frame_id and  child_frame_id "self" because they are the same') in [
-                line for _, line in log_lines]
+            'frame_id and  child_frame_id "self" because they are the same. Publishers on /tf: '
+            '/test.') in [line for _, line in log_lines]
     assert buffer.frame_names() == ['good', 'map', 'better']
     seconds += 1.0
     send()

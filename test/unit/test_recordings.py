@@ -67,7 +67,8 @@ def test_a_later_part_that_rosbag_has_split():
         buffer.lookup_transform('map', 'laser')
     assert str(error.value).endswith(
         f"Known frames: 'base_link', 'map'. {SPLIT}/robot_1.bag is without the first part of "
-        f'its recording, which usually has all static transforms: read {SPLIT}/robot_0.bag, too.')
+        f'its recording, which usually has all static transforms: read {SPLIT}/robot_0.bag, too. '
+        'See troubleshooting.md: No static transforms from a bag.')
 
 
 @pytest.mark.parametrize('kind', ['mcap', 'db3', 'mcap file', 'db3 file', 'mcap storage'])
@@ -197,7 +198,8 @@ def test_a_later_part_with_static_transforms(tmp_path):
     """Some recorders repeat them; then nothing is missing."""
     (file,) = parts(tmp_path, numbers=[0])
     later = file.rename(tmp_path / 'robot_3.mcap')
-    with pytest.raises(LookupException, match=r"Known frames: 'odom', 'map', 'base_link'\.$"):
+    with pytest.raises(LookupException, match=(
+            r"Known frames: 'odom', 'map', 'base_link'\. See troubleshooting\.md: A frame ")):
         read(later).lookup_transform('map', 'laser')
 
 

@@ -122,7 +122,7 @@ def test_out_of_a_bag(bag, capsys, time, stamp, x):
 
 
 @pytest.mark.parametrize(('arguments', 'why'), [
-    (('map', 'base_lnik'), "does not exist. Nearest known: 'base_link'.\n"),
+    (('map', 'base_lnik'), "does not exist. Nearest known: 'base_link'. See troubleshooting.md: "),
     (('map', 'base_link', '-t', '99'), 'Lookup would require extrapolation into the past'),
     (('map', 'base_link', '-t', '111'), "'odom' -> 'base_link' end 1.000000000 s before that")])
 def test_what_a_bag_does_not_have(failed, bag, arguments, why):

@@ -306,7 +306,7 @@ def test_the_edge_that_an_error_names_is_short_where_frames_change_their_parents
 
 HINT = re.compile(
     r"\. The data of edge '(\w+)' -> '(\w+)' (end|begin) (\d+\.\d{9}) s (before|after) "
-    r'that time\.$')
+    r'that time\. \w.* See troubleshooting\.md: [\w ]+\.$')
 
 
 @given(uneven_trees(), st.data())

@@ -27,7 +27,7 @@ _OTHER_CLOCK_OF_ONE = 24 * 3600 * SECOND
 #: If the newest stamp is at most this old (ns), data still come. Up to this time into the future,
 #: a transform is on its way.
 _RECENT = SECOND
-_LATEST = 'pass time 0, Time(), for the latest transform'
+_LATEST = 'time 0 (Time()) for the latest transform'
 
 
 class Publisher(NamedTuple):
@@ -74,8 +74,9 @@ Look = Callable[[], Surroundings]
 
 def unknown_frame(look: Look, name: str, known: tuple[str, ...], advice: str) -> str:
     hint = topics(look())
-    return (f'{suggest_names(name, known)}{advice}'
-            f'{f" {hint}" if hint else see("A frame does not exist")}')
+    return suggest_names(name, known) + (
+        _missing_part(advice) if advice else
+        f' {hint}' if hint else see('A frame does not exist'))
 
 
 def unconnected(look: Look, target: str, target_root: str, source: str, source_root: str,
@@ -83,8 +84,12 @@ def unconnected(look: Look, target: str, target_root: str, source: str, source_r
     remedy = topics(look()) or (
         f'Publish a transform between the two trees.{see("Two unconnected trees")}')
     return (f' {quoted(target)} is in the tree with root {quoted(target_root)}, '
-            f'{quoted(source)} in the tree with root {quoted(source_root)}.{advice} '
-            f'{remedy}')
+            f'{quoted(source)} in the tree with root {quoted(source_root)}.'
+            f'{_missing_part(advice) if advice else f" {remedy}"}')
+
+
+def _missing_part(advice: str) -> str:
+    return advice + see('No static transforms from a bag')
 
 
 def topics(around: Surroundings) -> str:
@@ -175,7 +180,8 @@ def extrapolation(look: Look, edge: Edge, time: int) -> str:
     around = look()
     # A stamp in the future is recent, too.
     is_recent = bool(around.now) and around.now - edge.latest <= _RECENT
-    if edge.samples == 1 and not is_recent and distance <= _OTHER_CLOCK_OF_ONE:
+    if (edge.samples == 1 and not edge.has_dropped and not is_recent
+            and distance <= _OTHER_CLOCK_OF_ONE):
         cause = _one_sample()
     elif distance > _OTHER_CLOCK and not (is_late and _is_gone(edge, around)):
         cause = _clock(edge, time, around)
@@ -191,8 +197,9 @@ def _exact_seconds(duration: int) -> str:
 
 
 def _one_sample() -> str:
-    return ('It has been sent only once, as a dynamic transform. Send it again and again or, if '
-            'it does not move, with a StaticTransformBroadcaster.'
+    return ('It was sent once as a dynamic transform, or always with the same stamp. Send it '
+            'again and again with new stamps or, if it does not move, with a '
+            'StaticTransformBroadcaster.'
             f'{see("Only one time is in the buffer")}')
 
 
@@ -219,13 +226,13 @@ def _late(edge: Edge, time: int, around: Surroundings, is_recent: bool) -> str:
         node = in_log(around.node_of(edge.authority))
         check = f'Check {node}' if node else 'Check the publisher'
         return (f'The newest is {(around.now - edge.latest) / SECOND:.1f} s old: '
-                f'{_why_silent(edge, around)}. {check}, or {_LATEST}.{section}')
+                f'{_why_silent(edge, around)}. {check}, or look up {_LATEST}.{section}')
     if time - edge.latest <= _RECENT:
         return ('Data still come, so this transform is on its way. Pass timeout= to wait for it, '
                 f'or {_LATEST}.{section}')
     return (f'That time is {(time - around.now) / SECOND:.1f} s later than the clock of this '
             'node, and data still come. Check the clock from which it is, or '
-            f'{_LATEST}.{section}')
+            f'look up {_LATEST}.{section}')
 
 
 def _is_gone(edge: Edge, around: Surroundings) -> bool:
@@ -250,7 +257,7 @@ def _early(edge: Edge, time: int) -> str:
     section = see('Extrapolation into the past')
     if time < edge.latest - edge.cache_time:
         return (f'The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame. Pass a '
-                f'longer cache_time to the buffer, or look up earlier.{section}')
+                f'longer cache_time to the buffer, or look up sooner.{section}')
     if edge.has_dropped:
         return ('Its earlier transforms have been dropped. Pass a longer cache_time, or a larger '
                 f'max_samples, to the buffer.{section}')
