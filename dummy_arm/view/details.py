@@ -81,6 +81,9 @@ def details(placement: Placement, name: str, feed: Feed) -> str:
         rows += _title('fixed', target, 'pose in the fixed frame' if target == placement.fixed else
                        'pose in the root')
         rows += _pose('fixed', placement.stamps[i], placement.poses[i, :3], placement.poses[i, 3:])
+    if target != placement.fixed and (
+            why := feed.buffer.why_not(placement.fixed, name, 0)):
+        rows += _row('why', 'not in the fixed frame', why)
     if frame is not None:
         rows += _published(frame, placement.silences[name], feed)
     return f'<table style="{_STYLE}" data-text="details">{rows}</table>'

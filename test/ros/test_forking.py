@@ -58,7 +58,13 @@ def send_more():
         time.sleep(0.001)
     os.write(writing, b'.')
 
+try:
+    buffer.lookup_transform('map', 'tol', Time())
+except TransformException as error:
+    unread = error
+
 def look():
+    assert "Nearest known: 'tool'. See " in str(unread), unread
     assert threading.active_count() == 1
     before = x()
     assert before >= sent, (before, sent)

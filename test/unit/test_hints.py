@@ -107,6 +107,12 @@ def test_a_publisher_that_ended_long_ago_is_no_other_clock():
         'The newest is 300.0 s old: nothing publishes on /tf any more. ')
 
 
+def test_days_are_another_clock_even_without_a_publisher():
+    """A bag that was played without --clock has ended."""
+    buffer = buffer_of(T - S, T, now=2 * T, topics=TOPICS)
+    assert hint_of(buffer, 2 * T).endswith(CLOCKS)
+
+
 def test_times_that_are_not_kept_any_more():
     """The cache time is named; also if samples were dropped since there were too many."""
     assert hint_of(buffer_of(T - S, T), T - 15 * S) == (

@@ -378,6 +378,8 @@ def test_texts():
     assert '<td data-value="delay">1.23 ms</td>' in text
     assert '<td data-value="publisher">/&lt;i&gt;</td>' in text
     assert f'{T // S}.000000000 s' in text
+    assert 'data-value="why">' not in text
+    assert 'Could not find a connection' in details(placement, 'tree', feed)
     buffer.clear()
     text = details(placement, 'b', feed)  # as after a jump of time or a long pause
     assert 'parent' in text

@@ -20,10 +20,9 @@ from dummy_arm.tf._core.texts import (
 )
 from dummy_arm.tf._core.times import SECOND
 
-#: Times that are farther apart (ns) are from different clocks, unless the publisher is gone.
-_OTHER_CLOCK = 60 * SECOND
-#: A frame that is sent only once soon has an old stamp; from this age on (ns), the clock differs.
-_OTHER_CLOCK_OF_ONE = 24 * 3600 * SECOND
+#: Times that are farther apart (ns) are from different clocks, unless the frame was sent only
+#: once, or its publisher is gone. Then only days are a sign of different clocks.
+_OTHER_CLOCK, _DAY = 60 * SECOND, 24 * 3600 * SECOND
 #: If the newest stamp is at most this old (ns), data still come. Up to this time into the future,
 #: a transform is on its way.
 _RECENT = SECOND
@@ -180,8 +179,9 @@ def extrapolation(look: Look, edge: Edge, time: int) -> str:
     around = look()
     # A stamp in the future is recent, too.
     is_recent = bool(around.now) and around.now - edge.latest <= _RECENT
-    if (edge.samples == 1 and not edge.has_dropped and not is_recent
-            and distance <= _OTHER_CLOCK_OF_ONE):
+    if distance > _DAY:
+        cause = _clock(edge, time, around)
+    elif edge.samples == 1 and not edge.has_dropped and not is_recent:
         cause = _one_sample()
     elif distance > _OTHER_CLOCK and not (is_late and _is_gone(edge, around)):
         cause = _clock(edge, time, around)
@@ -237,20 +237,19 @@ def _late(edge: Edge, time: int, around: Surroundings, is_recent: bool) -> str:
 
 def _is_gone(edge: Edge, around: Surroundings) -> bool:
     return edge.authority in around.ended or (
-        bool(around.topics) and not around.nodes(around.topics[-1]))
+        len(around.topics) == 2 and not around.nodes(around.topics[1]))
 
 
 def _why_silent(edge: Edge, around: Surroundings) -> str:
     if node := in_log(around.node_of(edge.authority)):
         return (f'{node}, which has published it, has ended' if edge.authority in around.ended else
                 f'{node}, which has published it, still exists, but is silent')
-    if not around.topics:
-        return 'the publisher is silent or gone'
-    nodes = around.nodes(around.topics[-1])
-    if not nodes:
-        return f'nothing publishes on {around.topics[-1]} any more'
-    return ('the publisher is silent or gone; the publishers on '
-            f'{around.topics[-1]} are {comma_list(nodes, MAX_TOPICS, in_log)}')
+    if _is_gone(edge, around):
+        return f'nothing publishes on {around.topics[1]} any more'
+    nodes = around.nodes(around.topics[-1]) if around.topics else []
+    return 'the publisher is silent or gone' + (
+        f'; the publishers on {around.topics[-1]} are {comma_list(nodes, MAX_TOPICS, in_log)}'
+        if nodes else '')
 
 
 def _early(edge: Edge, time: int) -> str:
