@@ -185,8 +185,8 @@ def test_two_clocks(ros, simulated):
     now = now_of(ros)
     send(ros, ros.node, buffer, now - S, now)
     assert str(error_of(buffer, 100 * S)).endswith(
-        'These times are from different clocks: the requested time is on the simulated clock of '
-        'this node, the data are not. Set use_sim_time in all nodes, or in none. See '
+        'These times are probably from different clocks: the requested time is on the simulated '
+        'clock of this node, the data are not. Set use_sim_time in all nodes, or in none. See '
         'troubleshooting.md: use_sim_time and the wall clock.')
     listener.unregister()
 

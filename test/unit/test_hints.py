@@ -58,7 +58,7 @@ WAIT = 'Pass timeout= to wait for it, or time 0 (Time()) for the latest transfor
      f'Data still come, so this transform is on its way. {WAIT} {FUTURE}'),
     (S, {'now': T - S}, f'Data still come, so this transform is on its way. {WAIT} {FUTURE}'),
     (5 * S, {'now': T + S}, 'That time is 4.0 s later than the clock of this node, and data still '
-     'come. Check the clock from which it is, or look up time 0 (Time()) for the latest '
+     'come. Check the clock that has stamped it, or look up time 0 (Time()) for the latest '
      f'transform. {FUTURE}')])
 def test_a_transform_that_comes_later(ahead, surroundings, hint):
     """While data still come, waiting helps; without a clock, this is a condition."""
@@ -97,7 +97,7 @@ def test_data_that_have_stopped(surroundings, cause):
 def test_times_of_different_clocks(time, surroundings, which):
     """More than 60 s between the requested time and the data are two clocks."""
     assert hint_of(buffer_of(T - S, T, **surroundings), time) == (
-        f'These times are from different clocks{which}. {CLOCKS}')
+        f'These times are probably from different clocks{which}. {CLOCKS}')
 
 
 def test_a_publisher_that_ended_long_ago_is_no_other_clock():

@@ -213,8 +213,8 @@ def _clock(edge: Edge, time: int, around: Surroundings) -> str:
                  else f': the data are on {clock}, the requested time is not' if is_data
                  else f': neither is on {clock}')
     stopped = ', or nothing has been sent since' if time > edge.latest else ''
-    return (f'These times are from different clocks{which}{stopped}. Set use_sim_time in all '
-            f'nodes, or in none.{see("use_sim_time and the wall clock")}')
+    return (f'These times are probably from different clocks{which}{stopped}. Set use_sim_time in '
+            f'all nodes, or in none.{see("use_sim_time and the wall clock")}')
 
 
 def _late(edge: Edge, time: int, around: Surroundings, is_recent: bool) -> str:
@@ -231,7 +231,7 @@ def _late(edge: Edge, time: int, around: Surroundings, is_recent: bool) -> str:
         return ('Data still come, so this transform is on its way. Pass timeout= to wait for it, '
                 f'or {_LATEST}.{section}')
     return (f'That time is {(time - around.now) / SECOND:.1f} s later than the clock of this '
-            'node, and data still come. Check the clock from which it is, or '
+            'node, and data still come. Check the clock that has stamped it, or '
             f'look up {_LATEST}.{section}')
 
 
