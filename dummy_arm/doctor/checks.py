@@ -52,6 +52,24 @@ _REP_105 = 'earth', 'map', 'odom', 'base_link'
 _SHORTEST_NAME = 3
 #: The names of this many roots are compared with those of the other frames.
 _MOST_ROOTS = 100
+#: By heading in docs/troubleshooting.md: the checks that it explains; 'Other faults' are the rest.
+SECTIONS = {
+    'Extrapolation into the future': ['gap', 'late', 'message_early'],
+    'Only one time is in the buffer': ['one_shot'],
+    'A frame does not exist': ['no_transforms', 'wrong_type', 'unknown_frame'],
+    'Two unconnected trees': ['disconnected', 'several_trees', 'similar_name'],
+    'TF_REPEATED_DATA': ['same_stamp'],
+    'The queue of a message filter is full': ['message_never'],
+    'Messages are earlier than all data in the cache': ['message_too_old'],
+    'use_sim_time and the wall clock': [
+        'other_clock', 'future', 'zero_stamp', 'message_other_clock', 'message_zero_stamp'],
+    'The QoS of /tf_static': ['static_not_latched', 'volatile_listener', 'incompatible_qos'],
+    'No static transforms from a bag': ['missing_part'],
+    'A frame jumps or flickers': [
+        'two_publishers', 'changing_parent', 'static_and_dynamic', 'jump'],
+    'A jump back in time': ['time_goes_back'],
+    'A leading slash, or a namespace': ['leading_slash', 'other_namespace']}
+_SECTION_OF = {code: heading for heading, codes in SECTIONS.items() for code in codes}
 _child_of = attrgetter('child')
 
 
@@ -65,6 +83,7 @@ class Finding(NamedTuple):
     nodes: tuple[str, ...]  #: the full names of the nodes that publish them, if known
     evidence: str  #: what was observed, in numbers
     remedy: str  #: what to do, in one sentence
+    section: str  #: the heading in docs/troubleshooting.md
 
 
 class _Fault(NamedTuple):
@@ -120,7 +139,7 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
                 check.code, fault.severity or check.severity, tuple(dict.fromkeys(frames)),
                 tuple(dict.fromkeys((*fault.topics, *topics))),
                 tuple(dict.fromkeys(filter(None, (*fault.nodes, *nodes)))), fault.evidence,
-                fault.remedy or check.remedy))
+                fault.remedy or check.remedy, _SECTION_OF.get(check.code, 'Other faults')))
     return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
 
 

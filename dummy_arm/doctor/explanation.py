@@ -64,7 +64,11 @@ def explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str], stamp
     :param publishers: by child: the names of the nodes that publish it.
     """
     with buffer.updated():  # so that all that follows describes the same state
-        return _explain(buffer, ends, stamp, publishers)
+        explanation = _explain(buffer, ends, stamp, publishers)
+    if not explanation.why_not:
+        return explanation
+    # The hint about the publishers needs the lock to be free.
+    return explanation._replace(why_not=buffer.why_not(*ends, stamp) or explanation.why_not)
 
 
 def _explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str],

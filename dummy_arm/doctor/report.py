@@ -8,7 +8,7 @@ from dummy_arm.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checke
 from dummy_arm.doctor.message_times import Verdict
 from dummy_arm.doctor.observation import name_of, Observation, observe_bag, SHOWN
 from dummy_arm.inspection.terminal import wrapped
-from dummy_arm.tf.formatting import comma_list, shortened, suggest_names, visible
+from dummy_arm.tf.formatting import comma_list, see, shortened, suggest_names, visible
 
 if TYPE_CHECKING:
     from dummy_arm.tf.bag import Paths
@@ -45,7 +45,8 @@ class Report(NamedTuple):
             topics, nodes = (comma_list(each, SHOWN) for each in (finding.topics, finding.nodes))
             where = ', '.join(filter(None, [topics and f'on {topics}', nodes and f'by {nodes}']))
             texts = [f'{finding.evidence.rstrip(".")}.',
-                     *([f'{where[0].upper()}{where[1:]}.'] if where else []), finding.remedy]
+                     *([f'{where[0].upper()}{where[1:]}.'] if where else []),
+                     finding.remedy + see(finding.section)]
             lines += [visible(f'{finding.severity} {finding.code}: {names}'),
                       *(line for text in texts for line in wrapped(visible(text), '    ')), '']
         if self.topics:

@@ -436,8 +436,6 @@ def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: 
         if not buffer.frame_names():
             return explanation._replace(
                 why_not=f'No transform has been received. {frame_listener.why_no_frames()}')
-        if explanation.why_not and (hint := frame_listener.topics_hint()):
-            return explanation._replace(why_not=f'{explanation.why_not} {hint}')
         now = frame_listener.now()
     if not now or not explanation.stamp or stamp:
         return explanation

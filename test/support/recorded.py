@@ -27,10 +27,10 @@ class Recorded:
         return cdr.unpack(self.data)
 
 
-def tf(arrival, stamp, *edges, is_static=False):
+def tf(arrival, stamp, *edges, is_static=False, x=0.0):
     """Return a message of TF; times in ms after `T`, each edge 'parent child'."""
     return Recorded(T + arrival * MS, is_static, *(
-        Row(T + stamp * MS, parent, child, _STILL)
+        Row(T + stamp * MS, parent, child, (x, *_STILL[1:]))
         for parent, child in (edge.split(' ') for edge in edges)))
 
 
@@ -40,13 +40,21 @@ def _header(stamp, frame):
     return struct.pack('<4siII', b'\0\1\0\0', *divmod(stamp, S), len(name)) + name
 
 
-def judged(transforms, messages, frame='base', offset=None):
-    """Return the `MessageTimes` of messages, each (arrival, stamp) in ms after `T`; None: 0."""
+def judged(transforms, messages, frame='base', **kwargs):
+    """Return the `MessageTimes` of messages; the arguments are those of `observed`."""
+    (times,) = observed(transforms, messages, frame, **kwargs).message_times
+    return times
+
+
+def observed(transforms, messages, frame='base', **kwargs):
+    """
+    Return the `Observation` of transforms, and of messages on /scan.
+
+    :param messages: each (arrival, stamp) in ms after `T`; None: the stamp 0.
+    """
     statistics, headers = Statistics(), Headers()
     statistics.add_messages(sorted(transforms, key=lambda message: message.time))
     for arrival, stamp in messages:
         assert headers.wants_next()
         headers.add(T + arrival * MS, _header(0 if stamp is None else T + stamp * MS, frame))
-    (times,) = Observation(
-        statistics, 'here', headers={'/scan': headers}, clock_offset=offset).message_times
-    return times
+    return Observation(statistics, 'here', headers={'/scan': headers}, **kwargs)

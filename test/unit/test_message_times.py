@@ -75,8 +75,8 @@ def test_the_clock_of_a_live_system():
     """A stamp far from all transforms is from another clock only if it is far from now, too."""
     message = 200_000, 199_990  # the transforms ended long ago
     assert [*judged(robot(0, 1000), [message]).verdicts] == [Verdict.OTHER_CLOCK]
-    assert [*judged(robot(0, 1000), [message], offset=0).verdicts] == [Verdict.END]
-    assert [*judged(robot(0, 1000), [message], offset=-200 * S).verdicts] == [
+    assert [*judged(robot(0, 1000), [message], clock_offset=0).verdicts] == [Verdict.END]
+    assert [*judged(robot(0, 1000), [message], clock_offset=-200 * S).verdicts] == [
         Verdict.OTHER_CLOCK]
 
 

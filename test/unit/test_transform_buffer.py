@@ -468,7 +468,8 @@ def test_a_loop_is_named():
     put(buffer, 'x', 'y')
     assert error_text(buffer, 'y', 'b').startswith(
         'The tf tree is invalid because it contains a loop.\nFrame b exists with parent a.\n')
-    assert "The loop: 'a' -> 'b' -> 'c' -> 'a'." in [
+    assert ("The loop: 'a' -> 'b' -> 'c' -> 'a'. Remove one of these transforms. See "
+            'troubleshooting.md: Other faults.') in [
         line for frame in 'abc' for line in error_text(buffer, 'y', frame).splitlines()]
     chain = TransformBuffer()
     for i in range(1001):

@@ -93,7 +93,12 @@ def _missing_part(advice: str) -> str:
 
 def topics(around: Surroundings) -> str:
     """Say why transforms may not arrive on the topics; '' if there is no sign of it."""
-    return wrong_type(around) or static_qos(around) or other_topics(around)
+    for find, section in ((wrong_type, 'A frame does not exist'),
+                          (_static_qos, 'The QoS of /tf_static'),
+                          (other_topics, 'A leading slash, or a namespace')):
+        if hint := find(around):
+            return hint + see(section)
+    return ''
 
 
 def wrong_type(around: Surroundings) -> str:
@@ -104,24 +109,23 @@ def wrong_type(around: Surroundings) -> str:
     if not wrong:
         return ''
     return (f'{comma_list([*wrong], MAX_TOPICS)}. The type must be {TF_MESSAGE}: send transforms '
-            'with a TransformBroadcaster or a StaticTransformBroadcaster.'
-            f'{see("A frame does not exist")}')
+            'with a TransformBroadcaster or a StaticTransformBroadcaster.')
 
 
-def static_qos(around: Surroundings) -> str:
+def _static_qos(around: Surroundings) -> str:
     """Say why static transforms may be lost: an end of /tf_static is not transient local."""
     if not around.topics:
         return ''
-    topic, section = around.topics[0], see('The QoS of /tf_static')
+    topic = around.topics[0]
     if around.is_volatile:
         return (f'This listener of {topic} is not transient local, so it misses what was sent '
-                f'before its start. Omit static_qos, or make it transient local.{section}')
+                'before its start. Omit static_qos, or make it transient local.')
     nodes = sorted({in_log(each.node) for each in around.publishers
                     if each.topic == topic and each.type == TF_MESSAGE and each.is_volatile})
     if not nodes:
         return ''
     return (f'Nothing arrives on {topic} from {comma_list(nodes, MAX_TOPICS)}, whose publisher is '
-            f'not transient local. Send with a StaticTransformBroadcaster.{section}')
+            'not transient local. Send with a StaticTransformBroadcaster.')
 
 
 def other_topics(around: Surroundings) -> str:
@@ -135,7 +139,7 @@ def other_topics(around: Surroundings) -> str:
     return (f'No transform has arrived on {around.topics[-1]}, but transforms are published on '
             f'{comma_list(around.other_topics, MAX_TOPICS, in_log)}. To listen to {first}, pass '
             f"tf_topic='{first}', tf_static_topic='{first}_static' to the TransformListener; in "
-            f'commands, {option}.{see("A leading slash, or a namespace")}')
+            f'commands, {option}.')
 
 
 def loop(chain: Sequence[str]) -> str:
@@ -144,7 +148,8 @@ def loop(chain: Sequence[str]) -> str:
     earlier = [i for i, frame in enumerate(chain[:-1]) if frame == last]
     if not earlier:
         return f'There is no loop, but a chain of more than {len(chain) - 1} edges.'
-    return f'The loop: {" -> ".join(map(quoted, reversed(chain[earlier[-1]:])))}.'
+    return (f'The loop: {" -> ".join(map(quoted, reversed(chain[earlier[-1]:])))}. Remove one of '
+            f'these transforms.{see("Other faults")}')
 
 
 # Times without data
