@@ -27,6 +27,8 @@ from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
 from dummy_arm.tf import bag, TransformBuffer
 from dummy_arm.tf._core.engine import engine_of
+from dummy_arm.tf._core.pose import IDENTITY
+from dummy_arm.tf._core.pose import Row as TransformRow
 from dummy_arm.tf._wire import cdr, ros1
 from dummy_arm.tf._wire.message_reader import MessageReader
 from dummy_arm.tools import tf_doctor
@@ -53,8 +55,9 @@ def packets(frames: int, count: int, hertz: int = 100) -> Iterator[tuple[int, by
             [zero + 0.1, zero, zero, zero, zero, np.sin(half), np.cos(half)], axis=1))
 
 
-def write(path: Path, kind: str, frames: int, count: int, hertz: int = 100) -> None:
-    """Write a bag: mcap or db3 of ROS 2, or bag of ROS 1."""
+def write(path: Path, kind: str, frames: int, count: int, hertz: int = 100, others: int = 0
+          ) -> None:
+    """Write a bag: mcap or db3 of ROS 2, or bag of ROS 1; `others`: topics with headers, 50 Hz."""
     types = get_typestore(Stores.ROS2_JAZZY)
     if kind == 'bag':
         ros1 = get_typestore(Stores.ROS1_NOETIC)
@@ -67,8 +70,14 @@ def write(path: Path, kind: str, frames: int, count: int, hertz: int = 100) -> N
     plugin = StoragePlugin.MCAP if kind == 'mcap' else StoragePlugin.SQLITE3
     with Writer2(path, version=9, storage_plugin=plugin) as writer:
         connection = writer.add_connection('/tf', TF, typestore=types)
-        for stamp, data in packets(frames, count, hertz):
+        topics = [writer.add_connection(f'/imu_{i}', 'sensor_msgs/msg/Imu', typestore=types)
+                  for i in range(others)]
+        for number, (stamp, data) in enumerate(packets(frames, count, hertz)):
             writer.write(connection, stamp, data)
+            if number * 50 % hertz == 0:
+                header = cdr.pack([TransformRow(stamp, f'frame_{frames}', '', IDENTITY)])[8:]
+                for topic in topics:
+                    writer.write(topic, stamp, b'\0\1\0\0' + header + bytes(300))
 
 
 def insert_deserialized(reader: AnyReader, records: Iterable[Record]) -> None:
@@ -159,10 +168,10 @@ def write_chunks(path: Path, compression: str, others: int, size: int = 300) -> 
 def doctor() -> Iterator[Row]:
     """Measure tf_doctor for a bag, and compare it with reading the bag."""
     seconds, hertz, frames = 60, 1000, 20
-    for kind in 'mcap', 'db3', 'bag':
+    for kind, others in ('mcap', 0), ('db3', 0), ('bag', 0), ('mcap', 40), ('db3', 40):
         with TemporaryDirectory() as directory:
             path = Path(directory, f'bench.{kind}')
-            write(path, kind, frames, seconds * hertz, hertz)
+            write(path, kind, frames, seconds * hertz, hertz, others)
             rounds = []
             for _ in range(3):
                 read = timeit(lambda: bag.read(path, cache_time=10**10), number=1)  # noqa: B023
@@ -171,7 +180,8 @@ def doctor() -> Iterator[Row]:
                         lambda: tf_doctor.main(['--bag', str(path)]), number=1)  # noqa: B023
                 rounds.append((checked / read, checked))
             ratio, cost_of_all = sorted(rounds)[1]
-        yield (f'tf_doctor, {NAMES[kind]}, {seconds} s at {hertz} Hz, {frames} frames',
+        yield (f'tf_doctor, {NAMES[kind]}, {seconds} s at {hertz} Hz, {frames} frames'
+               + f', {others} topics with headers' * bool(others),
                f'{cost_of_all:.2f} s', '', f'{ratio:.2f} of reading it')
 
 

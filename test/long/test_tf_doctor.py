@@ -4,10 +4,18 @@ import json
 
 from processes import ARM, tool
 import pytest
+from rclpy.duration import Duration
 from ros_node import stamped
+from sensor_msgs.msg import LaserScan
 
-from dummy_arm.tf import TransformBroadcaster
+from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
 
+BUSY = """
+import time
+end = time.monotonic() + 600.0
+while time.monotonic() < end:
+    pass
+"""
 FRAMES = """
 import rclpy
 from dummy_arm.tf import TransformBroadcaster
@@ -40,10 +48,32 @@ def wheels(start, ros):
         for name in ('fl', 'fr', 'rl', 'rr')]))
 
 
-@pytest.mark.parametrize('begin', [lab, frames, wheels])
-def test_healthy(start, ros, begin):
+def scans(start, ros):
+    """Publish a robot, and scans at 40 Hz that are late by 30 ms."""
+    sender = TransformBroadcaster(ros.node)
+    static = StaticTransformBroadcaster(ros.node)
+    static.sendTransform([stamped('map', 'odom'), stamped('base_link', 'laser')])
+    publisher = ros.node.create_publisher(LaserScan, '/scan', 10)
+
+    def scan():
+        message = LaserScan()
+        message.header.frame_id = 'laser'
+        message.header.stamp = (
+            ros.node.get_clock().now() - Duration(nanoseconds=30_000_000)).to_msg()
+        publisher.publish(message)
+
+    ros.node.create_timer(0.02, lambda: sender.sendTransform(
+        stamped('odom', 'base_link', ros.node.get_clock().now().nanoseconds)))
+    ros.node.create_timer(0.025, scan)
+
+
+@pytest.mark.parametrize('is_busy', [False, True], ids=['idle', 'busy'])
+@pytest.mark.parametrize('begin', [lab, frames, wheels, scans])
+def test_healthy(start, ros, begin, is_busy):
     """Gaps and late transforms may be real, on a busy machine."""
     begin(start, ros)
+    for _ in range(2 * is_busy):
+        start('-c', BUSY)
     ros.until(lambda: ros.node.count_publishers('/tf'))
     # It listens from the first transform on; a publisher may be discovered 3 s late.
     process = start(*tool(
@@ -52,3 +82,4 @@ def test_healthy(start, ros, begin):
     assert process.exit_code() == 0
     data = json.loads(process.output[process.output.index('{'):])  # after log messages
     assert (data['findings'], data['not_checked']) == ([], [])
+    assert [topic['topic'] for topic in data['topics']] == ['/scan'] * (begin is scans)

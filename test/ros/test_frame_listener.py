@@ -46,7 +46,8 @@ def test_no_remedy_is_needed(ros):
     hint = listener.other_topics_hint()
     assert '/robot1/tf' in hint
     assert listener.why_no_transform('map', 'camara').endswith(
-        f"Nearest known: 'camera'. {hint} See troubleshooting.md: A leading slash, or a namespace.")
+        f"Nearest known: 'camera'. {hint} See troubleshooting.md: A leading slash, or a "
+        'namespace.')
     listener.buffer.set_transform(stamped('map', 'robot', 1), 'test')
     assert listener.other_topics_hint() == ''
 
