@@ -435,13 +435,13 @@ def _zero_stamp(observation: Observation) -> Iterator[_Fault]:
 def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
     newest = max((int(track['latest']) for track in observation.tracks if not track.is_static),
                  default=0)
-    for topic, found in _topics(observation, Verdict.OTHER_CLOCK):
+    for topic, found in _found(observation, Verdict.OTHER_CLOCK):
         stamp = int(topic.stamps[found][-1])
-        yield _of_messages(
-            observation, topic, found, 'have stamps of another clock; the last is '
+        yield _Fault(
+            f'{_part(topic, found)} have stamps of another clock; the last is '
             f'{display_time(stamp)}, {in_words(stamp - newest)} '
-            f'{"before" if stamp < newest else "after"} the newest '
-            'transform')
+            f'{"before" if stamp < newest else "after"} the newest transform', (),
+            _frames_of(topic, found), [topic.topic], observation.senders.get(topic.topic, ()))
 
 
 @_check('message_too_old', ERROR,
@@ -449,56 +449,98 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
         'dropped those of their stamps.',
         'Send the messages sooner, or give the listener a longer cache_time.', 'headers')
 def _message_too_old(observation: Observation) -> Iterator[_Fault]:
-    for topic, found in _topics(observation, Verdict.TOO_OLD):
-        age = CACHE + int(topic.waits[found].max())
-        yield _of_messages(
-            observation, topic, found, 'are too old: when they arrive, there are transforms up to '
-            f'{in_words(age)} newer', '', 'Send the messages sooner, or give the listener a '
-            f'cache_time of {ceil(age / SECOND) + 1} s.')
+    for topic, found in _found(observation, Verdict.TOO_OLD):
+        cache = int(topic.waits[found].max())
+        yield _Fault(
+            f'{_part(topic, found)} are too old: when they arrive, their transforms are up to '
+            f'{in_words(cache)} older than the newest ones', (), _frames_of(topic, found),
+            [topic.topic], observation.senders.get(topic.topic, ()),
+            'Send the messages sooner, or give the listener a cache_time of '
+            f'{ceil(cache / SECOND) + 1} s.')
 
 
 @_check('message_never', ERROR,
         'The transforms never reach the stamps of messages, so these wait in vain.',
-        'Look at the node that publishes the frame: has it stopped, or is its clock slow?',
-        'headers')
+        'Look at the node that publishes the frame: has it stopped, is its clock slow, or does it '
+        'send so rarely that --time must be longer?', 'headers')
 def _message_never(observation: Observation) -> Iterator[_Fault]:
-    for topic, found in _topics(observation, Verdict.NEVER):
-        edge = topic.edges[int(topic.edge_numbers[found][-1])]
-        yield _of_messages(
-            observation, topic, found, 'wait in vain: the data of the edge '
-            f'{_edge_text(observation, edge)} end at {display_time(edge.end)}, and the last stamp '
-            f'is {display_time(int(topic.stamps[found].max()))}'
-            if edge.end < topic.stamps[found].max() else
-            f'wait in vain: when the data of the edge {_edge_text(observation, edge)} arrive, '
-            'those of other edges are not kept any more', edge.child)
+    for edge, topics in _by_edge(observation, Verdict.NEVER):
+        topic, found = topics[0]
+        last = int(topic.stamps[found].max())
+        reason = (f'end at {display_time(edge.end)}, and the last stamp is {display_time(last)}'
+                  if edge.end < last else
+                  'arrive when those of other edges are not kept any more')
+        yield _of_edge(observation, edge, topics, f'wait in vain: the data of the edge '
+                       f'{_edge_text(observation, edge)} {reason}')
 
 
-def _topics(observation: Observation, verdict: Verdict, least_wait: int = 0
-            ) -> Iterator[tuple[MessageTimes, NDArray[np.bool_]]]:
+def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
+           ) -> Iterator[tuple[MessageTimes, NDArray[np.bool_]]]:
     """Yield the topics with many messages of a verdict, and which of their messages these are."""
     for topic in observation.message_times:
         found = (topic.verdicts == verdict) & (topic.waits >= least_wait)
-        judged = topic.judged or len(found)  # 0 if all stamps are 0
-        if found.any() and found.sum() >= _SHARE * judged:
+        total = len(found) if verdict is Verdict.ZERO_STAMP else topic.judged
+        if found.any() and found.sum() >= _SHARE * total:
             yield topic, found
 
 
-def _of_messages(observation: Observation, topic: MessageTimes, found: NDArray[np.bool_],
-                 what: str, child: str = '', remedy: str = '') -> _Fault:
-    """Return a fault of those messages of a topic that were found; `child`: of an edge."""
-    judged = topic.judged or len(found)
-    sample = f', a sample of {topic.messages},' if topic.step > 1 else ''
-    frames = {topic.frames[number]: None for number in topic.frame_numbers[found].tolist()}
-    tracks = [track for track in observation.by_child.get(child, ()) if not track.is_static]
+def _by_edge(observation: Observation, verdict: Verdict, least_wait: int = 0
+             ) -> Iterable[tuple[Edge, list[tuple[MessageTimes, NDArray[np.bool_]]]]]:
+    """Group what `_found` yields by the edge for which most of the messages wait."""
+    groups: dict[str, tuple[Edge, list[tuple[MessageTimes, NDArray[np.bool_]]]]] = {}
+    for topic, found in _found(observation, verdict, least_wait):
+        number = np.bincount(topic.edge_numbers[found]).argmax()
+        edge = topic.edges[number]
+        _, topics = groups.setdefault(edge.child, (edge, []))
+        topics.append((topic, found & (topic.edge_numbers == number)))
+    return groups.values()
+
+
+def _of_edge(observation: Observation, edge: Edge,
+             topics: Sequence[tuple[MessageTimes, NDArray[np.bool_]]], what: str, remedy: str = ''
+             ) -> _Fault:
+    """Return a fault of messages that wait for an edge; `what` is said of those of one topic."""
+    others = [topic.topic for topic, _ in topics[1:]]
+    more = f'; so do messages on {_names(others)}' if others else ''
+    ahead = max(_ahead(observation, *each) for each in topics)
+    clock = (f'; stamps are up to {in_words(ahead)} later than the arrivals: is the clock of the '
+             'sender ahead?' if ahead > FUTURE else '')
+    senders = [node for topic, _ in topics
+               for node in observation.senders.get(topic.topic, ())]
     return _Fault(
-        f'{found.sum()} of {judged} messages{sample} on {shortened(topic.topic)} {what}', (),
-        frames, [topic.topic], [*observation.senders.get(topic.topic, ()),
-                                *map(observation.node_of, tracks)], remedy)
+        f'{_part(*topics[0])} {what}{more}{clock}', (),
+        chain.from_iterable(_frames_of(*each) for each in topics),
+        [topic.topic for topic, _ in topics],
+        [*senders, *map(observation.node_of, _dynamic(observation, edge))], remedy)
+
+
+def _ahead(observation: Observation, topic: MessageTimes, found: NDArray[np.bool_]) -> int:
+    """Return by how much stamps are later than their arrivals (ns); 0: not known."""
+    offset = observation.clock_offset
+    if observation.has_record_times:
+        offset = None if 'arrivals' in observation.not_known else 0
+    if offset is None:
+        return 0
+    return max(0, int((topic.stamps - topic.arrivals - offset)[found].max()))
+
+
+def _part(topic: MessageTimes, found: NDArray[np.bool_]) -> str:
+    """Say how many messages of a topic were found."""
+    total = topic.judged if topic.verdicts[found].min() >= Verdict.AT_ONCE else len(found)
+    sample = f' (sampled from {topic.messages})' if topic.step > 1 else ''
+    return f'{found.sum()} of {total} messages{sample} on {shortened(topic.topic)}'
+
+
+def _frames_of(topic: MessageTimes, found: NDArray[np.bool_]) -> list[str]:
+    return [topic.frames[number] for number in np.unique(topic.frame_numbers[found]).tolist()]
+
+
+def _dynamic(observation: Observation, edge: Edge) -> list[Track]:
+    return [track for track in observation.by_child[edge.child] if not track.is_static]
 
 
 def _edge_text(observation: Observation, edge: Edge) -> str:
-    tracks = [track for track in observation.by_child[edge.child] if not track.is_static]
-    node = observation.node_of(max(tracks, key=itemgetter('last_time')))
+    node = observation.node_of(max(_dynamic(observation, edge), key=itemgetter('last_time')))
     return (f'{shortened(observation.parents[edge.child])} -> {shortened(edge.child)}'
             f'{f" of {node}" if node else ""}')
 
@@ -511,16 +553,17 @@ def _edge_text(observation: Observation, edge: Edge) -> str:
         'so lookups without a timeout fail.',
         'Wait for the transforms, or let them be sent sooner.', 'headers')
 def _message_early(observation: Observation) -> Iterator[_Fault]:
-    for topic, found in _topics(observation, Verdict.WAITS, LONG_WAIT):
-        edge = topic.edges[int(topic.edge_numbers[found][-1])]
+    for edge, topics in _by_edge(observation, Verdict.WAITS, LONG_WAIT):
+        topics.sort(key=lambda each: -each[0].quantiles()[2])
+        topic, _ = topics[0]
         median, most, largest = topic.quantiles()
-        yield _of_messages(
-            observation, topic, found, 'can be transformed only after waiting for the edge '
+        yield _of_edge(
+            observation, edge, topics, 'can be transformed only after waiting for the edge '
             f'{_edge_text(observation, edge)}: {median:.3g} s (median), {most:.3g} s (95 %), '
-            f'{largest:.3g} s (largest)', edge.child,
+            f'{largest:.3g} s (largest)',
             f'Wait: timeout=Duration(seconds={ceil(largest * 10) / 10:g}) in the lookup; queue of '
-            f'a filter: MessageFilter(..., queue_size={topic.queue()}, ...). Or let the '
-            'transforms be sent sooner.')
+            f'a filter: MessageFilter(..., queue_size={max(each.queue() for each, _ in topics)}, '
+            '...). Or let the transforms be sent sooner.')
 
 
 @_check('message_zero_stamp', WARNING,
@@ -528,11 +571,9 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
         'Set the stamp to the time of the measurement; with use_sim_time, wait until /clock is '
         'received.', 'headers')
 def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
-    for topic, found in _topics(observation, Verdict.ZERO_STAMP):
-        yield _Fault(
-            f'{found.sum()} of {len(found)} messages on {shortened(topic.topic)} have the stamp 0',
-            (), {topic.frames[number]: None for number in topic.frame_numbers[found].tolist()},
-            [topic.topic], observation.senders.get(topic.topic, ()))
+    for topic, found in _found(observation, Verdict.ZERO_STAMP):
+        yield _Fault(f'{_part(topic, found)} have the stamp 0', (), _frames_of(topic, found),
+                     [topic.topic], observation.senders.get(topic.topic, ()))
 
 
 @_check('gap', WARNING,

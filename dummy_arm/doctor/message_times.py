@@ -31,9 +31,11 @@ _NEVER, _ALWAYS = np.iinfo(np.int64).max, np.iinfo(np.int64).min
 class Verdict(IntEnum):
     """What holds for a message."""
 
-    NO_TREE = 0  #: its frame is in no tree; not judged
+    #: Its frame is in no tree, or there are no stamps or arrivals of a transform; not judged.
+    NO_TREE = 0
     ZERO_STAMP = 1  #: a lookup at its stamp takes the latest transform; not judged
-    #: It is older than the first transforms that were received, or arrives before them; not judged
+    #: It is older than the first transforms that were received, or arrives before them, or it was
+    #: latched before; not judged.
     START = 2
     END = 3  #: it waits at the end of the observation; not judged
     AT_ONCE = 4  #: it can be transformed when it arrives
@@ -47,7 +49,12 @@ class Edge:
     """The transforms of a frame, as a listener receives them."""
 
     def __init__(self, child: str, arrivals: _Array, stamps: _Array) -> None:
-        """Sort at least one transform, given by its arrival and its stamp (ns)."""
+        """Take transforms (at least one), given by their arrivals and their stamps (ns)."""
+        # When a bag or a simulation starts again, listeners clear their data.
+        goes_back = (stamps[1:-1] < stamps[:-2] - CACHE) & (stamps[2:] < stamps[:-2] - CACHE)
+        begin = int(np.flatnonzero(goes_back)[-1]) + 1 if goes_back.any() else 0
+        self.restart = int(arrivals[begin]) if begin else 0  #: when it has started again; 0: never
+        arrivals, stamps = arrivals[begin:], stamps[begin:]
         self.child = child
         self.arrivals = arrivals  #: (n,) in ascending order
         self.newest = np.maximum.accumulate(stamps)  #: (n,) the newest stamp at each arrival
@@ -72,6 +79,13 @@ class Edge:
         return (np.maximum(first, self._stamps[self._stamps.searchsorted(limits)]),
                 limits <= first)
 
+    def needed_cache(self, stamps: _Array, times: _Array) -> _Array:
+        """Return how long transforms must be kept (ns) if those of some stamps are needed."""
+        # As in `oldest_at`, the last transform that has arrived does not count.
+        last = np.maximum(self.arrivals.searchsorted(times, 'right') - 2, 0)
+        before = np.maximum(self._stamps.searchsorted(stamps, 'right') - 1, 0)
+        return self.newest[last] - np.minimum(self._stamps[before], stamps)
+
     def reaches(self, stamps: _Array) -> _Array:
         """Return when a transform with these stamps or newer ones arrives; `_NEVER`: never."""
         return np.append(self.arrivals, _NEVER)[self.newest.searchsorted(stamps)]
@@ -88,8 +102,8 @@ class MessageTimes(NamedTuple):
     arrivals: _Array  #: (n,) ns
     stamps: _Array  #: (n,) ns
     verdicts: _Array  #: (n,) `Verdict`
-    #: (n,) if it waits: from the arrival until it can be transformed; if it is too old: by how
-    #: much older than the transforms that are kept (ns)
+    #: (n,) if it waits: from the arrival until it can be transformed; if it is too old: how long a
+    #: listener would have to keep transforms (ns)
     waits: _Array
     #: (n,) if it waits or waits in vain, the index in `edges` of the last edge whose data come.
     edge_numbers: _Array
@@ -114,7 +128,7 @@ class MessageTimes(NamedTuple):
 
     def queue(self) -> int:
         """
-        Return the queue size of a MessageFilter that drops no message which has to wait.
+        Return the queue size of a MessageFilter that drops no message which has to wait; 0: none.
 
         A full queue drops the message that has waited longest. So of the messages that wait in
         vain, only those count that have arrived after such a message.
@@ -151,7 +165,7 @@ class Judge:
     """Judges the messages of topics."""
 
     def __init__(self, edges_above: Callable[[str], Optional[Sequence[Edge]]],
-                 spans: Iterable[tuple[int, int]], end: int, offset: Optional[int],
+                 spans: Iterable[tuple[int, int]], begin: int, end: int, offset: Optional[int],
                  settling: int) -> None:
         """
         Set what all messages have in common.
@@ -159,14 +173,15 @@ class Judge:
         :param edges_above: returns the dynamic edges from a frame to its root; None: the frame is
             in no tree.
         :param spans: the oldest and the newest stamp (ns) of the transforms of each frame.
-        :param end: the end of the observation (ns), on the clock of the arrivals.
+        :param begin: the beginning of the observation (ns), on the clock of the arrivals.
+        :param end: its end.
         :param offset: the present time on the clock of the stamps minus that of the arrivals (ns);
             None: it is not known.
         :param settling: messages that arrive before the first transform of an edge, or less than
             this after it (ns), are not judged; 0: they are.
         """
-        self._edges_above, self._end, self._offset = edges_above, end, offset
-        self._settling = settling
+        self._edges_above, self._begin, self._end = edges_above, begin, end
+        self._offset, self._settling = offset, settling
         self._spans: list[tuple[int, int]] = []
         for oldest, newest in sorted(spans):
             if self._spans and oldest <= self._spans[-1][1] + OTHER_CLOCK:
@@ -181,16 +196,20 @@ class Judge:
         stamps, numbers = (np.array(each, np.int64)[order]
                            for each in (headers.stamps, headers.frame_numbers))
         is_far = self._is_far(stamps, arrivals)
+        # What was latched long before is received at the beginning.
+        is_latched = is_far & (arrivals < self._begin + _LAST) & (
+            stamps < min((oldest for oldest, _ in self._spans), default=0))
         verdicts, waits, edge_numbers = (np.zeros_like(stamps) for _ in range(3))
         all_edges: list[Edge] = []
         for number, frame in enumerate(headers.frames):
             edges = self._edges_above(frame)
             if edges is not None:
                 at = numbers == number
-                begin = self._settling and max((
-                    int(edge.arrivals[0]) + self._settling for edge in edges), default=0)
+                begin = max((max(edge.restart, self._settling and (
+                    int(edge.arrivals[0]) + self._settling)) for edge in edges), default=0)
                 verdicts[at], waits[at], slowest = _judge(
-                    stamps[at], arrivals[at], edges, begin, self._end, is_far[at])
+                    stamps[at], arrivals[at], edges, np.where(is_latched[at], _NEVER, begin),
+                    self._end, is_far[at] & ~is_latched[at])
                 edge_numbers[at] = slowest + len(all_edges)
                 all_edges += edges
         return MessageTimes(topic, headers.count, headers.step, [*headers.frames], numbers,
@@ -206,7 +225,7 @@ class Judge:
         return is_far
 
 
-def _judge(stamps: _Array, arrivals: _Array, edges: Sequence[Edge], begin: int,
+def _judge(stamps: _Array, arrivals: _Array, edges: Sequence[Edge], begin: _Array,
            end: int, is_other_clock: NDArray[np.bool_]) -> tuple[_Array, _Array, _Array]:
     """
     Judge n messages of one frame.
@@ -214,19 +233,20 @@ def _judge(stamps: _Array, arrivals: _Array, edges: Sequence[Edge], begin: int,
     :param stamps: (n,) ns
     :param arrivals: (n,) ns, on the clock of the arrivals of the transforms.
     :param edges: the dynamic edges from the frame to the root.
-    :param begin: messages that arrive earlier are not judged (ns).
+    :param begin: (n,) if the message arrives earlier, it is not judged (ns).
     :param end: the end of the observation (ns), on the same clock.
     :param is_other_clock: (n,) whether the stamp is far from those of all transforms.
     :returns: (n,) verdicts, (n,) waits as in `MessageTimes`, (n,) the index of the edge that was
         waited for.
     """
     ready, slowest = arrivals.copy(), np.zeros(len(stamps), np.int64)
+    needed_cache, ends = np.zeros_like(stamps), np.array([edge.end for edge in edges], np.int64)
     for i, edge in enumerate(edges):
         reached = edge.reaches(stamps)
         # Of several edges that end too early, the first to end is named.
-        is_last = (reached > ready) | (
-            (reached == _NEVER) & (edge.end < np.array([each.end for each in edges])[slowest]))
+        is_last = (reached > ready) | ((reached == _NEVER) & (edge.end < ends[slowest]))
         slowest[is_last], ready = i, np.maximum(ready, reached)
+        needed_cache = np.maximum(needed_cache, edge.needed_cache(stamps, arrivals))
     oldest, is_first = _oldest_at(arrivals, edges)
     is_reached = ready < _NEVER
     is_reached &= stamps >= _oldest_at(np.where(is_reached, ready, arrivals), edges)[0]
@@ -237,7 +257,7 @@ def _judge(stamps: _Array, arrivals: _Array, edges: Sequence[Edge], begin: int,
         [Verdict.ZERO_STAMP, Verdict.AT_ONCE, Verdict.OTHER_CLOCK, Verdict.START, Verdict.TOO_OLD,
          Verdict.AT_ONCE, Verdict.WAITS, Verdict.END], Verdict.NEVER)
     waits = np.select([verdicts == Verdict.WAITS, verdicts == Verdict.TOO_OLD],
-                      [ready - arrivals, oldest - stamps], 0)
+                      [ready - arrivals, needed_cache], 0)
     return verdicts, waits, slowest
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import chain
 from operator import itemgetter
 import os
 from typing import NamedTuple, Optional, TYPE_CHECKING
@@ -68,7 +69,7 @@ class Observation:
     def __post_init__(self) -> None:
         """Derive attributes from the statistics."""
         self.tracks = self.statistics.tracks()
-        self._edges: dict[str, Optional[Edge]] = {}
+        self._edges: dict[frozenset[tuple[int, ...]], Optional[Edge]] = {}
         if self.statistics.not_counted:
             self.not_known['headers'] = 'there are too many frames'
             self.left_out.append(
@@ -140,12 +141,14 @@ class Observation:
     @cached_property
     def message_times(self) -> list[MessageTimes]:
         """From when on the messages with `own_headers` can be transformed at their stamps."""
+        arrivals = [*self.statistics.span_of_arrivals(), *chain.from_iterable(
+            (min(headers.arrivals), max(headers.arrivals))
+            for headers in self.own_headers.values() if headers.arrivals)]
         judge = Judge(
             self._edges_above, [(track['oldest'], track['latest']) for track in self.tracks
                                 if track['latest'] and not track.is_static],
-            max([self.statistics.last_arrival, *(
-                max(headers.arrivals, default=0) for headers in self.own_headers.values())]),
-            self.clock_offset, self.statistics.settling)
+            min(arrivals, default=0), max(arrivals, default=0), self.clock_offset,
+            self.statistics.settling)
         return [judge.judge(topic, headers) for topic, headers in sorted(self.own_headers.items())]
 
     def _edges_above(self, frame: str) -> Optional[list[Edge]]:
@@ -154,16 +157,20 @@ class Observation:
         path = [name, *self.ancestors(name)]
         if name not in self.tree_of or path[-1] in self.parents:  # or in a loop
             return None
-        edges = [edge for child in path if (edge := self._edge(child)) is not None]
         # Edges whose transforms always arrive together are judged once.
-        return [*{id(edge.arrivals): edge for edge in reversed(edges)}.values()][::-1]
-
-    def _edge(self, child: str) -> Optional[Edge]:
-        if child not in self._edges:
+        edges: dict[frozenset[tuple[int, ...]], Edge] = {}
+        for child in path:
             tracks = [track for track in self.by_child.get(child, ()) if not track.is_static]
-            arrivals, stamps = self.statistics.arrivals(tracks)
-            self._edges[child] = Edge(child, arrivals, stamps) if len(stamps) else None
-        return self._edges[child]
+            key = self.statistics.together(tracks)
+            if not tracks or key in edges:
+                continue
+            if key not in self._edges:
+                arrivals, stamps = self.statistics.arrivals(key)
+                self._edges[key] = Edge(child, arrivals, stamps) if len(stamps) else None
+            if (edge := self._edges[key]) is None:
+                return None
+            edges[key] = edge
+        return [*edges.values()]
 
     @cached_property
     def topics_of(self) -> dict[str, list[str]]:

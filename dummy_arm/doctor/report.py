@@ -131,7 +131,7 @@ def _table(topics: Sequence[dict[str, Any]]) -> list[str]:
         waits = (f'{topic[wait]:.3g} s' if topic[wait] else '-' for wait in (
             'median_wait', 'wait_of_95_percent', 'largest_wait'))
         rows.append((shortened(topic['topic']), str(topic['messages']), at_once, waiting, *waits,
-                     never, str(topic['queue'])))
+                     never, str(topic['queue'] or '-')))
     widths = [max(map(len, column)) for column in zip(*rows)]
     return ['  '.join([row[0].ljust(widths[0]), *map(str.rjust, row[1:], widths[1:])])
             for row in rows]

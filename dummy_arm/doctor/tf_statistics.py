@@ -4,6 +4,7 @@ Statistics of the messages on /tf and /tf_static.
 Of each message, only its time of arrival and its stamps are kept (16 bytes, if it has one stamp).
 """
 
+from array import array
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from math import ceil, log2
@@ -136,11 +137,9 @@ class Statistics:
         #: By publisher and topic (True: static): the other names of the transforms with an empty
         #: name, and how many there are.
         self.empty_names: dict[tuple[str, bool], Counter[str]] = {}
-        #: The numbers of dynamic tracks, and the times of arrival and the stamps (ns) of their
-        #: transforms.
-        self._arrivals: list[tuple[list[int], NDArray[np.int64], NDArray[np.int64]]] = []
-        #: By the indices of `_arrivals`: what `arrivals` has returned.
-        self._joined: dict[tuple[int, ...], tuple[NDArray[np.int64], NDArray[np.int64]]] = {}
+        #: By the numbers of dynamic tracks whose transforms arrive together: the times of arrival
+        #: and the stamps (ns).
+        self._arrivals: dict[tuple[int, ...], tuple[array[int], array[int]]] = {}
 
     def tracks(self) -> list[Track]:
         """Return the tracks, in the order of their first messages."""
@@ -164,28 +163,28 @@ class Statistics:
             names.setdefault(child, {})[nodes.get(publisher, publisher)] = None
         return {child: ', '.join(map(shortened, each)) for child, each in names.items()}
 
-    @property
-    def last_arrival(self) -> int:
-        """The time (ns) at which the last dynamic transform has arrived; 0: not known."""
-        return max((int(times.max()) for _, times, _ in self._arrivals), default=0)
+    def span_of_arrivals(self) -> tuple[int, ...]:
+        """Return when the first and the last dynamic transform have arrived (ns), if known."""
+        times = [time for time, _ in self._arrivals.values()]
+        return (min(map(min, times)), max(map(max, times))) if times else ()
 
-    def arrivals(self, tracks: Iterable[Track]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    def together(self, tracks: Iterable[Track]) -> frozenset[tuple[int, ...]]:
+        """Return a key for `arrivals`: equal for tracks whose transforms arrive together."""
+        numbers = {track.number for track in tracks}
+        return frozenset(key for key in self._arrivals if not numbers.isdisjoint(key))
+
+    def arrivals(self, key: frozenset[tuple[int, ...]]
+                 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """
         Return (n,) times of arrival and (n,) stamps (ns) of dynamic tracks, by arrival.
 
-        For tracks whose transforms always arrive together, the result is the same object.
+        Transforms without a known time of arrival or without a stamp are left out.
         """
-        numbers = {track.number for track in tracks}
-        parts = tuple(i for i, (found, _, _) in enumerate(self._arrivals)
-                      if not numbers.isdisjoint(found))
-        if parts not in self._joined:
-            none = np.empty(0, np.int64)
-            times, stamps = (np.concatenate([none, *(self._arrivals[i][column] for i in parts)])
-                             for column in (1, 2))
-            order = np.argsort(times, kind='stable')
-            order = order[(stamps[order] != 0) & (times[order] != 0)]
-            self._joined[parts] = times[order], stamps[order]
-        return self._joined[parts]
+        times, stamps = (np.concatenate([np.empty(0, np.int64), *(
+            self._arrivals[each][column] for each in sorted(key))]) for column in (0, 1))
+        order = np.argsort(times, kind='stable')
+        order = order[stamps[order] != 0]
+        return times[order], stamps[order]
 
     def add_messages(self, messages: Iterable[Message], offset: Optional[int] = 0) -> None:
         """Count the transforms of messages; see `add`."""
@@ -215,9 +214,10 @@ class Statistics:
         if not table.is_static:
             _add_moves(values, poses, stamps, before)
             _add_stamps(values, stamps, before)
-            self._keep(numbers, table.times, stamps)
         is_timed = table.times != 0
         if is_timed.any():
+            if not table.is_static:
+                self._keep(numbers, table.times[is_timed], stamps[is_timed])
             times = table.times[is_timed] + (offset or 0)
             _add_times(values, times)
             since = self._since.setdefault(table.publisher, int(times.min()))
@@ -230,12 +230,14 @@ class Statistics:
 
     def _keep(self, numbers: NDArray[np.intp], times: NDArray[np.int64],
               stamps: NDArray[np.int64]) -> None:
-        """Keep arrivals; transforms of a message usually have the same stamp."""
-        if (stamps == stamps[:, :1]).all():
-            self._arrivals.append((numbers.tolist(), times, stamps[:, 0].copy()))
-        else:
-            self._arrivals += [([number], times, column.copy())
-                               for number, column in zip(numbers.tolist(), stamps.T)]
+        """Keep arrivals; the transforms of a message usually have the same stamp."""
+        columns = {tuple(numbers.tolist()): stamps[:, 0]} if (
+            (stamps == stamps[:, :1]).all()) else {
+                (number,): column for number, column in zip(numbers.tolist(), stamps.T)}
+        for key, column in columns.items():
+            kept = self._arrivals.setdefault(key, (array('q'), array('q')))
+            for values, new in zip(kept, (times, column)):
+                values.frombytes(new.tobytes())
 
     def _number(self, table: TransformTable, parent: str, child: str) -> Optional[int]:
         names = parent.removeprefix('/'), child.removeprefix('/')

@@ -74,8 +74,8 @@ class Topic(NamedTuple):
 
     name: str
     msgtype: str  #: the type of its messages, such as 'sensor_msgs/msg/LaserScan'
-    #: The headers of its messages: of the first 20 000, or of an even sample. It is empty for TF
-    #: messages, and others without a header; None if it is not known whether they have one.
+    #: The headers of its messages: of all, or of an even sample of at most 20 000. It is empty for
+    #: TF messages, and others without a header; None if it is not known whether they have one.
     headers: Optional[Headers]
     #: The recorded durability of each publisher of TF messages, such as 'TRANSIENT_LOCAL'; empty
     #: if it was not recorded.

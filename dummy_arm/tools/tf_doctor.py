@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial as partial_function
-from importlib import import_module
 import json
 from multiprocessing import active_children, get_context, resource_tracker
 import sys
@@ -29,7 +28,7 @@ from dummy_arm.doctor.observation import Endpoint, Observation
 from dummy_arm.doctor.report import check_codes, examine, examine_bag, Report
 from dummy_arm.doctor.tf_statistics import Statistics
 from dummy_arm.inspection.terminal import wrapped
-from dummy_arm.tf.bag import Headers, messages, NOT_RECORDED, read, recordings
+from dummy_arm.tf.bag import messages, NOT_RECORDED, read, recordings
 from dummy_arm.tf.formatting import in_seconds, SECOND, TF_MESSAGE, visible
 
 if TYPE_CHECKING:
@@ -37,15 +36,13 @@ if TYPE_CHECKING:
 
     from rclpy.node import Node
 
+    from dummy_arm.inspection.header_sampler import HeaderSampler
+
 #: For the path between two frames, the buffer keeps transforms for this time more than the command
 #: listens (s).
 _MARGIN = 5.0
 #: The delays of the first messages of a publisher are not counted for this time (ns).
 _SETTLING = SECOND // 5
-#: The time between two searches for other topics (s).
-_SCAN_INTERVAL = 0.5
-#: How many messages of each other topic, and how many bytes of them, are received within a second.
-_MOST_MESSAGES, _MOST_BYTES = 50, 10_000_000
 #: The time between two looks at the processes that examine bags (s).
 _POLL = 0.05
 
@@ -212,133 +209,22 @@ class _Listening:
         self.statistics.add_messages(received, self.offset)
 
 
-class _HeaderSampler:
-    """Subscriptions to other topics, of whose messages the headers are read."""
-
-    def __init__(self, node: 'Node') -> None:
-        self._node = node
-        self._next_scan = 0.0
-        self._topics: dict[str, Optional[_SampledTopic]] = {}  #: None: its headers are not read
-        self.not_read: dict[str, str] = {}  #: by topic: why its headers are not read
-
-    def headers(self) -> dict[str, Headers]:
-        """Return the headers that were read, by topic."""
-        return {name: topic.headers for name, topic in self._topics.items() if topic}
-
-    def senders(self) -> dict[str, list[str]]:
-        """Return the nodes that publish these topics, by topic."""
-        from dummy_arm.tf.publisher_listener import node_of
-        return {name: sorted({node_of(info) for info in
-                              self._node.get_publishers_info_by_topic(name)})
-                for name, topic in self._topics.items() if topic}
-
-    def scan_if_due(self) -> None:
-        """Subscribe to new topics whose messages begin with a header, twice a second at most."""
-        for topic in self._topics.values():
-            if topic:
-                topic.resume_if_due()
-        if time.monotonic() < self._next_scan:
-            return
-        self._next_scan = time.monotonic() + _SCAN_INTERVAL
-        for name, types in self._node.get_topic_names_and_types():
-            # A node cannot subscribe to a topic with two types, such as one with transforms.
-            if TF_MESSAGE in types or (name in self._topics and len(types) == 1):
-                continue
-            published = sorted({
-                info.topic_type for info in self._node.get_publishers_info_by_topic(name)})
-            if published and name not in self._topics:
-                self._topics[name] = self._sampled(name, published[0])
-            if len(published) > 1:
-                self.not_read[name] = (
-                    f'only one type is read; its publishers have the types {", ".join(published)}')
-
-    def _sampled(self, name: str, type_name: str) -> 'Optional[_SampledTopic]':
-        package, is_message, type_of_package = type_name.partition('/msg/')
-        if not is_message:  # the topics of services and actions have no header
-            return None
-        try:
-            message_type: Any = getattr(import_module(f'{package}.msg'), type_of_package)
-            fields = message_type.get_fields_and_field_types()
-            if next(iter(fields.values()), '') == 'std_msgs/Header':
-                return _SampledTopic(self._node, name, message_type)
-        except (ImportError, AttributeError):
-            self.not_read[name] = f'its type {type_name} cannot be imported'
-        except Exception as error:  # the code of another package can raise any error
-            self.not_read[name] = f'{type_name}: {type(error).__name__}: {error}'
-        return None
-
-
-class _SampledTopic:
-    """Subscriptions to a topic, which pause when there were enough messages within a second."""
-
-    def __init__(self, node: 'Node', name: str, message_type: Any) -> None:
-        self._node, self._name, self._message_type = node, name, message_type
-        self.headers = Headers()
-        self._subscriptions: list[Any] = []
-        #: Latched messages that were sent before this time (ns) are not judged.
-        self._newest_latched = time.time_ns()
-        self._end = 0.0  # of the present second, on the monotonic clock
-        self._messages = self._bytes = 0
-        self.resume_if_due()
-
-    def resume_if_due(self) -> None:
-        """Begin a new second if the last one is over; subscribe again after a pause."""
-        if (now := time.monotonic()) < self._end:
-            return
-        self._end, self._messages, self._bytes = now + 1.0, 0, 0
-        if not self._subscriptions:
-            self._subscribe()
-
-    def _subscribe(self) -> None:
-        from rclpy.event_handler import SubscriptionEventCallbacks
-        from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
-        # A best-effort, volatile subscription matches all publishers. But latched messages of the
-        # past are sent only to a reliable, transient-local one.
-        latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
-        other = ReliabilityPolicy.BEST_EFFORT, DurabilityPolicy.VOLATILE
-        offered = {(info.qos_profile.reliability, info.qos_profile.durability)
-                   for info in self._node.get_publishers_info_by_topic(self._name)}
-        for reliability, durability in [latched] if offered == {latched} else (
-                [latched, other] if latched in offered else [other]):
-            callback: Any = self._add_latched if (
-                (reliability, durability) == latched) else self._add
-            self._subscriptions.append(self._node.create_subscription(
-                self._message_type, self._name, callback,
-                QoSProfile(depth=_MOST_MESSAGES, reliability=reliability, durability=durability),
-                raw=True, event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False)))
-
-    def _add_latched(self, data: bytes, info: dict[str, Any]) -> None:
-        if info['source_timestamp'] > self._newest_latched:
-            self._newest_latched = info['source_timestamp']
-            self._add(data, info)
-            return
-        self.headers.add_frame(data)
-
-    def _add(self, data: bytes, info: dict[str, Any]) -> None:
-        self._messages += 1
-        self._bytes += len(data)
-        if self.headers.wants_next():
-            self.headers.add(info['received_timestamp'] or time.time_ns(), data)
-        if self._messages >= _MOST_MESSAGES or self._bytes >= _MOST_BYTES:
-            while self._subscriptions:
-                self._node.destroy_subscription(self._subscriptions.pop())
-
-
 def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
     """Listen to transforms, and to the headers on other topics."""
     from dummy_arm.cli.node import spinning_node
+    from dummy_arm.inspection.header_sampler import HeaderSampler
     with spinning_node('tf_doctor', ros_args, namespace) as node:
-        listening, sampler = _Listening(node), _HeaderSampler(node)
+        listening, sampler = _Listening(node), HeaderSampler(node)
 
         def poll() -> None:
             listening.poll()
-            sampler.scan_if_due()
+            sampler.poll()
 
         elapsed = listen(duration, listening.frame_listener.buffer.frame_names, poll)
         return _observation(listening, sampler, f'in {elapsed:.1f} s')
 
 
-def _observation(listening: _Listening, sampler: _HeaderSampler, where: str) -> Observation:
+def _observation(listening: _Listening, sampler: 'HeaderSampler', where: str) -> Observation:
     """Add what the ROS graph knows to what was received."""
     node, frame_listener = listening.node, listening.frame_listener
     statistics, listener = listening.statistics, listening.listener

@@ -34,7 +34,7 @@ def tf(arrival, stamp, *edges, is_static=False, x=0.0):
         for parent, child in (edge.split(' ') for edge in edges)))
 
 
-def _header(stamp, frame):
+def header_of(stamp, frame):
     """Serialise a message with a header, in CDR."""
     name = frame.encode() + b'\0'
     return struct.pack('<4siII', b'\0\1\0\0', *divmod(stamp, S), len(name)) + name
@@ -55,6 +55,7 @@ def observed(transforms, messages, frame='base', **kwargs):
     statistics, headers = Statistics(), Headers()
     statistics.add_messages(sorted(transforms, key=lambda message: message.time))
     for arrival, stamp in messages:
-        assert headers.wants_next()
-        headers.add(T + arrival * MS, _header(0 if stamp is None else T + stamp * MS, frame))
+        if headers.wants_next():
+            headers.add(
+                T + arrival * MS, header_of(0 if stamp is None else T + stamp * MS, frame))
     return Observation(statistics, 'here', headers={'/scan': headers}, **kwargs)

@@ -5,10 +5,11 @@ from itertools import pairwise
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
-from recorded import judged, MS, S, T, tf
+from recorded import header_of, judged, MS, S, T, tf
 
 from dummy_arm.doctor.message_times import CACHE, Verdict
 from dummy_arm.tf import TransformBuffer
+from dummy_arm.tf._wire import headers
 
 STATIC = tf(0, 0, 'map odom', 'base laser', is_static=True)
 
@@ -36,7 +37,14 @@ ROWS = {
     (Verdict.WAITS, 'the first arrives later'): (
         [tf(3000, 400, 'odom base'), *robot(3000, 8000)], (500, 500)),
     (Verdict.OTHER_CLOCK, 'future'): (robot(0, 5000), (2000, 70_000)),
-    (Verdict.OTHER_CLOCK, 'past'): (robot(0, 5000), (2000, -70_000)),
+    (Verdict.OTHER_CLOCK, 'past'): (robot(0, 5000), (3000, -70_000)),
+    (Verdict.START, 'latched long before'): (robot(0, 5000), (100, -70_000)),
+    (Verdict.AT_ONCE, 'after a restart'): (
+        [*robot(0, 30_000), *robot(0, 30_000, delay=40_000)], (50_005, 9990)),
+    (Verdict.START, 'before a restart'): (
+        [*robot(0, 30_000), *robot(0, 30_000, delay=40_000)], (10_005, 9990)),
+    (Verdict.TOO_OLD, 'one stamp goes back'): (
+        [*robot(0, 20_000), tf(15_000, 0, 'odom base')], (19_990, 9900)),
     (Verdict.NEVER, 'the data end'): ([*robot(0, 1000), tf(9000, 9000, 'map lamp')], (2000, 2000)),
     (Verdict.END, 'the last 2 s'): (robot(0, 5000), (4995, 4995)),
     (Verdict.START, 'before the first of one edge, dropped by the other'): (
@@ -90,6 +98,69 @@ def test_the_table():
         'topic': '/scan', 'messages': 100, 'judged': 100, 'at_once': 0.25, 'waiting': 0.75,
         'median_wait': 0.2, 'wait_of_95_percent': 0.3, 'largest_wait': 0.3, 'never': 0.0,
         'queue': 3}
+
+
+def test_the_cache_that_is_needed():
+    """It reaches back to the transform before the stamp, as a buffer shows."""
+    slow = [tf(i, i, 'odom base') for i in range(0, 40_001, 8000)]
+    times = judged(slow, [(i, i - 19_000) for i in range(40_000, 43_000, 100)])
+    assert {*times.verdicts.tolist()} == {Verdict.TOO_OLD}
+    cache = int(times.waits.max())
+    for cache_time, is_enough in (cache, True), (cache - 1, False):
+        buffer = TransformBuffer(cache_time=cache_time)
+        for each in slow:  # all have arrived before the messages
+            buffer.insert(each.time, 'odom', 'base', (0.0,) * 6 + (1.0,))
+        assert all(buffer.can_transform('odom', 'base', stamp)
+                   for stamp in times.stamps.tolist()) is is_enough
+
+
+@pytest.mark.parametrize('counts', [[100], [30, 70], [5, 95], [20, 20, 21, 500]])
+def test_a_sample_of_several_files(monkeypatch, counts):
+    """A bag may have several files; of all messages, each so-many-th is in the sample."""
+    monkeypatch.setattr(headers, '_MOST', 20)
+    sample = headers.Headers()
+    number = 0
+    for count in counts:
+        sample.expect(count)
+        for _ in range(count):
+            if sample.wants_next():
+                sample.add(number, header_of(number, 'laser'))
+            number += 1
+    assert sample.count == number
+    assert sample.arrivals.tolist() == [*range(0, number, sample.step)] == sample.stamps.tolist()
+    assert number / 40 <= sample.step <= number / 10
+
+
+def test_an_unknown_number_of_messages(monkeypatch):
+    """If the number of messages is not known, the sample becomes thinner while it grows."""
+    monkeypatch.setattr(headers, '_MOST', 20)
+    sample = headers.Headers()
+    for number in range(1000):
+        if sample.wants_next():
+            sample.add(number, header_of(number, 'laser'))
+    assert sample.arrivals.tolist() == [*range(0, 1000, sample.step)]
+    assert sample.step == 64
+
+
+def test_a_sample_has_the_queue_of_all_messages(monkeypatch):
+    """Within the step of the sample; and the same shares."""
+    transforms = [tf(i, i, 'odom base') for i in range(0, 20_000, 500)]
+    messages = [(i, i - 250) for i in range(500, 19_500, 5)]
+    whole = judged(transforms, messages)
+    monkeypatch.setattr(headers, '_MOST', 1000)
+    sampled = judged(transforms, messages)
+    assert (whole.step, sampled.step) == (1, 4)
+    assert abs(whole.queue() - sampled.queue()) <= 4
+    assert sampled.row()['waiting'] == pytest.approx(whole.row()['waiting'], abs=0.02)
+
+
+def test_transforms_without_times(monkeypatch):
+    """Without times of the recording, or with stamps of 0 only, nothing is judged."""
+    untimed = [tf(-T // MS, i, 'odom base') for i in range(0, 5000, 20)]
+    assert {each.time for each in untimed} == {0}
+    assert [*judged(untimed, [(2000, 90_000)]).verdicts] == [Verdict.NO_TREE]
+    zero = [tf(i, -T // MS, 'odom base') for i in range(0, 5000, 20)]
+    assert [*judged(zero, [(2000, 90_000)]).verdicts] == [Verdict.NO_TREE]
 
 
 def test_the_queue_counts_messages_that_wait_in_vain():

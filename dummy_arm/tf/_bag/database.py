@@ -9,7 +9,7 @@ from typing import Any
 
 from dummy_arm.tf._bag.context import ADVANCE, BagContext, BagTopic, Record, Stream
 from dummy_arm.tf._bag.formats import BagError, refuse_special
-from dummy_arm.tf._bag.unpacking import unpack_message
+from dummy_arm.tf._bag.unpacking import first_bytes, unpack_message
 from dummy_arm.tf._wire.definitions import durabilities
 
 
@@ -37,7 +37,7 @@ def records_of_database(path: Path, context: BagContext) -> Iterator[Record]:
             if isinstance(stream, Stream):
                 yield stream, time, _message(data, context)
             elif stream.headers.wants_next():
-                stream.headers.add(time, _message(data, context))
+                stream.headers.add(time, first_bytes(data) if isinstance(data, bytes) else b'')
 
 
 def _check_log(path: Path) -> None:

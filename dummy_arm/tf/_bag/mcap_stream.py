@@ -10,7 +10,7 @@ from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import breakup_chunk, StreamReader
 
 from dummy_arm.tf._bag.context import BagContext, BagTopic, Record, Stream
-from dummy_arm.tf._bag.unpacking import Oversized, unpack_message
+from dummy_arm.tf._bag.unpacking import first_bytes, Oversized, unpack_message
 from dummy_arm.tf._wire.definitions import durabilities
 
 
@@ -28,8 +28,7 @@ def records_in_file_order(path: Path, context: BagContext) -> Iterator[Record]:
             if isinstance(stream, Stream):
                 yield stream, record.log_time, unpack_message(record.data, context.max_bytes)
             elif stream and stream.headers.wants_next():
-                stream.headers.add(
-                    record.log_time, unpack_message(record.data, context.max_bytes))
+                stream.headers.add(record.log_time, first_bytes(record.data))
 
 
 def _records(path: Path, context: BagContext) -> Iterator[Any]:

@@ -8,6 +8,8 @@ import sys
 from typing import Any
 
 #: The first bytes of data that are compressed by zstd; a message in CDR never begins with them.
+#: A std_msgs/Header with a frame_id of usual length takes no more than this (bytes).
+_HEADER = 2000
 ZSTD = b'\x28\xb5\x2f\xfd'
 
 
@@ -49,6 +51,14 @@ def unpack_message(data: bytes, limit: int) -> bytes:
         if not decompressor.eof:
             raise EOFError('the compressed data of a message end too early')
     return data
+
+
+def first_bytes(data: bytes) -> bytes:
+    """Return at least the first bytes of a message, with its header; b'' if it is damaged."""
+    try:
+        return _zstd().ZstdDecompressor().decompress(data, _HEADER) if data[:4] == ZSTD else data
+    except Exception:  # the sample does without this message
+        return b''
 
 
 def _zstd() -> Any:

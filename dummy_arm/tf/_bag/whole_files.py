@@ -14,7 +14,7 @@ from dummy_arm.tf._bag.database import records_of_database
 from dummy_arm.tf._bag.formats import BagError, kind_of
 from dummy_arm.tf._bag.mcap_stream import records_in_file_order
 from dummy_arm.tf._bag.recordings import Recording
-from dummy_arm.tf._bag.unpacking import Oversized, unpack_file, unpack_message
+from dummy_arm.tf._bag.unpacking import first_bytes, Oversized, unpack_file, unpack_message
 
 
 def records(recording: Recording, context: BagContext) -> Iterator[Record]:
@@ -127,7 +127,7 @@ def _records_of_reader(reader: Any, kind: str, context: BagContext) -> Iterator[
         if isinstance(stream, Stream):
             yield stream, time, unpack_message(data, max_bytes)
         elif stream.headers.wants_next():
-            stream.headers.add(time, unpack_message(data, max_bytes))
+            stream.headers.add(time, first_bytes(data))
     if number != total:
         raise ValueError(f'its index announces {total} messages, but {number} were found')
 

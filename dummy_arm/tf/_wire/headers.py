@@ -19,11 +19,11 @@ class Headers:
     The headers of an even sample of the messages of a topic.
 
     Whenever the sample is full, every second message is dropped, and from then on half as many are
-    added.
+    added. If many messages are expected, this is done beforehand.
     """
 
     def __init__(self, encoding: Encoding = cdr) -> None:
-        self._header, self._size = encoding.header, 0
+        self._header, self._size, self._expected = encoding.header, 0, 0
         self.count = 0  #: the number of all messages
         self.step = 1  #: of so many messages, one is in the sample
         self.frames: dict[str, int] = {}  #: by name: the number of the frame
@@ -33,8 +33,15 @@ class Headers:
         self.stamps = array('q')  #: by message: the stamp (ns)
 
     def expect(self, count: int) -> None:
-        """Choose the sample for a number of messages that are going to come."""
-        self.step = max(self.step, -(-count // _MOST))
+        """Prepare for a number of messages that are going to come."""
+        self._expected += count
+        while self._expected > _MOST * self.step:
+            self._halve()
+
+    def _halve(self) -> None:
+        self.frame_numbers, self.arrivals, self.stamps = (
+            each[::2] for each in (self.frame_numbers, self.arrivals, self.stamps))
+        self.step *= 2
 
     def wants_next(self) -> bool:
         """Count a message; return whether it belongs to the sample."""
@@ -51,9 +58,7 @@ class Headers:
         if number is None and (number := self._learn(name)) is None:
             return
         if len(self.stamps) >= _MOST:
-            self.frame_numbers, self.arrivals, self.stamps = (
-                each[::2] for each in (self.frame_numbers, self.arrivals, self.stamps))
-            self.step *= 2
+            self._halve()
         if 0 <= arrival < 2**63:
             self.frame_numbers.append(number)
             self.arrivals.append(arrival)
