@@ -218,6 +218,7 @@ def test_an_old_transform_is_logged_with_its_node(ros, other, capfd):
     buffer = Buffer(node=ros.node)
     listener = PublisherListener(buffer, ros.node)
     publisher = send(ros, other, buffer, 100 * S)
+    ros.until(lambda: ('/test', '/tf') in listener.publishers().values())
     publisher.publish(TFMessage(transforms=[stamped('map', 'base', 50 * S)]))
     ros.until(logged(capfd, 'Publisher: /test. See troubleshooting.md: TF_OLD_DATA.'))
     listener.unregister()
