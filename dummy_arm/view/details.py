@@ -23,10 +23,10 @@ _STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
           'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
 
 
-def overview(placement: Placement, feed: Feed, fixed: str = '') -> str:
+def overview(placement: Placement, feed: Feed, fixed: str = '', timeout: float = TIMEOUT) -> str:
     """Return in HTML how many frames are shown, and every problem."""
     timed_out = [name for name, age in zip(placement.names, placement.ages.tolist())
-                 if age >= TIMEOUT]
+                 if age >= timeout]
     alive = len(placement.names) - len(timed_out)
     name = _text(feed.name)
     lines = [f'{name}: {alive} frame{"" if alive == 1 else "s"}' if placement.names else
@@ -34,7 +34,7 @@ def overview(placement: Placement, feed: Feed, fixed: str = '') -> str:
     if placement.names and (hint := feed.topics_hint()):
         lines.append(_text(hint))
     if timed_out:
-        lines.append(f'not shown, because no new transform has arrived for {TIMEOUT:g} s on the '
+        lines.append(f'not shown, because no new transform has arrived for {timeout:g} s on the '
                      f'path to: {comma_list(timed_out, _MAX_NAMES, _text)}')
     if placement.gone:
         lines.append(f'{placement.gone} frame{"" if placement.gone == 1 else "s"} without an '
@@ -129,6 +129,11 @@ def _row(key: str, label: str, value: str) -> str:
 
 def _numbers(values: Iterable[float], precision: int) -> str:
     return '  '.join(fixed_point(value, precision) for value in values)
+
+
+def html(text: str, key: str) -> str:
+    """Return a text as an element of the panel."""
+    return f'<div style="{_STYLE}" data-text="{key}">{_text(text)}</div>'
 
 
 def _text(text: str) -> str:

@@ -1,18 +1,19 @@
-"""The panel beside the scene; all viewers share one panel."""
+"""The panel beside the scene: the controls of each viewer, and those of a bag for all."""
 
 from collections import deque
 from collections.abc import Awaitable, Callable, Iterable
-from math import ceil, isfinite
+from math import ceil
 from typing import Any, Optional
 
 import viser
 
+from dummy_arm.view.display import configure, DisplayPanel, within
+from dummy_arm.view.feed import Player
 from dummy_arm.view.placement import Placement
 from dummy_arm.view.scene import NAMES_AT_ONCE
+from dummy_arm.view.tree import Tree
 
 _NONE = '(none)'
-#: The smallest and the largest length of an axis (m).
-_SIZES = 0.02, 2.0
 #: The step of the time slider (s).
 _TIME_STEP = 0.01
 #: A change of the frames in a dropdown sends all names to all viewers. So after a change with n
@@ -66,71 +67,70 @@ class FrameChoice:
             self._dropdown.value = shown
 
 
-class Panel:
-    """The controls and texts of the page."""
+class Playback:
+    """The controls of a bag; all viewers share them."""
 
-    def __init__(self, gui: viser.GuiApi, length: float,
-                 look_at_all: Callable[[viser.ClientHandle], Awaitable[object]]) -> None:
-        self._options: list[str] = []  # of the dropdowns
-        self._next_options = 0.0  # when they may change again (s, monotonic clock)
-        self._overview = gui.add_html('')
+    def __init__(self, gui: viser.GuiApi, player: Player) -> None:
+        self._player = player
+        self._requested: deque[float] = deque(maxlen=1)
+        self._length = max(_TIME_STEP, ceil(player.length / _TIME_STEP) * _TIME_STEP)
         self._pause = gui.add_checkbox('Pause', False)
-        self._requested_time: deque[float] = deque(maxlen=1)
-        self._length = max(_TIME_STEP, ceil(length / _TIME_STEP) * _TIME_STEP)
         self._time = gui.add_slider('Time (s)', 0.0, self._length, _TIME_STEP, 0.0,
-                                    visible=length > 0.0)
+                                    visible=player.length > 0.0)
         self._time.on_update(self._on_time)
-        self.fixed = FrameChoice(gui, 'Fixed frame', 'the frame in which the others are shown')
-        self._size = gui.add_slider('Axis length (m)', *_SIZES, 0.02, 0.16)
-        self._names = gui.add_checkbox('Show names', True)
-        self._names.on_update(self._on_names)
-        self._names_chosen: Optional[bool] = None
-        self.trail = FrameChoice(gui, 'Trail of', 'the frame whose recent path is drawn')
-        self.selected = FrameChoice(
-            gui, 'Frame',
-            'the frame whose details are shown; to select a frame, you can also click on its axes')
-        self._details = gui.add_html('')
-        button = gui.add_button('Focus on all frames')
-        button.on_click(self._on_look_at_all)
-        self._look_at_all = look_at_all
 
     async def _on_time(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
-            self._requested_time.append(_within(event.target.value, 0.0, self._length))
+            self._requested.append(within(event.target.value, 0.0, self._length))
 
-    async def _on_names(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            self._names_chosen = event.target.value
+    def update(self) -> int:
+        """Advance the player, show its position, and return its time (ns)."""
+        self._player.advance(not self._pause.value)
+        if self._requested:
+            self._player.seek(self._requested.popleft())
+        self._time.value = round(self._player.position, 2)
+        return self._player.time
+
+
+class Panel:
+    """The controls and texts of one viewer."""
+
+    def __init__(self, gui: viser.GuiApi, is_live: bool,
+                 look_from: Callable[[str], Awaitable[object]]) -> None:
+        """Add the controls; `look_from` moves the camera to one of `VIEWS`."""
+        configure(gui, False)
+        self._options: list[str] = []  # of the dropdowns
+        self._next_options = 0.0  # when they may change again (s, monotonic clock)
+        self._overview = gui.add_html('')
+        self._pause = gui.add_checkbox('Pause', False) if is_live else None
+        self.fixed = FrameChoice(gui, 'Fixed frame', 'the frame in which the others are shown')
+        button = gui.add_button('Focus on all frames')
+        button.on_click(self._on_look_at_all)
+        self._look_from = look_from
+        tabs = gui.add_tab_group()
+        with tabs.add_tab('Frame'):
+            self.selected = FrameChoice(
+                gui, 'Frame', 'the frame whose details are shown; to select a frame, you can also '
+                'click on its axes or in the tree')
+            self.trail = FrameChoice(gui, 'Trail of', 'the frame whose recent path is drawn')
+            self._details = gui.add_html('')
+        self.tree = Tree(gui, tabs.add_tab('Tree'))
+        with tabs.add_tab('Display'):
+            self.display = DisplayPanel(gui, look_from)
 
     async def _on_look_at_all(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client is not None:
-            await self._look_at_all(event.client)
+        await self._look_from('all')
 
     @property
     def is_paused(self) -> bool:
-        return bool(self._pause.value)
-
-    @property
-    def size(self) -> float:
-        return _within(self._size.value, *_SIZES)
-
-    @property
-    def with_names(self) -> bool:
-        return bool(self._names.value)
-
-    def take_requested_time(self) -> Optional[float]:
-        """Return what a viewer has set the time slider to since the last call (s), or None."""
-        return self._requested_time.popleft() if self._requested_time else None
-
-    def show_time(self, position: float) -> None:
-        """Set the time slider to seconds after the start of the bag."""
-        self._time.value = round(position, 2)
+        return self._pause is not None and bool(self._pause.value)
 
     def set_frames(self, placement: Placement, names: list[str], now: float) -> None:
         """
         Set the dropdowns and the checkbox 'Show names'.
 
-        Until a viewer uses the checkbox, it is ticked if there are at most `NAMES_AT_ONCE` frames.
+        Until the viewer uses the checkbox, it is ticked if there are at most `NAMES_AT_ONCE`
+        frames.
         """
         choices = self.fixed, self.trail, self.selected
         if names != self._options and now >= self._next_options:
@@ -139,17 +139,8 @@ class Panel:
                 choice.set_options(names)
         for choice, name in zip(choices, (placement.fixed, placement.deepest, placement.deepest)):
             choice.propose(name)
-        if self._size.value != self.size:  # a viewer has sent NaN, or another wrong number
-            self._size.value = self.size
-        few = len(placement.names) <= NAMES_AT_ONCE
-        self._names.value = few if self._names_chosen is None else self._names_chosen
+        self.display.show_names(len(placement.names) <= NAMES_AT_ONCE)
 
     def show_texts(self, overview: str, details: str) -> None:
         """Show two texts in HTML."""
         self._overview.content, self._details.content = overview, details
-
-
-def _within(value: Any, smallest: float, largest: float) -> float:
-    """Clamp a number that a viewer has set; if it is not finite, return `smallest`."""
-    number = float(value)
-    return min(max(number, smallest), largest) if isfinite(number) else smallest

@@ -176,7 +176,7 @@ def _select(frames: dict[str, Frame], fixed: str) -> _Selection:
 
 def _roots(frames: dict[str, Frame], roots: Iterable[str]) -> dict[str, str]:
     """Return the root of each frame that is in a tree; frames in and below loops are in none."""
-    return _descend(frames, {root: root for root in roots}, lambda _, root: root)
+    return descend(frames, {root: root for root in roots}, lambda _, root: root)
 
 
 def _default_fixed(root_of: dict[str, str]) -> str:
@@ -206,7 +206,7 @@ def _first(frames: dict[str, Frame], root_of: dict[str, str], fixed: str) -> Ite
 
 def _deepest(frames: dict[str, Frame], root: str, index: dict[str, int]) -> str:
     """Return the frame in the tree of a root with the most ancestors; of several, the first."""
-    depths = _descend(frames, {root: 0}, lambda _, depth: depth + 1)
+    depths = descend(frames, {root: 0}, lambda _, depth: depth + 1)
     return max(depths.keys() & index.keys(), key=lambda name: (depths[name], -index[name]),
                default='')
 
@@ -235,7 +235,7 @@ def _ages(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, fl
         for name in _self_and_ancestors(anchor, frames):
             ages[name] = age
             age = max(age, silences.get(name, 0.0))
-    ages = _descend(frames, ages, lambda name, age: max(age, silences[name]))
+    ages = descend(frames, ages, lambda name, age: max(age, silences[name]))
     children: dict[str, float] = {}
     for name, frame in frames.items():
         children[frame.parent] = min(silences[name], children.get(frame.parent, np.inf))
@@ -244,7 +244,7 @@ def _ages(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, fl
     return ages
 
 
-def _descend(frames: dict[str, Frame], known: dict[str, _Value],
+def descend(frames: dict[str, Frame], known: dict[str, _Value],
              child_value: Callable[[str, _Value], _Value]) -> dict[str, _Value]:
     """Add the values of all descendants, each from its name and the value of its parent."""
     values = dict(known)

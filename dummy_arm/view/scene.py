@@ -1,10 +1,10 @@
 """The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from contextlib import suppress
 from itertools import islice
 from threading import Lock
-from typing import Optional
+from typing import Any, Optional, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,16 @@ import trimesh
 import viser
 
 from dummy_arm.tf.formatting import visible
+from dummy_arm.view.display import VIEWS
 from dummy_arm.view.placement import Placement
-from dummy_arm.view.rods import Rods, rods, TIMEOUT
-from dummy_arm.view.viser_private import Server
+from dummy_arm.view.rods import Display, Rods, rods, TIMEOUT
 
 #: One update moves at most this many names; the next update moves the next ones.
 NAMES_AT_ONCE = 50
 _LONGEST_NAME = 40  # characters
+_LETTER, _LINE = 8.0, 18.0  # the width and the height of a letter of a label (pixels)
 _SIDES = 8  # of a cylinder
-_GRID, _CELL = 10.0, 0.5  # the sides of the grid and of its cells (m)
+_CELLS = 20  # the number of cells along each side of the grid
 _GRID_COLOUR = (215, 215, 215)
 _TRAIL_WIDTH = 3.0  # pixels
 _TRAIL_COLOUR, _TRAIL_FADED = (200, 60, 200), (235, 205, 235)
@@ -29,8 +30,6 @@ _TRAIL_COLOUR, _TRAIL_FADED = (200, 60, 200), (235, 205, 235)
 _NEAR = 0.34
 #: The camera shows a sphere around all frames. The radius of the sphere is at least this (m).
 _SMALLEST_VIEW = 0.5
-#: The direction from the middle of the sphere to the camera.
-_DIRECTION = np.array([0.55, -0.7, 0.45])
 #: The camera sees this many metres or radii of the sphere, whichever is more.
 _FAR = 1000.0
 #: The vertical field of view of the camera (rad).
@@ -42,13 +41,17 @@ _DISTANCE = 4.4
 _ASIDE = 0.14
 
 
-class Scene:
-    """The three-dimensional view of the frames; all viewers share one scene."""
+#: The text of a label, and its position (x, y, z; m).
+_Label = tuple[str, NDArray[np.float64]]
 
-    def __init__(self, server: Server) -> None:
-        self._scene, self._server = server.scene, server
-        self._scene.add_line_segments('/grid', _grid(), _GRID_COLOUR, thickness=1.0,
-                                      thickness_units='screen')
+
+class Scene:
+    """The three-dimensional view of the frames, of one viewer or of all."""
+
+    def __init__(self, owner: Union[viser.ClientHandle, viser.ViserServer]) -> None:
+        self._scene, self._owner = owner.scene, owner
+        self._grid: Optional[viser.LineSegmentsHandle] = None
+        self._cell = 0.0  # of the grid that is shown (m)
         self._rods: Optional[viser.BatchedMeshHandle] = None
         self._trail: Optional[viser.LineSegmentsHandle] = None
         #: The labels that are shown, by the name of their frame, and those that are not used.
@@ -60,14 +63,15 @@ class Scene:
         self._clicked = ''
         self._lock = Lock()
 
-    def show(self, placement: Placement, size: float, selected: str, with_names: bool,
+    def show(self, placement: Placement, display: Display, selected: str,
              trail: NDArray[np.float64]) -> None:
-        """Show frames with axes of a length (m), and a trail of lines (m, 2, 3): x, y, z (m)."""
-        with self._server.atomic():
+        """Show frames, and a trail of lines (m, 2, 3): x, y, z (m)."""
+        with self._owner.atomic():
             with self._lock:
                 self._frame_names = placement.names
-            self._show_rods(rods(placement, size, selected))
-            self._show_names(placement, size, with_names)
+            self._show_grid(display.cell)
+            self._show_rods(rods(placement, display, selected))
+            self._show_names(placement, display)
             self._show_trail(trail)
 
     def take_click(self) -> str:
@@ -76,20 +80,15 @@ class Scene:
             clicked, self._clicked = self._clicked, ''
         return clicked
 
-    def look_at(self, placement: Placement, clients: Iterable[viser.ClientHandle]) -> None:
-        """Move cameras, and the one to which viewers can reset theirs, so that all is visible."""
-        points = placement.points[placement.ages < TIMEOUT]
-        if not len(points):
+    def _show_grid(self, cell: float) -> None:
+        if cell == self._cell:
             return
-        middle = (points.min(axis=0) + points.max(axis=0)) / 2
-        radius = max(_SMALLEST_VIEW, np.linalg.norm(points - middle, axis=1).max())
-        away = _DIRECTION / np.linalg.norm(_DIRECTION) * radius * _DISTANCE
-        middle += np.cross((0.0, 0.0, 1.0), away) * _ASIDE
-        for each in [self._server.initial_camera, *(client.camera for client in clients)]:
-            # viser fails if the client has sent an invalid pose.
-            with suppress(Exception), np.errstate(all='ignore'):
-                each.position, each.look_at = middle + away, middle
-                each.fov, each.far = _ANGLE, max(_FAR, _FAR * radius)
+        self._cell = cell
+        if self._grid is not None:
+            self._grid.remove()
+        self._grid = self._scene.add_line_segments(
+            '/grid', _grid(cell), _GRID_COLOUR, thickness=1.0,
+            thickness_units='screen') if cell else None
 
     def _show_rods(self, new: Rods) -> None:
         if not len(new.positions):
@@ -116,10 +115,12 @@ class Scene:
             if isinstance(event.instance_index, int) and self._frame_names:
                 self._clicked = self._frame_names[event.instance_index % len(self._frame_names)]
 
-    def _show_names(self, placement: Placement, size: float, with_names: bool) -> None:
-        texts = _texts(placement, size) if with_names else []
+    def _show_names(self, placement: Placement, display: Display) -> None:
+        texts = _texts(placement, display) if display.with_names else []
         shown = {name: (text, position) for name, text, position in zip(
             placement.names, texts, placement.points) if text}
+        if isinstance(self._owner, viser.ClientHandle):
+            shown = _without_overlap(shown, self._owner.camera)
         for name in self._labels.keys() - shown.keys():
             label = self._labels.pop(name)
             label.visible = False
@@ -153,26 +154,42 @@ class Scene:
         self._trail.visible = True
 
 
-def _grid() -> NDArray[np.float64]:
+def look_at(placement: Placement, camera: Any, direction: Sequence[float] = VIEWS['all']) -> None:
+    """Move a camera so that all frames are visible, seen from a direction (x, y, z)."""
+    points = placement.points[placement.ages < TIMEOUT]
+    if not len(points):
+        return
+    middle = (points.min(axis=0) + points.max(axis=0)) / 2
+    radius = max(_SMALLEST_VIEW, np.linalg.norm(points - middle, axis=1).max())
+    away = np.array(direction) / np.linalg.norm(direction) * radius * _DISTANCE
+    middle += np.cross((0.0, 0.0, 1.0), away) * _ASIDE
+    # viser fails if the client has sent an invalid pose.
+    with suppress(Exception), np.errstate(all='ignore'):
+        camera.position, camera.look_at = middle + away, middle
+        camera.fov, camera.far = _ANGLE, max(_FAR, _FAR * radius)
+
+
+def _grid(cell: float) -> NDArray[np.float64]:
     """
     Return the lines of a grid: (n, 2, 3), two ends, x, y, z (m).
 
     Without a GPU, drawing viser's own grid would take most of the time.
     """
-    half = _GRID / 2
-    places = np.arange(-half, half + _CELL / 2, _CELL)
+    half = _CELLS * cell / 2
+    places = np.linspace(-half, half, _CELLS + 1)
     along_y = np.array([[(x, -half, 0.0), (x, half, 0.0)] for x in places])
     return np.concatenate([along_y, along_y[..., [1, 0, 2]]])
 
 
-def _texts(placement: Placement, size: float) -> list[str]:
-    """Return the text of each label; '' if the frame has timed out, or shares its parent's."""
-    texts = ['' if age >= TIMEOUT else _cut(visible(name))
+def _texts(placement: Placement, display: Display) -> list[str]:
+    """Return the text of each label; '' if the frame is not shown, or shares its parent's."""
+    texts = ['' if age >= display.timeout or name in display.hidden else _cut(visible(name))
              for name, age in zip(placement.names, placement.ages.tolist())]
     label_of = list(range(len(texts)))
     for i, (name, parent) in enumerate(zip(placement.names, placement.parents)):
         if (parent >= 0 and placement.frames[name].is_static and texts[i] and texts[parent]
-                and np.linalg.norm(placement.points[i] - placement.points[parent]) < _NEAR * size):
+                and np.linalg.norm(placement.points[i] - placement.points[parent])
+                < _NEAR * display.size):
             label_of[i] = parent
     for i, text in enumerate(texts):
         if label_of[i] != i:
@@ -181,6 +198,31 @@ def _texts(placement: Placement, size: float) -> list[str]:
                 first = label_of[first]
             texts[first], texts[i] = f'{texts[first]}, {text}', ''
     return texts
+
+
+def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle) -> dict[str, _Label]:
+    """Leave out labels that would cover earlier ones, as seen by a camera."""
+    if not labels:
+        return labels
+    try:
+        points = np.array([position for _, position in labels.values()]) - camera.position
+        # The camera looks along its z axis; its y axis points down (as in viser's documentation).
+        x, y, z = viser.transforms.SO3(camera.wxyz).inverse().apply(points).T
+        focal = camera.image_height / 2 / np.tan(camera.fov / 2)
+        with np.errstate(all='ignore'):
+            columns, rows = (np.floor(focal * each / z / side) for each, side in (
+                (x, _LETTER), (y, _LINE)))
+    except Exception:  # the camera is not known yet, or the client has sent nonsense
+        return labels
+    taken: set[tuple[float, float]] = set()
+    kept = {}
+    for (name, label), column, row, depth in zip(
+            labels.items(), columns.tolist(), rows.tolist(), z.tolist()):
+        cells = {(column + i, row) for i in range(len(label[0]) + 1)}
+        if depth > 0.0 and taken.isdisjoint(cells):
+            taken |= cells
+            kept[name] = label
+    return kept
 
 
 def _cut(name: str) -> str:

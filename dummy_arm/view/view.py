@@ -1,6 +1,7 @@
 """The page: the scene and the panel, updated from a feed and from the viewers' choices."""
 
 from collections.abc import Callable
+from itertools import islice
 from time import monotonic
 from typing import Optional
 
@@ -10,18 +11,21 @@ import viser
 
 from dummy_arm.tf.formatting import SECOND
 from dummy_arm.view.details import details, overview
+from dummy_arm.view.display import VIEWS
 from dummy_arm.view.feed import AnyBuffer, Feed, LENGTH
-from dummy_arm.view.panel import Panel
+from dummy_arm.view.panel import Panel, Playback
 from dummy_arm.view.placement import FrameWatcher, Placement, within_reach
-from dummy_arm.view.rods import TIMEOUT
-from dummy_arm.view.scene import Scene
+from dummy_arm.view.rods import Display
+from dummy_arm.view.scene import look_at, Scene
 from dummy_arm.view.viser_private import Server
 
+#: An update may come this much too early (s).
+_EARLY = 0.01
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
 #: The time between two updates of the hint at other topics (s).
 _HINT_PERIOD = 1.0
-#: The cameras are moved this long (s) after the first frame has appeared, when most others have.
+#: A camera is moved this long (s) after the first frame has appeared, when most others have.
 _SETTLING = 1.0
 #: The time between two points of a trail (ns).
 _TRAIL_STEP = SECOND // 20
@@ -71,91 +75,120 @@ class Trail:
 
 
 class View:
-    """The page."""
+    """The page: the frames, and what each of its viewers has chosen."""
 
     def __init__(self, feed: Feed, server: Server, clock: Callable[[], float] = monotonic
                  ) -> None:
-        self._feed, self._player, self._clock = feed, feed.player, clock
+        self._feed, self._player, self._clock, self._server = feed, feed.player, clock, server
         self._watcher = FrameWatcher(feed.buffer, clock)
-        self._placement, self._fixed = self._watcher.placement(), ''
-        self._scene = Scene(server)
-        self._panel = Panel(server.gui, self._player.length if self._player else 0.0,
-                            self._look_at_all)
-        server.on_client_connect(self._look_at_all)
-        #: The frames that a viewer can choose.
-        self._names: dict[str, None] = {}
-        self._trail = Trail(feed.buffer)
-        #: The earliest time of the next update of the texts (s, monotonic clock).
-        self._next_texts = 0.0
-        #: The placement for which the shown texts were made, and three texts: the names of the
-        #: chosen fixed frame and of the selected frame, and `_hint`.
-        self._texts_key: tuple[Optional[Placement], tuple[str, str, str]] = None, ('', '', '')
+        self._playback = Playback(server.gui, feed.player) if feed.player else None
+        self._viewers: dict[int, Viewer] = {}
         #: The hint at other topics, and the time of its next update (s, monotonic clock).
         self._hint, self._next_hint = '', 0.0
-        #: The time at which the cameras of all clients are moved so that all frames are visible
-        #: (s, monotonic clock); None until there are frames; infinite after this move.
-        self._turn_at: Optional[float] = None
-        self._server = server
+        server.gui.set_panel_label(feed.name)
 
     def update(self) -> None:
-        """Read the feed and the panel, and update the page."""
-        panel, now = self._panel, self._clock()
-        until = self._advance() if self._player else 0
-        fixed = panel.fixed.chosen
-        latest = self._watcher.placement(fixed, until)
-        if self._player or not panel.is_paused or fixed != self._fixed:
-            self._placement, self._fixed = latest, fixed
+        """Read the feed and the panels, and update what each viewer sees."""
+        now = self._clock()
+        until = self._playback.update() if self._playback else 0
+        if now >= self._next_hint:
+            self._hint, self._next_hint = self._feed.topics_hint(), now + _HINT_PERIOD
+        clients = self._server.get_clients()
+        for gone in self._viewers.keys() - clients.keys():
+            del self._viewers[gone]
+        placements: dict[str, Placement] = {}
+        for number, client in clients.items():
+            if number not in self._viewers:
+                self._viewers[number] = Viewer(client, self._feed)
+            fixed = self._viewers[number].fixed
+            if fixed not in placements:
+                placements[fixed] = self._watcher.placement(fixed, until)
+            self._viewers[number].update(placements[fixed], now, self._hint)
+        if not placements:
+            self._watcher.placement('', until)  # it remembers when frames were updated
+        for placement in islice(placements.values(), 1):  # what "reset view" shows
+            look_at(placement, self._server.initial_camera)
+
+
+class Viewer:
+    """What one viewer sees: a scene and a panel."""
+
+    def __init__(self, client: viser.ClientHandle, feed: Feed) -> None:
+        self._client, self._feed = client, feed
+        self._scene = Scene(client)
+        self._panel = Panel(client.gui, feed.player is None, self._look_from)
+        self._placement: Optional[Placement] = None
+        self._shown_fixed = ''  # the choice of the fixed frame for `_placement`
+        #: The frames that can be chosen.
+        self._names: dict[str, None] = {}
+        self._trail = Trail(feed.buffer)
+        #: The earliest times of the next update, and of that of the texts (s, monotonic clock).
+        self._next = self._next_texts = 0.0
+        #: The placement for which the shown texts were made, and three texts: the names of the
+        #: chosen fixed frame and of the selected frame, and the hint at other topics.
+        self._texts_key: tuple[Optional[Placement], tuple[str, str, str]] = None, ('', '', '')
+        #: When the camera is moved so that all frames are visible (s, monotonic clock); None until
+        #: there are frames; infinite after this move.
+        self._turn_at: Optional[float] = None
+
+    @property
+    def fixed(self) -> str:
+        """The fixed frame that the viewer has chosen; '' if there is none."""
+        return self._panel.fixed.chosen
+
+    def update(self, latest: Placement, now: float, hint: str) -> None:
+        """Show the frames, unless they are paused; `now`: on the monotonic clock (s)."""
+        if now < self._next:
+            return
+        panel = self._panel
+        self._next = now + panel.display.period - _EARLY
+        if self._placement is None or not panel.is_paused or self.fixed != self._shown_fixed:
+            self._placement, self._shown_fixed = latest, self.fixed
         placement = self._placement
         # A bag is played again and again, so its frames stay in the dropdowns.
-        self._names = dict.fromkeys([*(self._names if self._player else ()), *placement.names])
+        self._names = dict.fromkeys(
+            [*(self._names if self._feed.player else ()), *placement.names])
         panel.set_frames(placement, [*self._names], now)
-        if clicked := self._scene.take_click():
-            panel.selected.choose(clicked)
-        self._scene.show(placement, panel.size, panel.selected.name, panel.with_names,
-                         self._trail_lines(panel.trail.name))
-        self._update_texts(now, fixed, panel.selected.name)
-        self._turn_cameras(now)
+        for click in self._scene.take_click(), panel.tree.take_click():
+            if click:
+                panel.selected.choose(click)
+        hidden = panel.tree.hidden(placement)
+        display = panel.display.display(hidden)
+        panel.tree.update(placement, panel.selected.name, hidden, now)
+        self._scene.show(placement, display, panel.selected.name,
+                         self._trail_lines(placement, panel.trail.name, display))
+        self._update_texts(placement, now, hint, display.timeout)
+        self._turn_camera(placement, now)
 
-    def _advance(self) -> int:
-        """Advance the player of a bag, and return the time of the player (ns)."""
-        player, requested = self._player, self._panel.take_requested_time()
-        assert player is not None
-        player.advance(not self._panel.is_paused)
-        if requested is not None:
-            player.seek(requested)
-        self._panel.show_time(player.position)
-        return player.time
-
-    def _trail_lines(self, name: str) -> NDArray[np.float64]:
-        placement = self._placement
-        if name in placement.names:
+    def _trail_lines(self, placement: Placement, name: str, display: Display
+                     ) -> NDArray[np.float64]:
+        if name in placement.names and name not in display.hidden:
             i = placement.names.index(name)
-            if placement.ages[i] < TIMEOUT:
+            if placement.ages[i] < display.timeout:
                 anchor, y = placement.anchor_of(name)
                 return within_reach(np.array([0.0, y, 0.0]) + self._trail.draw(
                     anchor, name, placement.stamps[i], placement.poses[i, :3]))
         return np.empty((0, 2, 3))
 
-    def _update_texts(self, now: float, fixed: str, selected: str) -> None:
+    def _update_texts(self, placement: Placement, now: float, hint: str, timeout: float) -> None:
         """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""
-        placement, key = self._placement, self._texts_key
-        if now >= self._next_hint:
-            self._hint, self._next_hint = self._feed.topics_hint(), now + _HINT_PERIOD
-        is_new = placement is not key[0] or (fixed, selected, self._hint) != key[1]
-        if is_new and now >= self._next_texts:
-            self._next_texts = now + _TEXT_PERIOD
-            self._texts_key = placement, (fixed, selected, self._hint)
-            self._panel.show_texts(overview(placement, self._feed, fixed),
-                                   details(placement, selected, self._feed))
+        key = placement, (self.fixed, self._panel.selected.name, hint)
+        if (placement is not self._texts_key[0] or key[1] != self._texts_key[1]) and (
+                now >= self._next_texts):
+            self._next_texts, self._texts_key = now + _TEXT_PERIOD, key
+            self._panel.show_texts(overview(placement, self._feed, self.fixed, timeout),
+                                   details(placement, self._panel.selected.name, self._feed))
 
-    async def _look_at_all(self, client: viser.ClientHandle) -> None:
-        """Move the camera of a client so that all frames are visible."""
-        self._scene.look_at(self._placement, [client])
+    async def _look_from(self, view: str) -> None:
+        """Move the camera so that all frames are visible; `view`: one of `VIEWS`."""
+        if self._placement is not None:
+            look_at(self._placement, self._client.camera, VIEWS[view])
 
-    def _turn_cameras(self, now: float) -> None:
-        """Move the cameras of all clients once, `_SETTLING` seconds after the first frame."""
-        if self._turn_at is None and self._placement.names:
+    def _turn_camera(self, placement: Placement, now: float) -> None:
+        """Move the camera at once, and once more `_SETTLING` seconds after the first frame."""
+        if self._turn_at is None and placement.names:
             self._turn_at = now + _SETTLING
+            look_at(placement, self._client.camera)
         if self._turn_at is not None and now >= self._turn_at:
             self._turn_at = np.inf
-            self._scene.look_at(self._placement, self._server.get_clients().values())
+            look_at(placement, self._client.camera)

@@ -75,7 +75,7 @@ def test_the_waving_arm_in_a_browser(start, ros, open_page, request, tmp_path):
 
     # The parts of the page change by separate messages, so not all at the same time.
     scene = page.until(lambda: (
-        scene := page.scene_with(*FRAMES)).begins.shape == (4, 6, 3) and scene)
+        scene := page.scene_with(*FRAMES)).begins.shape == (5, 6, 3) and scene)
     map_, *_, joint_3, hand = map(scene.index, FRAMES)
     assert np.allclose(scene.begins[0, map_], 0.0)
     assert np.allclose(np.linalg.norm(scene.ends[:3] - scene.begins[:3], axis=2), 0.16)

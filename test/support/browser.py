@@ -64,14 +64,14 @@ class Scene:
         """Create a scene from the result of _SCENE."""
         #: The names that are shown, and their positions (m).
         self.names = {name: np.array(place) for name, place in drawn['names'].items()}
-        rods = np.array(drawn['rods']).reshape(4, -1, 19)
-        #: (4, n, 3): the beginnings of x, y and z axes and of lines to the parents (m).
+        rods = np.array(drawn['rods']).reshape(5, -1, 19)
+        #: (5, n, 3): the beginnings of x, y and z axes, of lines to the parents and their heads (m).
         self.begins = rods[..., 12:15]
-        #: (4, n, 3): their ends (m).
+        #: (5, n, 3): their ends (m).
         self.ends = self.begins + rods[..., 8:11]
         #: (n,): the radii of the axes of each frame (m).
         self.radii = np.linalg.norm(rods[0, :, :3], axis=1)
-        #: (4, n, 3): red, green and blue, from 0 to 1.
+        #: (5, n, 3): red, green and blue, from 0 to 1.
         self.colours = rods[..., 16:]
         #: (m, 2, 3): the segments of the trail (m).
         self.trail = np.array(drawn['trail']).reshape(-1, 2, 3)

@@ -116,12 +116,12 @@ class Viewer:
 
     def rods(self, key: str) -> Any:
         """
-        Return a property of the rods of the frames: (4, n, …), see `dummy_arm.view.rods`.
+        Return a property of the rods of the frames: (5, n, …), see `dummy_arm.view.rods`.
 
         :param key: 'positions', 'wxyzs', 'scales' or 'colors'.
         """
         width = 4 if key == 'wxyzs' else 3
-        return self.nodes['/frames'][f'batched_{key}'].reshape(4, -1, width)
+        return self.nodes['/frames'][f'batched_{key}'].reshape(5, -1, width)
 
     def close(self) -> None:
         """Disconnect."""

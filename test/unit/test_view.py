@@ -11,7 +11,7 @@ from dummy_arm.tf import TransformBuffer
 from dummy_arm.view import feed as feed_module
 from dummy_arm.view.feed import BagFeed, Player, Publication
 from dummy_arm.view.placement import FrameWatcher
-from dummy_arm.view.rods import fading, rods
+from dummy_arm.view.rods import Display, fading, rods
 
 S = 10**9
 T = 1_700_000_000 * S
@@ -260,9 +260,9 @@ def test_rods():
     buffer.insert(T, 'a', 'b', pose(1.0, 2.0, 2.0))
     buffer.insert(T, 'a', 'c', pose(0.0, 0.0, 0.0))
     placement = FrameWatcher(buffer).placement()
-    drawn = rods(placement, 0.5, 'b')
+    drawn = rods(placement, Display(0.5), 'b')
     count = len(placement.names)
-    assert len(drawn.positions) == len(drawn.colors) == 4 * count
+    assert len(drawn.positions) == len(drawn.colors) == 5 * count
     w, x, y, z = drawn.wxyzs.T  # each rod ends on the z axis of its rotation
     ends = drawn.positions + drawn.scales[:, 2:] * np.column_stack(
         [2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
@@ -272,7 +272,8 @@ def test_rods():
         assert ends[i] - drawn.positions[i] == pytest.approx(axis, abs=1e-6)
     for i, name in enumerate(placement.names):
         parent = {'a': 'map', 'b': 'a', 'c': 'a'}.get(name, name)
-        assert ends[3 * count + i] == pytest.approx(begins[parent], abs=1e-6)
+        for lines in 3, 4:  # the head ends there, too
+            assert ends[lines * count + i] == pytest.approx(begins[parent], abs=1e-6)
     radii = dict(zip(placement.names, drawn.scales[:count, 0]))
     assert radii['b'] > radii['a'] == radii['c'] > 0.0
 
@@ -572,7 +573,7 @@ def test_frames_that_fade_and_return(page, clock):
     full = viewer.rods('scales')[0, 2, 0]
     clock[0] += 12.5
     shown.until(lambda: 0.0 < viewer.rods('scales')[0, 2, 0] < 0.6 * full)
-    assert viewer.rods('colors')[:, 2].tolist() == [[178] * 3] * 4
+    assert viewer.rods('colors')[:, 2].tolist() == [[178] * 3] * 5
     shown.until(lambda: viewer.detail('rate') == 'no update for 13 s')
     clock[0] += 3.0
     shown.until(lambda: viewer.names().keys() == {'map', 'base'})
@@ -712,7 +713,7 @@ def test_a_click_selects_a_frame(page):
     viewer = shown.viewer
     shown.until(lambda: viewer.detail('parent') == 'base')  # of hand
     for index in 3 * 3 + 1, None:  # the line from base to its parent
-        viewer.send({**CLICK, 'instance_index': index})
+        viewer.send({**CLICK, 'owner': viewer.nodes['/frames']['owner'], 'instance_index': index})
     shown.until(lambda: viewer.detail('parent') == 'map')
     assert viewer.rods('scales')[0, :, 0] == pytest.approx([0.008, 0.0136, 0.008])
 
@@ -738,7 +739,7 @@ def test_a_bag_is_played(page, clock):
     shown.update()
     shown.set('Pause', False)
     shown.until(lambda: 7 < viewer.names()['base'][0] < 10)
-    assert viewer.value('Time (s)') > 7
+    shown.until(lambda: viewer.value('Time (s)') > 7)
     clock[0] += 5.0
     shown.until(lambda: viewer.names()['base'][0] < 5)  # it starts again
     shown.until(lambda: 'late' in viewer.gui[viewer.uuid('Frame')]['options'])

@@ -1,0 +1,186 @@
+"""The tree of frames in the panel: which frames there are, and which of them are drawn."""
+
+from collections.abc import Iterator
+import re
+from typing import Any, NamedTuple, Optional
+
+import viser
+
+from dummy_arm.inspection.forest import Forest, frequency
+from dummy_arm.tf.formatting import abbreviated, visible
+from dummy_arm.view.details import html
+from dummy_arm.view.placement import descend, Placement
+
+#: The number of rows that are shown at a time, and the time between two updates (s).
+_ROWS, _PERIOD = 50, 0.5
+#: The colour of a row by its age: the colour, and the largest age (s).
+_COLOURS = ('green', 1.0), ('yellow', 5.0), ('orange', 15.0), ('gray', float('inf'))
+_STATIC, _HIDDEN = 'blue', 'dark'
+_SELECTED = '▶ '
+_LONGEST_NAME, _LONGEST_FILTER = 40, 200  # characters
+#: The width of a button, in multiples of the size of its font, and its narrow characters.
+_WIDTH, _NARROW = 19.0, " .,:;'|!()[]/iljtfrI1-"
+
+
+class _Row(NamedTuple):
+    """A row of the tree."""
+
+    name: str
+    text: str
+    colour: str
+
+
+class Tree:
+    """A row for each frame; filters and checkboxes say which frames are drawn."""
+
+    def __init__(self, gui: viser.GuiApi, container: Any) -> None:
+        """Add the controls to a tab or a folder."""
+        self._gui, self._container = gui, container
+        with container:
+            self._add_controls(gui)
+        self._buttons: list[Any] = []
+        self._rows: list[_Row] = []  # those of the page that is shown
+        self._page, self._next = 0, 0.0
+        self._selected, self._clicked = '', ''
+        #: The frames that the viewer has hidden, and those hidden with all that is below them.
+        self._hidden: set[str] = set()
+        self._hidden_branches: set[str] = set()
+        #: The expressions of the frames that are shown, and of those that are not; None: of none.
+        self._filters: list[Optional[re.Pattern[str]]] = [None, None]
+        self._problem = ''
+
+    def _add_controls(self, gui: viser.GuiApi) -> None:
+        self._include = gui.add_text('Include', '', hint='a regular expression: only frames with '
+                                     'a part that matches it are shown; empty: all')
+        self._exclude = gui.add_text('Exclude', '', hint='a regular expression: frames with a '
+                                     'part that matches it are not shown')
+        self._show = gui.add_checkbox('Show the frame', True, hint='the selected one')
+        self._show_branch = gui.add_checkbox(
+            'Show its branch', True, hint='the selected frame and all below it')
+        self._show.on_update(self._on_show)
+        self._show_branch.on_update(self._on_show_branch)
+        self._status = gui.add_html('')
+        self._turn = gui.add_button_group('Page', ('previous', 'next'))
+        self._turn.on_click(self._on_turn)
+        for box in self._include, self._exclude:
+            box.on_update(self._on_filter)
+
+    async def _on_filter(self, event: 'viser.GuiEvent[Any]') -> None:
+        filters, self._problem = [], ''
+        for label, box in ('Include', self._include), ('Exclude', self._exclude):
+            try:
+                filters.append(_pattern(str(box.value)))
+            except ValueError as error:
+                self._problem = f'{label}: {error}'
+                filters.append(None)
+        self._filters, self._next = filters, 0.0
+
+    async def _on_show(self, event: 'viser.GuiEvent[Any]') -> None:
+        self._hide(self._hidden, event)
+
+    async def _on_show_branch(self, event: 'viser.GuiEvent[Any]') -> None:
+        self._hide(self._hidden_branches, event)
+
+    def _hide(self, hidden: set[str], event: 'viser.GuiEvent[Any]') -> None:
+        if event.client_id is None or not self._selected:
+            return
+        if event.target.value:
+            hidden.discard(self._selected)
+        else:
+            hidden.add(self._selected)
+        self._next = 0.0
+
+    async def _on_turn(self, event: 'viser.GuiEvent[Any]') -> None:
+        self._page += 1 if event.target.value == 'next' else -1
+        self._next = 0.0
+
+    async def _on_click(self, event: 'viser.GuiEvent[Any]') -> None:
+        number = self._buttons.index(event.target)
+        if number < len(self._rows):
+            self._clicked = self._rows[number].name
+
+    def take_click(self) -> str:
+        """Return the frame that the viewer has clicked since the last call, or ''."""
+        clicked, self._clicked = self._clicked, ''
+        return clicked
+
+    def hidden(self, placement: Placement) -> frozenset[str]:
+        """Return the frames that are not to be drawn."""
+        hidden = {name for name in placement.names
+                  if name in self._hidden or not self._passes(name)}
+        if self._hidden_branches:
+            below = {name: name in self._hidden_branches for name in placement.trees}
+            hidden.update(name for name, is_below in descend(
+                placement.frames, below, lambda name, is_below: (
+                    is_below or name in self._hidden_branches)).items() if is_below)
+        return frozenset(hidden)
+
+    def _passes(self, name: str) -> bool:
+        include, exclude = self._filters
+        return (include is None or include.search(name) is not None) and (
+            exclude is None or exclude.search(name) is None)
+
+    def update(self, placement: Placement, selected: str, hidden: frozenset[str], now: float
+               ) -> None:
+        """Show the rows, twice a second at most; `now`: on the monotonic clock (s)."""
+        if selected != self._selected:
+            self._selected, self._next = selected, 0.0
+        if now < self._next:
+            return
+        self._next = now + _PERIOD
+        for box, names in (self._show, self._hidden), (self._show_branch, self._hidden_branches):
+            if box.value != (selected not in names):
+                box.value = selected not in names
+        rows = [*self._tree(placement, selected, hidden)]
+        pages = max(1, -(-len(rows) // _ROWS))
+        self._page = min(max(self._page, 0), pages - 1)
+        self._turn.visible = pages > 1
+        self._rows = rows[self._page * _ROWS:(self._page + 1) * _ROWS]
+        self._status.content = html(self._problem or (
+            f'{len(rows)} of {len(placement.names)} frames'
+            + f', page {self._page + 1} of {pages}' * (pages > 1)), 'tree')
+        with self._container:
+            while len(self._buttons) < len(self._rows):
+                button = self._gui.add_button('')
+                button.on_click(self._on_click)
+                self._buttons.append(button)
+        for button, row in zip(self._buttons, self._rows):
+            for attribute, value in (
+                    ('label', row.text), ('color', row.colour), ('visible', True)):
+                if getattr(button, attribute) != value:
+                    setattr(button, attribute, value)
+        for button in self._buttons[len(self._rows):]:
+            if button.visible:
+                button.visible = False
+
+    def _tree(self, placement: Placement, selected: str, hidden: frozenset[str]
+              ) -> Iterator[_Row]:
+        for line in Forest(placement.frames.values()).lines():
+            if not self._passes(line.name):
+                continue
+            frame = line.frame
+            rate = '' if frame is None else 'static' if frame.is_static else (
+                '-' if (hertz := frequency(frame)) is None else f'{hertz:.1f} Hz')
+            silence = placement.silences.get(line.name, 0.0)
+            colour = (_HIDDEN if line.name in hidden else _STATIC if frame is None
+                      or frame.is_static else next(
+                          colour for colour, age in _COLOURS if silence <= age))
+            name = visible(abbreviated(line.name, _LONGEST_NAME))
+            mark = _SELECTED if line.name == selected else ''
+            yield _Row(line.name, _left(f'{mark}{line.branches}{name}  {rate}'), colour)
+
+
+def _left(text: str) -> str:
+    """Append blanks, because the text of a button is centred; blanks that HTML does not drop."""
+    width = sum(0.32 if each in _NARROW else 0.6 for each in text)
+    return (text + ' ' * round((_WIDTH - width) / 0.32)).replace(' ', '\u00a0')
+
+
+def _pattern(text: str) -> 'Optional[re.Pattern[str]]':
+    """Compile a regular expression; None: it is empty; raise a ValueError if it is none."""
+    if len(text) > _LONGEST_FILTER:
+        raise ValueError(f'more than {_LONGEST_FILTER} characters')
+    try:
+        return re.compile(text) if text else None
+    except (re.error, RecursionError, OverflowError) as error:
+        raise ValueError(f'no regular expression: {error}') from None
