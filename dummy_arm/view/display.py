@@ -52,8 +52,9 @@ class DisplayPanel:
 
     @property
     def period(self) -> float:
-        """The shortest time between two updates (s)."""
-        return 1.0 / within(self._rate.value, *_RATES)
+        """The shortest time between two updates (s); 0.0: the page is updated whenever it can."""
+        rate = within(self._rate.value, *_RATES)
+        return 0.0 if rate == _RATES[1] else 1.0 / rate
 
     def show_names(self, are_few: bool) -> None:
         """Tick the checkbox for names if there are few, unless the viewer has used it."""

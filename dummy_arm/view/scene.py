@@ -219,7 +219,9 @@ def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle) -> d
     for (name, label), column, row, depth in zip(
             labels.items(), columns.tolist(), rows.tolist(), z.tolist()):
         cells = {(column + i, row) for i in range(len(label[0]) + 1)}
-        if depth > 0.0 and taken.isdisjoint(cells):
+        if depth <= 0.0:  # behind the camera
+            kept[name] = label
+        elif taken.isdisjoint(cells):
             taken |= cells
             kept[name] = label
     return kept

@@ -19,8 +19,6 @@ from dummy_arm.view.rods import Display
 from dummy_arm.view.scene import look_at, Scene
 from dummy_arm.view.viser_private import Server
 
-#: An update may come this much too early (s).
-_EARLY = 0.01
 #: The shortest time between two updates of the texts (s).
 _TEXT_PERIOD = 0.2
 #: The time between two updates of the hint at other topics (s).
@@ -141,7 +139,7 @@ class Viewer:
         if now < self._next:
             return
         panel = self._panel
-        self._next = now + panel.display.period - _EARLY
+        self._next = now + panel.display.period
         if self._placement is None or not panel.is_paused or self.fixed != self._shown_fixed:
             self._placement, self._shown_fixed = latest, self.fixed
         placement = self._placement

@@ -1,6 +1,6 @@
 """The server of web_view: its addresses and ports; requests and messages that it refuses."""
 
-from contextlib import closing
+from contextlib import closing, contextmanager
 import errno
 from functools import partial
 import re
@@ -169,23 +169,34 @@ def test_the_viser_of_an_error_is_that_of_setup_py():
 
 @pytest.fixture(scope='module')
 def page():
-    """The server of a page with two frames."""
+    """A page with two frames."""
     buffer = TransformBuffer(10**18)
     for second in 0, 1, 2:
         buffer.insert(T + second * S, 'map', 'base', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
     with warnings.catch_warnings():
         warnings.simplefilter('error')
         with serve('127.0.0.1') as server:
-            View(BagFeed(buffer, 'bag'), server).update()
-            yield server
+            view = View(BagFeed(buffer, 'bag'), server)
+            view.update()
+            yield SimpleNamespace(port=server.get_port(), update=view.update)
+
+
+@contextmanager
+def connected(page):
+    """Connect a viewer, and wait until it has received the controls of the page."""
+    with closing(Viewer(page.port)) as viewer:
+        viewer.send(CAMERA)
+        labels = 'Axis length (m)', 'Fixed frame', 'Focus on all frames', 'Frame', 'Pause'
+        viewer.until(lambda: {*labels} <= {props.get('label') for props in viewer.gui.values()},
+                     page.update)
+        viewer.last.clear()
+        yield viewer
 
 
 @pytest.fixture
 def viewer(page):
-    """A viewer that has received the controls of the page."""
-    with closing(Viewer(page.get_port())) as viewer:
-        labels = 'Axis length (m)', 'Fixed frame', 'Focus on all frames', 'Frame', 'Pause'
-        viewer.until(lambda: {*labels} <= {props.get('label') for props in viewer.gui.values()})
+    """A viewer of the page."""
+    with connected(page) as viewer:
         yield viewer
 
 
@@ -222,8 +233,8 @@ NONSENSE = {
 @pytest.mark.parametrize('message', NONSENSE.values(), ids=NONSENSE)
 def test_nonsense_ends_its_own_connection(page, viewer, message, capfd):
     """Another viewer can use the page, and nothing is printed."""
-    with closing(Viewer(page.get_port())) as bad:
-        bad.send(message(viewer.uuid('Axis length (m)')))
+    with connected(page) as bad:
+        bad.send(message(bad.uuid('Axis length (m)')))
         with pytest.raises(ConnectionClosed):
             bad.until(lambda: False)
     viewer.send(CAMERA)
@@ -234,7 +245,7 @@ def test_nonsense_ends_its_own_connection(page, viewer, message, capfd):
 
 def test_bytes_that_are_no_request(page, capfd):
     """They are answered or not, and nothing is printed."""
-    with socket.create_connection(('127.0.0.1', page.get_port())) as raw:
+    with socket.create_connection(('127.0.0.1', page.port)) as raw:
         raw.sendall(b'GET / HT\xff\r\n\r\n')
         raw.recv(1000)
     assert capfd.readouterr() == ('', '')

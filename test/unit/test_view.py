@@ -517,9 +517,10 @@ def test_a_page_of_what_is_far(page, clock, place):
         clock[0] += 1.0
         shown.view.update()
     viewer, camera = shown.viewer, shown.server.initial_camera
-    shown.until(lambda: len(viewer.names()) == 6 and '/trail' in viewer.nodes)
+    shown.until(lambda: viewer.names() and '/trail' in viewer.nodes)
     shown.set('Fixed frame', 'far')
-    shown.until(lambda: viewer.names().get('tip') == pytest.approx([1.0, 0.0, 0.0]))
+    shown.until(lambda: np.isclose(
+        viewer.rods('positions')[0], [1.0, 0.0, 0.0]).all(axis=1).any())  # tip
     for drawn in (viewer.rods('positions'), viewer.rods('scales'),
                   viewer.nodes['/trail']['points'], camera.position, camera.look_at):
         assert np.isfinite(drawn).all()
@@ -665,6 +666,7 @@ def test_many_names_are_sent_seldom(page, clock):
         buffer.insert(T, 'map', f'post_{i}', pose(0.0), is_static=True)
     shown = page(live(buffer))
     viewer = shown.viewer
+    shown.until(lambda: '/frames' in viewer.nodes)
 
     def is_offered():
         return 'new' in viewer.gui[viewer.uuid('Frame')]['options']
@@ -682,8 +684,13 @@ def test_many_names_are_sent_seldom(page, clock):
 def test_a_name_keeps_its_label(page, clock):
     """So that only what changes is sent when a frame in between appears or leaves."""
     buffer = TransformBuffer()
-    for child in 'first', 'second', 'third':
-        arm(buffer, T, 'map', child)
+    places = {'first': 1.0, 'second': 2.0, 'third': 3.0, 'fourth': 4.0}
+
+    def insert(stamp, *children):
+        for child in children:
+            buffer.insert(stamp, 'map', child, pose(0.0, 0.0, places[child]))
+
+    insert(T, 'first', 'second', 'third')
     shown = page(live(buffer))
     viewer = shown.viewer
 
@@ -694,12 +701,11 @@ def test_a_name_keeps_its_label(page, clock):
     shown.until(lambda: len(labels()) == 4)
     before = labels()
     clock[0] += 61.0
-    for child in 'first', 'third':
-        arm(buffer, T + S, 'map', child)
+    insert(T + S, 'first', 'third')
     shown.until(lambda: labels().keys() == {'map', 'first', 'third'})
     after = labels()
     assert after.items() < before.items()
-    arm(buffer, T + S, 'map', 'fourth')
+    insert(T + S, 'fourth')
     shown.until(lambda: 'fourth' in labels())
     assert labels() == {**after, 'fourth': before['second']}
 
@@ -734,14 +740,15 @@ def test_a_bag_is_played(page, clock):
     shown.set('Show names', True)
     shown.set('Pause', True)
     shown.set('Time (s)', 7)
-    shown.until(lambda: viewer.names().get('base') == [7, 0, 0] and 'post_59' in viewer.names())
+    shown.until(lambda: viewer.names().get('base') == [7, 0, 0] and any(
+        name.startswith('post_') for name in viewer.names()))
     clock[0] += 5.0
     shown.update()
     shown.set('Pause', False)
-    shown.until(lambda: 7 < viewer.names()['base'][0] < 10)
+    shown.until(lambda: 7 < viewer.names().get('base', [0])[0] < 10)
     shown.until(lambda: viewer.value('Time (s)') > 7)
     clock[0] += 5.0
-    shown.until(lambda: viewer.names()['base'][0] < 5)  # it starts again
+    shown.until(lambda: viewer.names().get('base', [9])[0] < 5)  # it starts again
     shown.until(lambda: 'late' in viewer.gui[viewer.uuid('Frame')]['options'])
     assert 'late' not in viewer.names()
 
