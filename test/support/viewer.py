@@ -62,7 +62,7 @@ class Viewer:
         def filled(value: Any) -> Any:
             if isinstance(value, dict) and '__binary_index' in value:
                 return np.frombuffer(arrays[value['__binary_index']], value['dtype'])
-            return value
+            return [*map(filled, value)] if isinstance(value, list) else value
 
         for message in content['messages']:
             place = (self.gui.setdefault(message['uuid'], {}) if 'uuid' in message else

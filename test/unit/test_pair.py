@@ -1,0 +1,248 @@
+"""The part of the page that shows the transform between two frames that a viewer chooses."""
+
+from html import unescape
+from math import cos, sin
+import re
+import shlex
+
+import numpy as np
+import pytest
+
+from dummy_arm.tf import Buffer, Transform, TransformBuffer
+
+pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
+
+from viewer import CAMERA, Viewer
+
+from dummy_arm.view.pair import Pair
+from dummy_arm.view.server import serve
+
+S = 10**9
+T = 1_700_000_000 * S
+HALF = 0.5 ** 0.5
+
+
+class Shown:
+    """A pair on a page, and what its viewer gets."""
+
+    def __init__(self, server, buffer):
+        """Connect a viewer."""
+        self.now = 1000.0
+        self.pair = Pair(server.gui, buffer)
+        self.viewer = Viewer(server.get_port())
+        self.viewer.send(CAMERA)
+        self.viewer.until(lambda: len(self.plots()) == 2)
+
+    def update(self, end=0, seconds=1.0):
+        """Update after a time (s)."""
+        self.now += seconds
+        self.pair.update(end, self.now)
+
+    def choose(self, a, b, end=0):
+        """Choose two frames, and update until something is shown."""
+        self.pair.set_frames(['map', 'base', a, b])
+        self.viewer.until(lambda: a in self.viewer.gui[self.viewer.uuid('A')]['options'])
+        for label, name in ('A', a), ('B', b):
+            self.viewer.set(label, name)
+        self.viewer.until(self.text, lambda: self.update(end))
+
+    def receive_all(self):
+        """Wait until the viewer has got all that has been sent."""
+        last = f'frame_{self.now}'
+        self.pair.set_frames(['map', 'base', last])
+        self.viewer.until(lambda: last in self.viewer.gui[self.viewer.uuid('A')]['options'])
+
+    def text(self):
+        """Return the table or the hint."""
+        return self.viewer.text('pair')
+
+    def rows(self):
+        """Return the cells in each row of the table, after the one with the label."""
+        return [re.findall('<td[^>]*>([^<]*)', row)[1:] for row in self.text().split('<tr>')[1:]]
+
+    def translation(self):
+        """Return x, y, z (m) in the table; [] if there is none."""
+        return [float(cell) for row in self.rows()[1:2] for cell in row]
+
+    def plots(self):
+        """Return the properties of the two plots."""
+        return [props for props in self.viewer.gui.values() if 'series' in props]
+
+    def plotted(self):
+        """Return the values of both plots, (2, 4, n): s; x, y, z (m) and roll, pitch, yaw (°)."""
+        return np.array([plot['data'] for plot in self.plots()])
+
+    def copied(self):
+        """Press the button; return the lines to copy."""
+        def lines():
+            return [unescape(text) for props in self.viewer.gui.values()
+                    for text in re.findall('<pre[^>]*>([^<]*)</pre>', props.get('content', ''))]
+
+        self.viewer.set('Write as text', True)
+        self.viewer.until(lines)
+        return lines()
+
+
+@pytest.fixture
+def buffer(request):
+    """A buffer: of one minute, or of the class that a test has as a parameter."""
+    return request.param() if hasattr(request, 'param') else TransformBuffer(60 * S)
+
+
+@pytest.fixture
+def shown(buffer):
+    """The pair of frames of `buffer`."""
+    with serve('127.0.0.1') as server:
+        shown = Shown(server, buffer)
+        yield shown
+        shown.viewer.close()
+
+
+def test_nothing_is_shown_until_a_pair_is_chosen(shown, buffer):
+    """One frame is not enough, and the plots vanish when one is taken back."""
+    buffer.insert(T, 'map', 'base', (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0))
+    viewer = shown.viewer
+    shown.pair.set_frames(['map', 'base'])
+    viewer.until(lambda: viewer.gui[viewer.uuid('A')]['options'] == ['(none)', 'base', 'map'])
+    viewer.set('A', 'map')
+    shown.update()
+    assert not shown.text()
+    assert not any(plot['visible'] for plot in shown.plots())
+    shown.choose('map', 'base')
+    viewer.until(lambda: all(plot['visible'] for plot in shown.plots()))
+    viewer.set('B', '(none)')
+    viewer.until(lambda: not any(plot['visible'] for plot in shown.plots()), shown.update)
+    assert not shown.text()
+
+
+@pytest.mark.parametrize('buffer', [TransformBuffer, Buffer], indirect=True)
+def test_the_numbers_of_a_pair(shown, buffer):
+    """The table shows the pose of B in A: a quarter turn about z, 1 m along x."""
+    buffer.insert(T, 'map', 'base', (1.0, 0.0, -0.25, 0.0, 0.0, HALF, HALF))
+    shown.choose('map', 'base')
+    assert shown.rows()[0] == ['1700000000.000000000 s']
+    assert shown.translation() == [1.0, 0.0, -0.25]
+    assert [[*map(float, row)] for row in shown.rows()[2:]] == [
+        [0.0, 0.0, 0.7071, 0.7071], [0.0, 0.0, 90.0], [0.0, 0.0, 1.5708],
+        [0.0, -1.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, -0.25], [0.0, 0.0, 0.0, 1.0]]
+    shown.choose('base', 'map')
+    shown.viewer.until(lambda: shown.translation() == [0.0, 1.0, 0.25], shown.update)
+    assert shown.rows()[3] == ['0.00', '0.00', '-90.00']
+
+
+def test_the_values_of_the_last_20_s(shown, buffer):
+    """The plots end at the time shown, and are NaN where there is no transform."""
+    for i in range(201):
+        t = i / 10.0
+        yaw = 0.3 * t  # passes 180° at 10.5 s
+        buffer.insert(T + i * S // 10, 'elsewhere' if 5.0 < t < 10.0 else 'map', 'base',
+                      (t, 0.0, -t, 0.0, 0.0, sin(yaw / 2), cos(yaw / 2)))
+    shown.choose('map', 'base', T + 15 * S)
+    assert shown.rows()[0] == ['1700000015.000000000 s']
+    shown.viewer.until(lambda: all(plot['visible'] for plot in shown.plots()))
+    (seconds, x, y, z), (same_seconds, roll, pitch, yaw) = shown.plotted()
+    assert (seconds[0], seconds[-1], len(seconds)) == (-20.0, 0.0, 401)
+    assert seconds.tolist() == same_seconds.tolist()
+    t = np.round(seconds + 15.0, 3)
+    assert np.isnan(shown.plotted()[:, 1:, (t < 0.0) | (t >= 5.1) & (t < 9.9)]).all()
+    is_known = (t >= 0.0) & (t <= 5.0) | (t >= 10.0)
+    degrees = np.degrees(0.3 * t)
+    for values, expected in ((x, t), (y, 0.0 * t), (z, -t), (roll, 0.0 * t), (pitch, 0.0 * t),
+                             (yaw, np.where(degrees > 180.0, degrees - 360.0, degrees))):
+        assert values[is_known] == pytest.approx(expected[is_known])
+
+
+def test_frames_that_have_been_connected(shown, buffer):
+    """A transform of the past is shown, though the newest parent is in another tree."""
+    for stamp, parent in (T, 'map'), (T + S, 'map'), (T + 2 * S, 'elsewhere'):
+        buffer.insert(stamp, parent, 'base', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    shown.choose('map', 'base', T + S)
+    assert shown.translation() == [1.0, 0.0, 0.0]
+
+
+def test_a_pair_that_stands_still(shown, buffer):
+    """At one time, numbers and plots stay, also after the buffer has dropped the data."""
+    buffer.insert(T, 'map', 'base', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    shown.choose('map', 'base', T)
+    shown.viewer.until(lambda: all(plot['visible'] for plot in shown.plots()))
+    buffer.insert(T + 100 * S, 'map', 'base', (2.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    shown.update(T)
+    shown.receive_all()
+    assert shown.translation() == [1.0, 0.0, 0.0]
+    assert shown.plotted()[0, 1, -1] == 1.0
+    shown.update(0)
+    shown.receive_all()
+    assert shown.translation() == [2.0, 0.0, 0.0]
+    assert shown.rows()[0] == ['1700000100.000000000 s']
+    assert shown.plotted()[0, 1, -1] == 2.0
+
+
+def test_how_often_a_pair_is_updated(shown, buffer):
+    """Numbers change every 0.2 s at most, and plots every 0.5 s."""
+    buffer.insert(T, 'map', 'base', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    shown.choose('map', 'base')
+    shown.update()
+    buffer.insert(T + S, 'map', 'base', (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    for seconds, number, value in (0.19, 0.0, 0.0), (0.02, 1.0, 0.0), (0.3, 1.0, 1.0):
+        shown.update(0, seconds)
+        shown.receive_all()
+        assert shown.translation() == [number, 0.0, 0.0]
+        assert shown.plotted()[0, 1, -1] == value
+
+
+def test_no_transform(shown, buffer):
+    """The hint of the library is shown, without HTML of the names; the plots are hidden."""
+    for parent, child in ('map', 'base'), ('<b>', 'tool'):
+        buffer.insert(T, parent, child, (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    shown.choose('map', '<b>')
+    assert unescape(shown.text()).count(buffer.why_not('map', '<b>', 0)) == 1
+    assert '<b>' not in shown.text()
+    assert not any(plot['visible'] for plot in shown.plots())
+
+
+@pytest.mark.parametrize('child', ['base', "it's a <b>", '-b', '$(x)'])
+def test_texts_to_copy(shown, buffer, child, monkeypatch):
+    """The command and the line of Python give the transform, to the last bit."""
+    from dummy_arm.tools import static_transform_publisher
+    pose = 1.0 / 3.0, -1e-7, -2e5 / 7.0, 0.5, -0.5, 0.5, -0.5
+    buffer.insert(T, 'map', child, pose)
+    shown.choose('map', child)
+    command, python = shown.copied()
+    given = []
+    monkeypatch.setattr(static_transform_publisher, 'command',
+                        lambda *args, **kwargs: given.append(args[:4]))
+    name, *args = shlex.split(command)
+    assert name == 'static_transform_publisher'
+    static_transform_publisher.main(args)
+    assert given == [([*pose[:3]], [*pose[3:]], 'map', child)]
+    names: dict[str, Transform] = {}
+    exec(python, names)
+    assert names['transform'] == Transform(T, 'map', child, pose[:3], pose[3:])
+
+
+def test_names_that_a_terminal_would_not_print(shown, buffer):
+    """They are in the line of Python, escaped, but in no command."""
+    buffer.insert(T, 'map', 'tool\x1b\n', (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    shown.choose('map', 'tool\x1b\n')
+    python, = shown.copied()
+    assert python.isprintable()
+    names: dict[str, Transform] = {}
+    exec(python, names)
+    assert names['transform'].child_frame_id == 'tool\x1b\n'
+
+
+@pytest.mark.parametrize('x', [1e300, float('inf')])
+def test_a_pair_that_is_far(shown, buffer, x):
+    """Numbers that are not finite are not plotted."""
+    buffer.insert(0, 'map', 'base', (x, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0), is_static=True)
+    shown.choose('map', 'base')
+    assert shown.rows()[0] == ['all times']
+    shown.viewer.until(lambda: all(plot['visible'] for plot in shown.plots()))
+    assert not np.isinf(shown.plotted()).any()
+    assert shown.plotted()[1, 3].tolist() == [0.0] * 401
+
+
+def test_the_same_frame_twice(shown, buffer):
+    """There is nothing to show, even if the frame does not exist."""
+    shown.choose('nowhere', 'nowhere')
+    assert 'the same frame' in shown.text()
