@@ -43,7 +43,7 @@ class HandFrame:
 
     def __init__(self, gui: viser.GuiApi, scene: viser.SceneApi,
                  publish: Optional[Publish] = None) -> None:
-        """Add the controls; without `publish`, as for a bag, there is no checkbox 'Publish'."""
+        """Add the controls to the current container; `publish`: None for a bag."""
         self._send = publish
         self._published: Optional[StaticTransform] = None
         self._names: Sequence[str] = ()
@@ -82,9 +82,10 @@ class HandFrame:
 
     async def _on_publish(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
-            # The proposed parent may change, that of a published frame must not.
-            self._parent.choose(self._parent.name)
             self._is_on = event.target.value
+            if self._is_on and self._parent.name:
+                # The proposal may change, but the parent of a published frame must not.
+                self._parent.choose(self._parent.name)
 
     async def _on_numbers(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:

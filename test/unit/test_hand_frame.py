@@ -1,6 +1,7 @@
 """The frame that a viewer places by hand, as a viewer of the page moves it, and its texts."""
 
 from contextlib import closing, ExitStack
+from html import unescape
 from math import cos, pi, sin
 
 import pytest
@@ -62,9 +63,8 @@ class Page:
 
     def text(self, key):
         """Return a text; '' if it is not shown."""
-        import html
         found = self.viewer.text(key).partition(f'data-text="{key}">')[2]
-        return html.unescape(found.partition('<')[0])
+        return unescape(found.partition('<')[0])
 
 
 @pytest.fixture
@@ -87,7 +87,8 @@ def test_numbers_move_the_handles_and_handles_the_numbers(page):
     assert viewer.nodes[HANDLES]['position'] == [1, 2.5, 0]
     assert viewer.nodes[HANDLES]['visible']
     page.until(lambda: viewer.nodes['/hand_frame'].get('position') == pytest.approx([1, 2, 0]))
-    assert viewer.nodes['/hand_frame']['wxyz'] == pytest.approx([0, 0, 0, 1], abs=1e-9)
+    page.until(lambda: viewer.nodes['/hand_frame'].get('wxyz') == pytest.approx(
+        [0, 0, 0, 1], abs=1e-9))
     for message in START, {**DRAG, 'position': [0.1234, -1, 0], 'wxyz': [
             cos(pi / 8), 0.0, 0.0, sin(pi / 8)]}, END:
         viewer.send(message)
@@ -117,9 +118,10 @@ def test_wrong_numbers_of_a_viewer(page):
         page.until(lambda shown=shown: viewer.value('x, y, z (m)') == shown)
     viewer.set('RPY (°)', [720, 0, 0])
     page.until(lambda: viewer.value('RPY (°)') == [360, 0, 0])
-    viewer.send({**DRAG, 'position': [5, 6, -1e9]})
-    page.until(lambda: viewer.value('x, y, z (m)') == [5, 6, -1e6])
-    page.until(lambda: viewer.nodes[HANDLES]['position'] == [5, 6, -1e6])
+    with closing(Viewer(page.server.get_port())) as other:
+        other.send({**DRAG, 'position': [5, 6, -1e9]})
+        page.until(lambda: viewer.value('x, y, z (m)') == [5, 6, -1e6])
+        page.until(lambda: viewer.nodes[HANDLES]['position'] == [5, 6, -1e6])
 
 
 @pytest.mark.parametrize('message', [
