@@ -78,7 +78,7 @@ class HandFrame:
     async def _on_name(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None and (name := event.target.value.strip()) != self._name:
             # What is typed letter by letter must not be published.
-            self._name, self._is_on = name, False
+            self._is_on, self._name = False, name
 
     async def _on_publish(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
