@@ -13,6 +13,7 @@ It uses private parts of viser 1.1, which test/unit/test_viser_private.py checks
 from collections.abc import Callable
 from http import HTTPStatus
 import logging
+from math import hypot, isclose, isfinite
 import socket
 from typing import Any, TYPE_CHECKING
 import warnings
@@ -36,7 +37,14 @@ if TYPE_CHECKING:
 #: The largest size of a message from a client (bytes); viser's own limit is 50 MB.
 _LONGEST_MESSAGE = 2**16
 #: What the page sends. viser would also take uploads, and requests to make the page public.
-_MESSAGES = 'ViewerCameraMessage', 'SceneNodeClickMessage', 'GuiUpdateMessage'
+_MESSAGES = (
+    'ViewerCameraMessage', 'SceneNodeClickMessage', 'GuiUpdateMessage',
+    'TransformControlsDragStartMessage', 'TransformControlsUpdateMessage',
+    'TransformControlsDragEndMessage')
+#: The only node of the scene that a viewer can move.
+HANDLES = '/hand_frame/handles'
+#: The largest error of the length of a quaternion, of which a browser sends float64 numbers.
+_TOLERANCE = 1e-3
 
 _SERVE = websockets.asyncio.server.serve
 
@@ -100,6 +108,21 @@ def _check(message: Any) -> None:
     # viser would set any attribute of a control.
     if hasattr(message, 'updates') and message.updates.keys() != {'value'}:
         raise ValueError(message.updates)
+    if type(message).__name__.startswith('TransformControls'):
+        _check_handles(message)
+
+
+def _check_handles(message: Any) -> None:
+    """Raise an error if a message moves another node than `HANDLES`, or has no valid pose."""
+    if message.name != HANDLES:
+        raise ValueError(message.name)
+    if hasattr(message, 'wxyz'):
+        # Floats, since viser would keep three ints as an array of ints, and round the next pose.
+        w, x, y, z = message.wxyz = tuple(map(float, message.wxyz))
+        a, b, c = message.position = tuple(map(float, message.position))
+        if not isclose(hypot(w, x, y, z), 1.0, abs_tol=_TOLERANCE) or not isfinite(
+                hypot(a, b, c)):
+            raise ValueError(message)
 
 
 def _silence() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from dummy_arm.tf import TransformBuffer
 from dummy_arm.view import feed as feed_module
-from dummy_arm.view.feed import BagFeed, Player, Publication
+from dummy_arm.view.feed import BagFeed, Player, Publication, Publish
 from dummy_arm.view.placement import FrameWatcher
 from dummy_arm.view.rods import Display, fading, rods
 
@@ -339,6 +339,7 @@ class StubFeed:
 
     name = '/tf'
     player: Optional[Player] = None
+    publish: Optional[Publish] = None
 
     def __init__(self, buffer, publication):
         """Create a feed of a buffer, with the facts about its frames."""

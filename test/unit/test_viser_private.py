@@ -28,11 +28,16 @@ def test_all_messages_of_a_client_pass_one_method_of_server_and_connection():
 
 
 @pytest.mark.parametrize('name', [
-    'ViewerCameraMessage', 'SceneNodeClickMessage', 'GuiUpdateMessage'])
+    'ViewerCameraMessage', 'SceneNodeClickMessage', 'GuiUpdateMessage',
+    'TransformControlsDragStartMessage', 'TransformControlsUpdateMessage',
+    'TransformControlsDragEndMessage'])
 def test_the_messages_that_are_allowed_exist(name):
-    """Only an update of a control has the field `updates`."""
+    """Only an update of a control has the field `updates`; handles have a name, and one a pose."""
     fields = getattr(viser._messages, name).__annotations__
     assert ('updates' in fields) == (name == 'GuiUpdateMessage')
+    if name.startswith('TransformControls'):
+        pose = {'wxyz', 'position'} if name == 'TransformControlsUpdateMessage' else set()
+        assert {*fields} == {'name', 'owner'} | pose
 
 
 def test_serve_takes_what_guards_it():

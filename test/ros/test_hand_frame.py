@@ -1,0 +1,140 @@
+"""The frame that is placed by hand, as the node of web_view publishes it."""
+
+from math import degrees
+import shlex
+
+import pytest
+from rclpy.node import Node
+from rclpy.time import Time
+from ros_node import stamped
+
+from dummy_arm.tf import (
+    Buffer,
+    StaticTransformBroadcaster,
+    TransformBroadcaster,
+    TransformListener,
+)
+from dummy_arm.tf.rotations import euler_from_quaternion
+from dummy_arm.tools import static_transform_publisher
+from dummy_arm.view.feed import LiveFeed, StaticTransform
+
+HAND = StaticTransform('map', 'hand', (1.0, -2.5, 0.125), (0.5, 0.5, 0.5, 0.5))
+
+
+@pytest.fixture
+def feed(ros):
+    """The feed of the page."""
+    return LiveFeed(ros.node)
+
+
+@pytest.fixture
+def other(ros):
+    """Another node."""
+    node = Node('other', context=ros.context)
+    yield node
+    node.destroy_node()
+
+
+def numbers(buffer, parent='map'):
+    """Return the pose of 'hand' in the buffer of a listener."""
+    transform = buffer.lookup_transform(parent, 'hand', Time()).transform
+    t, r = transform.translation, transform.rotation
+    return (t.x, t.y, t.z), (r.x, r.y, r.z, r.w)
+
+
+def test_it_is_published_until_it_is_stopped(ros, feed, other):
+    """Late listeners receive it until then; those that have received it keep it."""
+    early, later, late = (Buffer() for _ in range(3))
+    TransformListener(early, other)
+    assert not feed.publish(HAND)
+    ros.until(lambda: early.can_transform('map', 'hand', Time()))
+    assert numbers(early) == (HAND.translation, HAND.rotation)
+    moved = HAND._replace(translation=(0.0, 0.0, 0.0))
+    assert not feed.publish(moved)
+    TransformListener(later, other)
+    ros.until(lambda: later.can_transform('map', 'hand', Time()))
+    ros.until(lambda: numbers(early) == numbers(later) == (moved.translation, moved.rotation))
+    assert not feed.publish(None)
+    assert not feed.publish(None)
+    StaticTransformBroadcaster(other).sendTransform(stamped('map', 'post'))
+    TransformListener(late, other)
+    ros.until(lambda: late.can_transform('map', 'post', Time()))
+    assert not late.can_transform('map', 'hand', Time())
+    assert early.can_transform('map', 'hand', Time())
+    assert not feed.publish(HAND._replace(parent='post'))
+    ros.until(lambda: late.can_transform('post', 'hand', Time()))
+    ros.until(lambda: numbers(early, 'post') == (HAND.translation, HAND.rotation))
+
+
+@pytest.mark.parametrize('broadcaster', [StaticTransformBroadcaster, TransformBroadcaster])
+def test_a_frame_of_another_node_is_refused(ros, feed, other, broadcaster):
+    """The node is named; after its end, its frame can be published."""
+    sender = broadcaster(other)
+
+    def is_received():
+        sender.sendTransform(stamped('map', 'hand', 1))
+        return feed.buffer.frames()
+
+    ros.until(is_received)
+    ros.until(lambda: feed.publish(HAND) == '/other publishes frame hand already')
+    assert not feed.publish(HAND._replace(name='new'))
+    other.destroy_node()
+    ros.until(lambda: not feed.publish(HAND))
+
+
+def test_another_node_that_comes_later(ros, feed, other):
+    """From then on, its frame is refused."""
+    assert not feed.publish(HAND)
+    ros.until(feed.buffer.frames)
+    assert not feed.publish(HAND)
+    StaticTransformBroadcaster(other).sendTransform(stamped('map', 'hand'))
+    ros.until(lambda: feed.publish(HAND._replace(translation=(0.0, 0.0, 0.0)))
+              == '/other publishes frame hand already')
+
+
+def test_a_middleware_that_does_not_report_gids(handles, ros, feed, other):
+    """Its own frame can be moved; one that may be of another node is refused."""
+    StaticTransformBroadcaster(other).sendTransform(stamped('map', 'base'))
+    ros.until(feed.buffer.frames)
+    assert not feed.publish(HAND)
+    ros.until(lambda: len(feed.buffer.frames()) == 2)
+    assert not feed.publish(HAND._replace(translation=(0.0, 0.0, 0.0)))
+    assert 'one of /other, /test publishes frame base' in feed.publish(HAND._replace(name='base'))
+
+
+def test_loops_are_refused(ros, feed, other):
+    """Those through frames that the page does not show, too."""
+    StaticTransformBroadcaster(other).sendTransform(
+        [stamped('map', 'odom'), stamped('odom', 'base')])
+    ros.until(lambda: len(feed.buffer.frames()) == 2)
+    assert 'map is above base: there would be a loop' in feed.publish(
+        HAND._replace(parent='base', name='map'))
+    assert not feed.publish(HAND._replace(parent='base'))
+
+
+def test_what_is_not_valid_is_refused(feed):
+    """A parent can have a name that ROS cannot send."""
+    assert 'NUL' in feed.publish(HAND._replace(parent='a\0'))
+
+
+@pytest.mark.parametrize(('parent', 'name'), [('map', 'hand'), ("it's <a>", '-x')])
+def test_the_command_is_accepted(monkeypatch, parent, name):
+    """It publishes the frame that the page publishes."""
+    pytest.importorskip('viser')
+    from dummy_arm.view.hand_frame import command_line
+    sent = []
+
+    def publish(*args, **kwargs):
+        sent.append(args)
+        return 0
+
+    monkeypatch.setattr(static_transform_publisher, 'command', publish)
+    command, *arguments = shlex.split(command_line(
+        HAND._replace(parent=parent, name=name),
+        (*map(degrees, euler_from_quaternion(HAND.rotation)),)))
+    assert command == 'static_transform_publisher'
+    assert static_transform_publisher.main(arguments) == 0
+    (translation, rotation, *frames, _), = sent
+    assert translation == [*HAND.translation]
+    assert rotation == pytest.approx(HAND.rotation, abs=1e-9)
+    assert frames == [parent, name]
