@@ -69,6 +69,16 @@ class Trail:
         lines = np.stack([points[:-1], points[1:]], axis=1)
         return lines[np.isfinite(lines).all(axis=(1, 2))]
 
+    def lines(self, placement: Placement, name: str) -> NDArray[np.float64]:
+        """Draw the trail of a placed frame in the scene; no lines if the frame has timed out."""
+        if name in placement.names:
+            i = placement.names.index(name)
+            if placement.ages[i] < TIMEOUT:
+                anchor, y = placement.anchor_of(name)
+                return within_reach(np.array([0.0, y, 0.0]) + self.draw(
+                    anchor, name, placement.stamps[i], placement.poses[i, :3]))
+        return np.empty((0, 2, 3))
+
 
 class View:
     """The page."""
@@ -112,7 +122,7 @@ class View:
         if clicked := self._scene.take_click():
             panel.selected.choose(clicked)
         self._scene.show(placement, panel.size, panel.selected.name, panel.with_names,
-                         self._trail_lines(panel.trail.name))
+                         self._trail.lines(placement, panel.trail.name))
         self._update_texts(now, fixed, panel.selected.name)
         self._turn_cameras(now)
 
@@ -125,16 +135,6 @@ class View:
             player.seek(requested)
         self._panel.show_time(player.position)
         return player.time
-
-    def _trail_lines(self, name: str) -> NDArray[np.float64]:
-        placement = self._placement
-        if name in placement.names:
-            i = placement.names.index(name)
-            if placement.ages[i] < TIMEOUT:
-                anchor, y = placement.anchor_of(name)
-                return within_reach(np.array([0.0, y, 0.0]) + self._trail.draw(
-                    anchor, name, placement.stamps[i], placement.poses[i, :3]))
-        return np.empty((0, 2, 3))
 
     def _update_texts(self, now: float, fixed: str, selected: str) -> None:
         """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""

@@ -2,7 +2,7 @@
 
 from contextlib import ExitStack
 from itertools import pairwise
-from typing import Optional
+from typing import ClassVar, Optional
 
 import numpy as np
 import pytest
@@ -338,6 +338,7 @@ class StubFeed:
 
     name = '/tf'
     player: Optional[Player] = None
+    findings: ClassVar[list[tuple[str, int]]] = []
 
     def __init__(self, buffer, publication):
         """Create a feed of a buffer, with the facts about its frames."""
