@@ -594,8 +594,8 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
         yield _Fault(
             f'no transform of {shortened(worst.child)} for {in_words(worst["largest_step"])} '
             f'after {display_time(before)}; the usual period is {worst.period / SECOND:.2g} s; '
-            f'{beyond} of {worst["steps"].sum()} steps from stamp to stamp are longer than {_GAP} periods',
-            tracks, time=before)
+            f'{beyond} of {worst["steps"].sum()} steps from stamp to stamp are longer than {_GAP} '
+            'periods', tracks, time=before)
     end = max((track['last_time'] for track in observation.tracks if not track.is_static),
               default=0)
     end = max(end, observation.end)

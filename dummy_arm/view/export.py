@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dummy_arm.cli.signals import check_signals
 from dummy_arm.view.feed import Feed
 from dummy_arm.view.placement import FrameWatcher, Placement
 from dummy_arm.view.scene import NAMES_AT_ONCE, Scene
@@ -30,6 +31,11 @@ class Recording:
     def __init__(self, feed: Feed) -> None:
         self._watcher, self._trail = FrameWatcher(feed.buffer), Trail(feed.buffer)
         self._moments: list[_Moment] = []
+
+    @property
+    def has_frames(self) -> bool:
+        """True if there is a moment."""
+        return bool(self._moments)
 
     @property
     def duration(self) -> float:
@@ -57,6 +63,7 @@ class Recording:
             scene.look_at(self._moments[-1].placement, ())
             serializer, before = server.get_scene_serializer(), self._moments[0].time
             for time, placement, trail in self._moments:
+                check_signals()
                 serializer.insert_sleep(time - before)
                 scene.show(placement, _AXIS_LENGTH, placement.deepest,
                            len(placement.names) <= NAMES_AT_ONCE, trail)

@@ -1,20 +1,17 @@
 """The panel beside the scene; all viewers share one panel."""
 
-from collections import deque
 from collections.abc import Awaitable, Callable, Iterable
-from math import ceil, isfinite
 from typing import Any, Optional
 
 import viser
 
 from dummy_arm.view.placement import Placement
+from dummy_arm.view.playback import within
 from dummy_arm.view.scene import NAMES_AT_ONCE
 
 _NONE = '(none)'
 #: The smallest and the largest length of an axis (m).
 _SIZES = 0.02, 2.0
-#: The step of the time slider (s).
-_TIME_STEP = 0.01
 #: A change of the frames in a dropdown sends all names to all viewers. So after a change with n
 #: names, the next change waits for n times this (s).
 _OPTION_PERIOD = 0.5e-3
@@ -69,17 +66,12 @@ class FrameChoice:
 class Panel:
     """The controls and texts of the page."""
 
-    def __init__(self, gui: viser.GuiApi, length: float,
+    def __init__(self, gui: viser.GuiApi, is_live: bool,
                  look_at_all: Callable[[viser.ClientHandle], Awaitable[object]]) -> None:
         self._options: list[str] = []  # of the dropdowns
         self._next_options = 0.0  # when they may change again (s, monotonic clock)
         self._overview = gui.add_html('')
-        self._pause = gui.add_checkbox('Pause', False)
-        self._requested_time: deque[float] = deque(maxlen=1)
-        self._length = max(_TIME_STEP, ceil(length / _TIME_STEP) * _TIME_STEP)
-        self._time = gui.add_slider('Time (s)', 0.0, self._length, _TIME_STEP, 0.0,
-                                    visible=length > 0.0)
-        self._time.on_update(self._on_time)
+        self._pause = gui.add_checkbox('Pause', False) if is_live else None
         self.fixed = FrameChoice(gui, 'Fixed frame', 'the frame in which the others are shown')
         self._size = gui.add_slider('Axis length (m)', *_SIZES, 0.02, 0.16)
         self._names = gui.add_checkbox('Show names', True)
@@ -94,10 +86,6 @@ class Panel:
         button.on_click(self._on_look_at_all)
         self._look_at_all = look_at_all
 
-    async def _on_time(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            self._requested_time.append(_within(event.target.value, 0.0, self._length))
-
     async def _on_names(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
             self._names_chosen = event.target.value
@@ -108,23 +96,15 @@ class Panel:
 
     @property
     def is_paused(self) -> bool:
-        return bool(self._pause.value)
+        return self._pause is not None and bool(self._pause.value)
 
     @property
     def size(self) -> float:
-        return _within(self._size.value, *_SIZES)
+        return within(self._size.value, *_SIZES)
 
     @property
     def with_names(self) -> bool:
         return bool(self._names.value)
-
-    def take_requested_time(self) -> Optional[float]:
-        """Return what a viewer has set the time slider to since the last call (s), or None."""
-        return self._requested_time.popleft() if self._requested_time else None
-
-    def show_time(self, position: float) -> None:
-        """Set the time slider to seconds after the start of the bag."""
-        self._time.value = round(position, 2)
 
     def set_frames(self, placement: Placement, names: list[str], now: float) -> None:
         """
@@ -147,9 +127,3 @@ class Panel:
     def show_texts(self, overview: str, details: str) -> None:
         """Show two texts in HTML."""
         self._overview.content, self._details.content = overview, details
-
-
-def _within(value: Any, smallest: float, largest: float) -> float:
-    """Clamp a number that a viewer has set; if it is not finite, return `smallest`."""
-    number = float(value)
-    return min(max(number, smallest), largest) if isfinite(number) else smallest

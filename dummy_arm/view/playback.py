@@ -61,7 +61,7 @@ class Playback:
     async def _on_time(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
             self._requests.append(
-                partial(self._player.seek, _within(event.target.value, 0.0, self._length)))
+                partial(self._player.seek, within(event.target.value, 0.0, self._length)))
 
     async def _on_speed(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
@@ -116,7 +116,7 @@ class Playback:
         self._gui.add_html(f'<div style="{_STYLE}">{escape(visible(text))}</div>')
 
 
-def _within(value: Any, smallest: float, largest: float) -> float:
+def within(value: Any, smallest: float, largest: float) -> float:
     """Clamp a number that a viewer has set; if it is not finite, return `smallest`."""
     number = float(value)
     return min(max(number, smallest), largest) if isfinite(number) else smallest

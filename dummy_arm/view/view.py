@@ -13,6 +13,7 @@ from dummy_arm.view.details import details, overview
 from dummy_arm.view.feed import AnyBuffer, Feed, LENGTH
 from dummy_arm.view.panel import Panel
 from dummy_arm.view.placement import FrameWatcher, Placement, within_reach
+from dummy_arm.view.playback import Playback
 from dummy_arm.view.rods import TIMEOUT
 from dummy_arm.view.scene import Scene
 from dummy_arm.view.viser_private import Server
@@ -89,8 +90,8 @@ class View:
         self._watcher = FrameWatcher(feed.buffer, clock)
         self._placement, self._fixed = self._watcher.placement(), ''
         self._scene = Scene(server)
-        self._panel = Panel(server.gui, self._player.length if self._player else 0.0,
-                            self._look_at_all)
+        self._playback = self._player and Playback(server.gui, self._player, feed.findings)
+        self._panel = Panel(server.gui, not self._player, self._look_at_all)
         server.on_client_connect(self._look_at_all)
         #: The frames that a viewer can choose.
         self._names: dict[str, None] = {}
@@ -110,7 +111,7 @@ class View:
     def update(self) -> None:
         """Read the feed and the panel, and update the page."""
         panel, now = self._panel, self._clock()
-        until = self._advance() if self._player else 0
+        until = self._playback.update() if self._playback else 0
         fixed = panel.fixed.chosen
         latest = self._watcher.placement(fixed, until)
         if self._player or not panel.is_paused or fixed != self._fixed:
@@ -125,16 +126,6 @@ class View:
                          self._trail.lines(placement, panel.trail.name))
         self._update_texts(now, fixed, panel.selected.name)
         self._turn_cameras(now)
-
-    def _advance(self) -> int:
-        """Advance the player of a bag, and return the time of the player (ns)."""
-        player, requested = self._player, self._panel.take_requested_time()
-        assert player is not None
-        player.advance(not self._panel.is_paused)
-        if requested is not None:
-            player.seek(requested)
-        self._panel.show_time(player.position)
-        return player.time
 
     def _update_texts(self, now: float, fixed: str, selected: str) -> None:
         """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""

@@ -2,7 +2,7 @@
 
 from contextlib import ExitStack
 from itertools import pairwise
-from typing import ClassVar, Optional
+from typing import Optional
 
 import numpy as np
 import pytest
@@ -338,11 +338,11 @@ class StubFeed:
 
     name = '/tf'
     player: Optional[Player] = None
-    findings: ClassVar[list[tuple[str, int]]] = []
 
     def __init__(self, buffer, publication):
         """Create a feed of a buffer, with the facts about its frames."""
         self.buffer, self._publication = buffer, publication
+        self.findings: list[tuple[str, int]] = []
 
     def publication(self, frame):
         """Return the facts, whatever the frame is."""
