@@ -53,7 +53,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
         with spinning_node('web_view', ros_args, namespace) as node:
             live = LiveFeed(node)
             if path:
-                _export(_recorded_live(live, seconds), path)
+                _export(recorded_live(live, seconds), path)
             else:
                 _show(live, host, port)
     return 0
@@ -90,7 +90,7 @@ def _recorded_bag(feed: 'BagFeed', seconds: Optional[float]) -> 'Recording':
     return recording
 
 
-def _recorded_live(feed: 'LiveFeed', seconds: float) -> 'Recording':
+def recorded_live(feed: 'LiveFeed', seconds: float) -> 'Recording':
     """Record for some time from the first transform on, or until Ctrl-C."""
     from dummy_arm.view.export import Recording
     recording = Recording(feed)

@@ -49,14 +49,14 @@ class Playback:
         self._time = gui.add_slider('Time (s)', 0.0, self._length, _TIME_STEP, 0.0,
                                     visible=has_time)
         self._time.on_update(self._on_time)
-        speed = gui.add_dropdown('Speed', _SPEEDS, '1', visible=has_time)
+        speed = gui.add_dropdown('Speed', _SPEEDS, initial_value='1', visible=has_time)
         speed.on_update(self._on_speed)
         step = gui.add_button_group('Step (s)', _STEPS, visible=has_time)
         step.on_click(self._on_step)
 
     async def _on_pause(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
-            self._requests.append(partial(self._set_paused, bool(event.target.value)))
+            self._is_paused = bool(event.target.value)
 
     async def _on_time(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
@@ -88,9 +88,6 @@ class Playback:
             self._has_findings = True
             self._show_findings()
         return self._player.time
-
-    def _set_paused(self, is_paused: bool) -> None:
-        self._is_paused = is_paused
 
     def _step(self, seconds: float) -> None:
         self._stop_at(self._player.position + seconds)
