@@ -53,6 +53,8 @@ class Playback:
         speed.on_update(self._on_speed)
         step = gui.add_button_group('Step (s)', _STEPS, visible=has_time)
         step.on_click(self._on_step)
+        self._folder = gui.add_folder('Findings of tf_doctor', expand_by_default=False,
+                                      visible=False)
 
     async def _on_pause(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
@@ -97,7 +99,8 @@ class Playback:
         self._pause.value = self._is_paused = True
 
     def _show_findings(self) -> None:
-        with self._gui.add_folder('Findings of tf_doctor'):
+        self._folder.visible = True
+        with self._folder:
             for text, time in self._findings[:_MOST_FINDINGS]:
                 position = self._player.position_of(time)
                 if 0.0 <= position <= self._player.length:
