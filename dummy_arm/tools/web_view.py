@@ -18,7 +18,7 @@ from dummy_arm.tf.formatting import visible
 
 if TYPE_CHECKING:
     from dummy_arm.view.export import Recording
-    from dummy_arm.view.feed import BagFeed, Feed, LiveFeed
+    from dummy_arm.view.feed import BagFeed, Feed
 
 HOST = '127.0.0.1'
 _LAST_PORT = 65535
@@ -43,24 +43,24 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
         from dummy_arm.view.feed import BagFeed
         feed = BagFeed(buffer, Path(bag[0] if bag else '').name)
         if path:
-            _export(_recorded_bag(feed, None if duration is None else seconds), path)
+            _export(_recorded_bag(feed, None if duration is None else seconds), feed, path)
         else:
             _show(feed, host, port, Thread(
-                target=_find_faults, args=(feed.findings, bag, namespace, partial), daemon=True))
+                target=find_faults, args=(feed.findings, bag, namespace, partial), daemon=True))
     else:
         from dummy_arm.cli.node import spinning_node
         from dummy_arm.view.feed import LiveFeed
         with spinning_node('web_view', ros_args, namespace) as node:
             live = LiveFeed(node)
             if path:
-                _export(recorded_live(live, seconds), path)
+                _export(recorded_live(live, seconds), live, path)
             else:
                 _show(live, host, port)
     return 0
 
 
-def _find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: str,
-                 partial: bool) -> None:
+def find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: str,
+                partial: bool) -> None:
     """Fill the findings with those of `tf_doctor`, or the reason that there are none."""
     try:
         from dummy_arm.doctor import examine
@@ -90,26 +90,34 @@ def _recorded_bag(feed: 'BagFeed', seconds: Optional[float]) -> 'Recording':
     return recording
 
 
-def recorded_live(feed: 'LiveFeed', seconds: float) -> 'Recording':
+def recorded_live(feed: 'Feed', seconds: float) -> 'Recording':
     """Record for some time from the first transform on, or until Ctrl-C."""
     from dummy_arm.view.export import Recording
     recording = Recording(feed)
     listen(seconds, feed.buffer.frames, lambda: recording.add(monotonic()))
     forget_signals()
-    if not recording.has_frames:
-        raise CommandError(f'no frames were received. {feed.why_no_frames()}')
     return recording
 
 
-def _export(recording: 'Recording', path: Path) -> None:
+def _export(recording: 'Recording', feed: 'Feed', path: Path) -> None:
+    if not recording.has_frames:
+        raise CommandError(f'cannot write {path}: there are no frames. {feed.why_no_frames()}')
+    duration = recording.duration
+
+    def on_progress(done: float) -> None:
+        check_signals()
+        show_progress(done)
+
+    with progress(duration, desc='making the page', bar_format=BAR) as show_progress:
+        page = recording.as_html(on_progress)
     with whole_file(path) as part:
-        part.write_text(recording.as_html(), encoding='utf-8')
-    print(f'wrote {visible(str(path))}: {recording.duration:.1f} s')
+        part.write_text(page, encoding='utf-8')
+    print(f'wrote {visible(str(path))}: {duration:.1f} s')
 
 
 def _html_path(export: str) -> Path:
     path = Path(export)
-    if path.suffix.lower() not in ('.html', '.htm') or export.endswith('/'):
+    if path.suffix.lower() != '.html' or export.endswith('/'):
         raise UsageError(f'{export!r} must end in .html')
     check_writable(path)
     return path

@@ -1,12 +1,12 @@
 """A recording of the scene, which plays in a browser without a server."""
 
+from collections.abc import Callable
 from socket import create_server
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.cli.signals import check_signals
 from dummy_arm.view.feed import Feed
 from dummy_arm.view.placement import FrameWatcher, Placement
 from dummy_arm.view.scene import NAMES_AT_ONCE, Scene
@@ -54,8 +54,12 @@ class Recording:
             self._moments.append(_Moment(
                 time, placement, self._trail.lines(placement, placement.deepest)))
 
-    def as_html(self) -> str:
-        """Return the page; there must be a moment."""
+    def as_html(self, on_progress: Callable[[float], object] = lambda done: None) -> str:
+        """
+        Return the page; there must be a moment.
+
+        :param on_progress: called with the time of each moment, in seconds after the first one.
+        """
         server = Server(create_server(('127.0.0.1', 0)), lambda headers: 'there is no page here')
         try:
             scene = Scene(server)
@@ -63,7 +67,7 @@ class Recording:
             scene.look_at(self._moments[-1].placement, ())
             serializer, before = server.get_scene_serializer(), self._moments[0].time
             for time, placement, trail in self._moments:
-                check_signals()
+                on_progress(time - self._moments[0].time)
                 serializer.insert_sleep(time - before)
                 scene.show(placement, _AXIS_LENGTH, placement.deepest,
                            len(placement.names) <= NAMES_AT_ONCE, trail)

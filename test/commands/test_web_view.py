@@ -48,6 +48,8 @@ def test_a_bag_without_ros(start, tmp_path):
     viewer.until(lambda: viewer.names().get('base_link', [0.0])[0] > 1.5)
     viewer.until(lambda: viewer.detail('rate') == '10.0 Hz')
     assert viewer.detail('publisher') == 'not recorded'
+    viewer.until(lambda: any('102 transforms of 3 frames' in props.get('content', '')
+                             for props in viewer.gui.values()))  # the verdict of tf_doctor
     viewer.close()
     process.end(signal.SIGINT)
     assert process.exit_code() == 0

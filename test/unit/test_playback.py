@@ -109,7 +109,7 @@ def test_speed_pause_time_and_steps(controls):
 
 def test_each_finding_jumps_to_its_time(controls):
     """They appear when the bag is examined; those without a time in the bag are texts."""
-    findings = []
+    findings: list[tuple[str, int]] = []
     shown = controls(findings)
     shown.after(0.0)
     findings += [('2 <errors>', 0), ('error a', T + 3 * S), ('error far', T + 99 * S),
@@ -130,6 +130,16 @@ def test_each_finding_jumps_to_its_time(controls):
         shown.set('3.00 s: error a', True)
         assert [shown.after(1.0), shown.after(1.0)] == [3.0, 3.0]
     viewer.until(lambda: viewer.value('Pause'))
+
+
+def test_a_bag_that_cannot_be_examined(tmp_path):
+    """The reason is a line of the findings."""
+    findings: list[tuple[str, int]] = []
+    web_view.find_faults(findings, [str(tmp_path / 'no.mcap')], '', False)
+    ((text, time),) = findings
+    assert text.startswith('tf_doctor cannot examine the bag: ')
+    assert 'no.mcap' in text
+    assert time == 0
 
 
 def test_nonsense_from_a_viewer(controls):
@@ -189,6 +199,18 @@ def test_ctrl_c_ends_a_live_recording(monkeypatch, buffer):
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
+
+
+def test_a_bag_without_frames_to_show(failed, tmp_path):
+    """It is an error, and no file is written."""
+    bags = pytest.importorskip('bags')
+    bag = bags.make(tmp_path / 'bag', 'mcap', [
+        ('/tf', T, [bags.row(T, 'a', 'b'), bags.row(T, 'b', 'a')])])
+    path = tmp_path / 'loop.html'
+    code, error = failed(main, '--bag', str(bag), '--export', str(path))
+    assert code == 1
+    assert error.startswith(f'web_view: cannot write {path}: there are no frames.')
+    assert not path.exists()
 
 
 def test_the_options_of_an_export(failed, tmp_path):
