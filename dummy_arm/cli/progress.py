@@ -8,7 +8,8 @@ from typing import Any
 
 from dummy_arm.cli.signals import wait_until
 
-_BAR = '{desc} {bar} {n:.1f} of {total:g} s'
+#: The format of a bar over a time (s).
+BAR = '{desc} {bar} {n:.1f} of {total:g} s'
 #: On a busy computer, discovery can take this long (s): Fast DDS announces itself every 3 s.
 DISCOVERY = 7.0
 
@@ -37,7 +38,7 @@ def progress(total: float, **kwargs: Any) -> Iterator[Callable[[float], object]]
 def wait(seconds: float, what: str, until: Callable[[], object] = lambda: False) -> bool:
     """Wait as `wait_until` does, with a bar; by default, for the whole time."""
     start = time.monotonic()
-    with progress(seconds, desc=what, bar_format=_BAR) as show:
+    with progress(seconds, desc=what, bar_format=BAR) as show:
         def holds() -> bool:
             show(min(seconds, time.monotonic() - start))
             return bool(until())

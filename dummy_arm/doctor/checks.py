@@ -84,6 +84,7 @@ class Finding(NamedTuple):
     evidence: str  #: what was observed, in numbers
     remedy: str  #: what to do, in one sentence
     section: str  #: the heading in docs/troubleshooting.md
+    time: int  #: when it was, by the stamps (ns); 0: at no single time
 
 
 class _Fault(NamedTuple):
@@ -96,6 +97,7 @@ class _Fault(NamedTuple):
     nodes: Sequence[str] = ()  #: further nodes
     remedy: str = ''  #: '': that of the check
     severity: str = ''  #: '': that of the check
+    time: int = 0  #: as `Finding.time`
 
 
 _Find = Callable[[Observation], Iterator[_Fault]]
@@ -139,7 +141,8 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
                 check.code, fault.severity or check.severity, tuple(dict.fromkeys(frames)),
                 tuple(dict.fromkeys((*fault.topics, *topics))),
                 tuple(dict.fromkeys(filter(None, (*fault.nodes, *nodes)))), fault.evidence,
-                fault.remedy or check.remedy, _SECTION_OF.get(check.code, 'Other faults')))
+                fault.remedy or check.remedy, _SECTION_OF.get(check.code, 'Other faults'),
+                fault.time))
     return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
 
 
@@ -470,8 +473,9 @@ def _message_never(observation: Observation) -> Iterator[_Fault]:
         reason = (f'end at {display_time(edge.end)}, and the last stamp is {display_time(last)}'
                   if edge.end < last else
                   'arrive when those of other edges are not kept any more')
-        yield _of_edge(observation, edge, topics, f'wait in vain: the data of the edge '
-                       f'{_edge_text(observation, edge)} {reason}')
+        fault = _of_edge(observation, edge, topics, f'wait in vain: the data of the edge '
+                         f'{_edge_text(observation, edge)} {reason}')
+        yield fault._replace(time=int(edge.end))
 
 
 def _found(observation: Observation, verdict: Verdict, least_wait: int = 0
@@ -586,12 +590,12 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(_has_gap):
         worst = max(tracks, key=itemgetter('largest_step'))
         beyond = worst.steps_beyond(_GAP * max(worst.period, _SHORTEST_PERIOD))
-        before = display_time(int(worst['largest_step_at']))
+        before = int(worst['largest_step_at'])
         yield _Fault(
             f'no transform of {shortened(worst.child)} for {in_words(worst["largest_step"])} '
-            f'after {before}; the usual period is {worst.period / SECOND:.2g} s; {beyond} of '
-            f'{worst["steps"].sum()} steps from stamp to stamp are longer than {_GAP} periods',
-            tracks)
+            f'after {display_time(before)}; the usual period is {worst.period / SECOND:.2g} s; '
+            f'{beyond} of {worst["steps"].sum()} steps from stamp to stamp are longer than {_GAP} '
+            'periods', tracks, time=before)
     end = max((track['last_time'] for track in observation.tracks if not track.is_static),
               default=0)
     end = max(end, observation.end)
@@ -601,7 +605,8 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(ended.__contains__):
         silence = max(end - track['last_time'] for track in tracks)
         yield _Fault(f'nothing was received of {_names(map(_child_of, tracks))} in the '
-                     f'last {in_words(silence)}, and {_hertz(tracks[0])} before', tracks)
+                     f'last {in_words(silence)}, and {_hertz(tracks[0])} before', tracks,
+                     time=min(int(track['latest']) for track in tracks))
 
 
 def _has_gap(track: Track) -> bool:
@@ -630,7 +635,7 @@ def _jump(observation: Observation) -> Iterator[_Fault]:
             f'{shortened(track.child)} jump; at {display_time(int(track["jump_at"]))}, by '
             f'{track["jump"]:.3g} (m plus rad), {track["largest_speed"]:.3g} per second; '
             f'otherwise, it moves by at most {track["usual_speed"]:.3g} per second', [track],
-            severity=INFO if is_localisation else '')
+            severity=INFO if is_localisation else '', time=int(track['jump_at']))
 
 
 @_check('one_shot', WARNING,
@@ -686,7 +691,7 @@ def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
         worst = max(tracks, key=itemgetter('step_back'))
         yield _Fault(f'{_share(tracks, "backwards")} with an earlier stamp than the one before; '
                      f'the largest step back is {in_words(worst["step_back"])} '
-                     f'({shortened(worst.child)})', tracks)
+                     f'({shortened(worst.child)})', tracks, time=int(worst['step_back_at']))
 
 
 @_check('same_stamp', WARNING,

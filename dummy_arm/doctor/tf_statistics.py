@@ -46,6 +46,7 @@ _FIELDS = np.dtype([
     ('zero_stamps', 'i8'),  # with the stamp 0
     ('backwards', 'i8'),  # with an earlier stamp than the one before
     ('step_back', 'i8'),  # the largest difference of these two stamps (ns)
+    ('step_back_at', 'i8'),  # the later one of these two stamps
     ('oldest', 'i8'), ('latest', 'i8'),  # the range of the stamps that are not 0 (ns)
     ('stamp', 'i8'), ('pose', '7f8'),  # the last stamp (ns) and pose
     ('pose_before', '7f8'),  # the pose before the last one
@@ -349,13 +350,12 @@ def _add_stamps(values: Any, stamps: NDArray[np.int64], before: NDArray[np.int64
     values['latest'] = np.where(known, np.maximum(latest, values['latest']), latest)
     steps = np.where(is_zero | (before == 0), 0, stamps - before)
     values['backwards'] += (steps < 0).sum(axis=0)
-    values['step_back'] = np.maximum(values['step_back'], -steps.min(axis=0))
-    at = steps.argmax(axis=0)[None]
-    step = np.take_along_axis(steps, at, 0)[0]
-    is_larger = step > values['largest_step']
-    values['largest_step'] = np.where(is_larger, step, values['largest_step'])
-    values['largest_step_at'] = np.where(
-        is_larger, np.take_along_axis(before, at, 0)[0], values['largest_step_at'])
+    for name, lengths in ('largest_step', steps), ('step_back', -steps):
+        at = lengths.argmax(axis=0)[None]
+        length, begin = (np.take_along_axis(each, at, 0)[0] for each in (lengths, before))
+        is_larger = length > values[name]
+        values[name] = np.where(is_larger, length, values[name])
+        values[f'{name}_at'] = np.where(is_larger, begin, values[f'{name}_at'])
     forward, columns = steps > 0, np.arange(steps.shape[1])
     bins = np.ceil(np.log2(np.maximum(steps, _FIRST_BIN) / _FIRST_BIN) * _BINS_PER_OCTAVE)
     indices = (np.minimum(bins, _BINS - 1).astype(np.int64) + columns * _BINS)[forward]

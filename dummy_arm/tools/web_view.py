@@ -2,20 +2,27 @@
 
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
+from math import ceil
 from pathlib import Path
 import re
+from threading import Thread
 from time import monotonic
 from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.cli.bag_options import add_bag_options, read_bag
-from dummy_arm.cli.parser import Parser, run
-from dummy_arm.cli.signals import sleep
+from dummy_arm.cli.files import check_writable, whole_file
+from dummy_arm.cli.parser import CommandError, listening_time, number, Parser, run, UsageError
+from dummy_arm.cli.progress import BAR, listen, progress
+from dummy_arm.cli.signals import check_signals, forget_signals, sleep
+from dummy_arm.tf.formatting import visible
 
 if TYPE_CHECKING:
-    from dummy_arm.view.feed import Feed
+    from dummy_arm.view.export import Recording
+    from dummy_arm.view.feed import BagFeed, Feed
 
 HOST = '127.0.0.1'
 _LAST_PORT = 65535
+_EXPORTED_TIME = 10.0
 #: The interval between two updates of the page (s): `_UPDATE_PERIOD` while a browser shows the
 #: page, `_IDLE_PERIOD` while no browser shows it.
 _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
@@ -25,24 +32,105 @@ _REST = 2.0
 
 
 def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence[str]] = None,
-            namespace: str = '', partial: bool = False, *, ros_args: Sequence[str] = ()) -> int:
-    """Show the frames on a web page, until Ctrl-C."""
+            namespace: str = '', partial: bool = False, export: Optional[str] = None,
+            duration: Optional[float] = None, *, ros_args: Sequence[str] = ()) -> int:
+    """Show the frames on a web page, until Ctrl-C; or write the page to a file."""
+    if duration is not None and export is None:
+        raise UsageError('--time needs --export')
+    path = None if export is None else _html_path(export)
+    seconds = listening_time(_EXPORTED_TIME if duration is None else duration)
     if buffer := read_bag(bag, namespace, partial):
         from dummy_arm.view.feed import BagFeed
-        _show(BagFeed(buffer, Path(bag[0] if bag else '').name), host, port)
+        feed = BagFeed(buffer, Path(bag[0] if bag else '').name)
+        if path:
+            _export(_recorded_bag(feed, None if duration is None else seconds), feed, path)
+        else:
+            _show(feed, host, port, Thread(
+                target=find_faults, args=(feed.findings, bag, namespace, partial), daemon=True))
     else:
         from dummy_arm.cli.node import spinning_node
         from dummy_arm.view.feed import LiveFeed
         with spinning_node('web_view', ros_args, namespace) as node:
-            _show(LiveFeed(node), host, port)
+            live = LiveFeed(node)
+            if path:
+                _export(recorded_live(live, seconds), live, path)
+            else:
+                _show(live, host, port)
     return 0
 
 
-def _show(feed: 'Feed', host: str, port: Optional[int]) -> None:
+def find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: str,
+                partial: bool) -> None:
+    """Fill the findings with those of `tf_doctor`, or the reason that there are none."""
+    try:
+        from dummy_arm.doctor import examine
+        report = examine(bag, namespace=namespace, partial=partial,
+                         on_progress=lambda done: check_signals())
+        findings += [(report.verdict, 0), *((
+            f'{finding.severity} {finding.code}: '
+            f'{", ".join(finding.frames or finding.topics)}: {finding.evidence}', finding.time)
+            for finding in report.findings)]
+    except Exception as error:
+        findings += [(f'tf_doctor cannot examine the bag: {error or type(error).__name__}', 0)]
+    except KeyboardInterrupt:
+        pass  # the command ends
+
+
+def _recorded_bag(feed: 'BagFeed', seconds: Optional[float]) -> 'Recording':
+    from dummy_arm.view.export import PERIOD, Recording
+    player, recording = feed.player, Recording(feed)
+    assert player is not None
+    length = player.length if seconds is None else min(seconds, player.length)
+    with progress(length, desc='recording', bar_format=BAR) as show_progress:
+        for i in range(ceil(length / PERIOD) + 1):
+            check_signals()
+            player.seek(min(length, i * PERIOD))
+            recording.add(player.position, player.time)
+            show_progress(player.position)
+    return recording
+
+
+def recorded_live(feed: 'Feed', seconds: float) -> 'Recording':
+    """Record for some time from the first transform on, or until Ctrl-C."""
+    from dummy_arm.view.export import Recording
+    recording = Recording(feed)
+    listen(seconds, feed.buffer.frames, lambda: recording.add(monotonic()))
+    forget_signals()
+    return recording
+
+
+def _export(recording: 'Recording', feed: 'Feed', path: Path) -> None:
+    if not recording.has_frames:
+        raise CommandError(f'cannot write {path}: there are no frames. {feed.why_no_frames()}')
+    duration = recording.duration
+
+    def on_progress(done: float) -> None:
+        check_signals()
+        show_progress(done)
+
+    with progress(duration, desc='making the page', bar_format=BAR) as show_progress:
+        page = recording.as_html(on_progress)
+    with whole_file(path) as part:
+        part.write_text(page, encoding='utf-8')
+    print(f'wrote {visible(str(path))}: {duration:.1f} s')
+
+
+def _html_path(export: str) -> Path:
+    path = Path(export)
+    if path.suffix.lower() != '.html' or export.endswith('/'):
+        raise UsageError(f'{export!r} must end in .html')
+    check_writable(path)
+    return path
+
+
+def _show(feed: 'Feed', host: str, port: Optional[int], examination: Optional[Thread] = None
+          ) -> None:
     from dummy_arm.view.server import serve
     from dummy_arm.view.view import View
     with serve(host, port) as server:
         view = View(feed, server)
+        if examination:
+            examination.start()
         while True:
             start = monotonic()
             view.update()
@@ -63,7 +151,8 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser = Parser(
         'web_view', 'Show the frames of /tf and /tf_static, or of a bag, on a page in the '
         'browser.',
-        'examples: web_view\n          web_view --port 8090\n          web_view --bag robot.mcap')
+        'examples: web_view\n          web_view --port 8090\n          web_view --bag robot.mcap\n'
+        '          web_view --export robot.html')
     parser.add_argument('--host', default=HOST, metavar='ADDRESS',
                         help='serve the page at this address of the machine; 0.0.0.0: at all its '
                              'addresses (default: %(default)s, for this machine only)')
@@ -71,4 +160,9 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         help='serve the page at this port, from 1 to 65535 (default: 8080, or the '
                              'next free one)')
     add_bag_options(parser)
+    parser.add_argument('--export', metavar='FILE.html',
+                        help='write a page that plays without a server, and end')
+    parser.add_argument('--time', dest='duration', type=number, metavar='SECONDS',
+                        help='with --export: how long to record, from the first transform on '
+                             f'(default: {_EXPORTED_TIME:g}; of a bag, all)')
     return run(parser, command, args)

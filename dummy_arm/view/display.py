@@ -1,11 +1,11 @@
 """The controls with which a viewer chooses what is drawn, and from where it is seen."""
 
 from collections.abc import Awaitable, Callable
-from math import isfinite
 from typing import Any, Optional
 
 import viser
 
+from dummy_arm.view.controls import within
 from dummy_arm.view.rods import Display, TIMEOUT
 
 #: By the name of a view: the direction from the middle of the frames to the camera (x, y, z).
@@ -76,9 +76,3 @@ class DisplayPanel:
 def configure(gui: viser.GuiApi, is_dark: bool) -> None:
     """Set the theme of a viewer."""
     gui.configure_theme(dark_mode=is_dark, show_logo=False, show_share_button=False)
-
-
-def within(value: Any, smallest: float, largest: float) -> float:
-    """Clamp a number that a viewer has set; if it is not finite, return `smallest`."""
-    number = float(value)
-    return min(max(number, smallest), largest) if isfinite(number) else smallest

@@ -22,13 +22,14 @@ LENGTH = 20
 
 
 class Player:
-    """The playback clock of a bag: it runs at the speed of the recording, in a loop."""
+    """The playback clock of a bag: it runs in a loop."""
 
     def __init__(self, frames: Iterable[Frame]) -> None:
         dynamic = [frame for frame in frames if not frame.is_static and frame.oldest > 0]
         self._begin = min(_without_outliers([frame.oldest for frame in dynamic]))
         self._end = max(self._begin, *_without_outliers([frame.latest for frame in dynamic]))
         self._position, self._last = 0, monotonic()
+        self.speed = 1.0  #: how many times as fast as the recording it runs
 
     @property
     def length(self) -> float:
@@ -45,6 +46,10 @@ class Player:
         """The time on the clock of the stamps (ns)."""
         return self._begin + self._position
 
+    def position_of(self, time: int) -> float:
+        """Return a time on the clock of the stamps (ns) in seconds after the start of the bag."""
+        return (time - self._begin) / SECOND
+
     def advance(self, plays: bool) -> None:
         """Advance by the time since the last call; from the end of the bag, go to its start."""
         now = monotonic()
@@ -52,7 +57,7 @@ class Player:
         if plays:
             self._position = (
                 0 if self.time >= self._end else
-                min(self._end - self._begin, self._position + round(passed * SECOND)))
+                min(self._end - self._begin, self._position + round(passed * self.speed * SECOND)))
 
     def seek(self, position: float) -> None:
         """Go to a time, in seconds after the start of the bag."""
@@ -109,6 +114,9 @@ class Feed(Protocol):
     buffer: AnyBuffer
     player: Optional[Player]  #: the playback clock of a bag; None if the frames are live
     publish: Optional[Publish]  #: None for a bag, where nothing can be published
+    #: What `tf_doctor` finds in a bag: a line of text, and its time (ns; 0: none). The list is
+    #: empty until the bag is examined.
+    findings: list[tuple[str, int]]
 
     def publication(self, frame: Frame) -> Publication:
         """Return how a frame is published."""
@@ -128,6 +136,7 @@ class BagFeed:
         self.name = name
         self.player: Optional[Player] = Player(buffer.frames())
         self.publish: Optional[Publish] = None
+        self.findings: list[tuple[str, int]] = []
 
     def publication(self, frame: Frame) -> Publication:
         return Publication(frequency(frame), None, frame.authority)
@@ -149,9 +158,10 @@ class LiveFeed:
         self._broadcaster: Optional[StaticTransformBroadcaster] = None
         #: The frames that `_publish` has published.
         self._published: set[str] = set()
+        self.findings: list[tuple[str, int]] = []
         self._measured_frame = ''
         self._traffic: Optional[Traffic] = None
-        self._frame_listener = FrameListener(node, LENGTH)
+        self._frame_listener = FrameListener(node, 2 * LENGTH)
         self.name = ' and '.join(reversed(self._frame_listener.topics))
         self.buffer: AnyBuffer = self._frame_listener.buffer
 

@@ -13,8 +13,8 @@ from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import is_too_long
 from dummy_arm.tf.formatting import visible
 from dummy_arm.tf.rotations import euler_from_quaternion, quaternion_from_euler
+from dummy_arm.view.controls import FrameChoice
 from dummy_arm.view.feed import is_above, Publish, StaticTransform
-from dummy_arm.view.panel import FrameChoice
 from dummy_arm.view.placement import Placement, REACH
 from dummy_arm.view.viser_private import HANDLES
 

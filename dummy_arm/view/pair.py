@@ -13,8 +13,8 @@ from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import Transform
 from dummy_arm.tf.formatting import SECOND, visible
 from dummy_arm.tf.rotations import euler_from_quaternion
+from dummy_arm.view.controls import FrameChoice
 from dummy_arm.view.feed import AnyBuffer, LENGTH
-from dummy_arm.view.panel import FrameChoice
 
 #: The shortest times between two updates of the numbers and of the plots (s).
 _NUMBERS_PERIOD, _PLOTS_PERIOD = 0.2, 0.5

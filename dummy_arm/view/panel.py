@@ -1,108 +1,40 @@
-"""The panel beside the scene: the controls of each viewer, and those of a bag for all."""
+"""The panel beside the scene: the controls and texts of one viewer."""
 
-from collections import deque
-from collections.abc import Awaitable, Callable, Iterable
-from math import ceil
-from typing import Any, Optional
+from collections.abc import Awaitable, Callable
+from typing import Any
 
 import viser
 
-from dummy_arm.view.display import configure, DisplayPanel, within
-from dummy_arm.view.feed import Player
+from dummy_arm.view.controls import FrameChoice, within
+from dummy_arm.view.display import configure, DisplayPanel
+from dummy_arm.view.feed import Feed, LENGTH
+from dummy_arm.view.hand_frame import HandFrame
+from dummy_arm.view.pair import Pair
 from dummy_arm.view.placement import Placement
 from dummy_arm.view.scene import NAMES_AT_ONCE
 from dummy_arm.view.tree import Tree
 
-_NONE = '(none)'
-#: The step of the time slider (s).
-_TIME_STEP = 0.01
 #: A change of the frames in a dropdown sends all names to all viewers. So after a change with n
 #: names, the next change waits for n times this (s).
 _OPTION_PERIOD = 0.5e-3
 
 
-class FrameChoice:
-    """
-    A dropdown of frames; until a viewer chooses a frame, the program proposes one.
-
-    The callback of the dropdown stores the choice at once, since `set_options` and `propose` can
-    overwrite the value of the dropdown.
-    """
-
-    def __init__(self, gui: viser.GuiApi, label: str, hint: str) -> None:
-        self._dropdown = gui.add_dropdown(label, (_NONE,), hint=hint)
-        self._dropdown.on_update(self._on_update)
-        self._chosen: Optional[str] = None
-        self._proposal = ''
-
-    async def _on_update(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            self.choose(event.target.value)
-
-    @property
-    def name(self) -> str:
-        """The chosen or proposed frame; '' if there is none."""
-        return self._proposal if self._chosen is None else self._chosen
-
-    @property
-    def chosen(self) -> str:
-        """The frame that a viewer has chosen; '' if there is none."""
-        return self._chosen or ''
-
-    def choose(self, name: str) -> None:
-        """Choose a frame, as if a viewer had selected it in the dropdown."""
-        self._chosen = '' if name == _NONE else name
-
-    def set_options(self, names: Iterable[str]) -> None:
-        """Set the frames; the chosen one stays, since it may be published again."""
-        options = (_NONE, *sorted({*names, self.chosen} - {''}))
-        if options != self._dropdown.options:
-            self._dropdown.options = options
-
-    def propose(self, proposal: str) -> None:
-        """Set the proposal, and show the frame that is chosen or proposed."""
-        self._proposal = proposal
-        shown = self.name or _NONE
-        if self._dropdown.value != shown and shown in self._dropdown.options:
-            self._dropdown.value = shown
-
-
-class Playback:
-    """The controls of a bag; all viewers share them."""
-
-    def __init__(self, gui: viser.GuiApi, player: Player) -> None:
-        self._player = player
-        self._requested: deque[float] = deque(maxlen=1)
-        self._length = max(_TIME_STEP, ceil(player.length / _TIME_STEP) * _TIME_STEP)
-        self._pause = gui.add_checkbox('Pause', False)
-        self._time = gui.add_slider('Time (s)', 0.0, self._length, _TIME_STEP, 0.0,
-                                    visible=player.length > 0.0)
-        self._time.on_update(self._on_time)
-
-    async def _on_time(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            self._requested.append(within(event.target.value, 0.0, self._length))
-
-    def update(self) -> int:
-        """Advance the player, show its position, and return its time (ns)."""
-        self._player.advance(not self._pause.value)
-        if self._requested:
-            self._player.seek(self._requested.popleft())
-        self._time.value = round(self._player.position, 2)
-        return self._player.time
-
-
 class Panel:
     """The controls and texts of one viewer."""
 
-    def __init__(self, gui: viser.GuiApi, is_live: bool,
+    def __init__(self, client: viser.ClientHandle, feed: Feed,
                  look_from: Callable[[str], Awaitable[object]]) -> None:
         """Add the controls; `look_from` moves the camera to one of `VIEWS`."""
+        gui = client.gui
         configure(gui, False)
         self._options: list[str] = []  # of the dropdowns
         self._next_options = 0.0  # when they may change again (s, monotonic clock)
         self._overview = gui.add_html('')
-        self._pause = gui.add_checkbox('Pause', False) if is_live else None
+        self._pause: Any = None
+        if feed.player is None:
+            self._pause = gui.add_checkbox('Pause', False)
+            self._back = gui.add_slider('Back (s)', 0.0, LENGTH, 0.1, 0.0,
+                                        hint='shows an earlier time while the page is paused')
         self.fixed = FrameChoice(gui, 'Fixed frame', 'the frame in which the others are shown')
         button = gui.add_button('Focus on all frames')
         button.on_click(self._on_look_at_all)
@@ -117,6 +49,10 @@ class Panel:
         self.tree = Tree(gui, tabs.add_tab('Tree'))
         with tabs.add_tab('Display'):
             self.display = DisplayPanel(gui, look_from)
+        with tabs.add_tab('Pair'):
+            self.pair = Pair(gui, feed.buffer)
+        with tabs.add_tab('By hand'):
+            self.hand_frame = HandFrame(gui, client.scene, feed.publish)
 
     async def _on_look_at_all(self, event: 'viser.GuiEvent[Any]') -> None:
         await self._look_from('all')
@@ -124,6 +60,11 @@ class Panel:
     @property
     def is_paused(self) -> bool:
         return self._pause is not None and bool(self._pause.value)
+
+    @property
+    def back(self) -> float:
+        """How far back a paused page looks (s)."""
+        return within(self._back.value, 0.0, LENGTH) if self.is_paused else 0.0
 
     def set_frames(self, placement: Placement, names: list[str], now: float) -> None:
         """
@@ -137,6 +78,8 @@ class Panel:
             self._options, self._next_options = names, now + len(names) * _OPTION_PERIOD
             for choice in choices:
                 choice.set_options(names)
+            self.pair.set_frames(names)
+            self.hand_frame.set_frames(names)
         for choice, name in zip(choices, (placement.fixed, placement.deepest, placement.deepest)):
             choice.propose(name)
         self.display.show_names(len(placement.names) <= NAMES_AT_ONCE)

@@ -13,8 +13,9 @@ from dummy_arm.tf.formatting import SECOND
 from dummy_arm.view.details import details, overview
 from dummy_arm.view.display import VIEWS
 from dummy_arm.view.feed import AnyBuffer, Feed, LENGTH
-from dummy_arm.view.panel import Panel, Playback
+from dummy_arm.view.panel import Panel
 from dummy_arm.view.placement import FrameWatcher, Placement, within_reach
+from dummy_arm.view.playback import Playback
 from dummy_arm.view.rods import Display
 from dummy_arm.view.scene import look_at, Scene
 from dummy_arm.view.viser_private import Server
@@ -71,6 +72,16 @@ class Trail:
         lines = np.stack([points[:-1], points[1:]], axis=1)
         return lines[np.isfinite(lines).all(axis=(1, 2))]
 
+    def lines(self, placement: Placement, name: str, display: Display) -> NDArray[np.float64]:
+        """Draw the trail of a placed frame in the scene; no lines if the frame is not drawn."""
+        if name in placement.names and name not in display.hidden:
+            i = placement.names.index(name)
+            if placement.ages[i] < display.timeout:
+                anchor, y = placement.anchor_of(name)
+                return within_reach(np.array([0.0, y, 0.0]) + self.draw(
+                    anchor, name, placement.stamps[i], placement.poses[i, :3]))
+        return np.empty((0, 2, 3))
+
 
 class View:
     """The page: the frames, and what each of its viewers has chosen."""
@@ -79,7 +90,7 @@ class View:
                  ) -> None:
         self._feed, self._player, self._clock, self._server = feed, feed.player, clock, server
         self._watcher = FrameWatcher(feed.buffer, clock)
-        self._playback = Playback(server.gui, feed.player) if feed.player else None
+        self._playback = Playback(server.gui, feed.player, feed.findings) if feed.player else None
         self._viewers: dict[int, Viewer] = {}
         #: The hint at other topics, and the time of its next update (s, monotonic clock).
         self._hint, self._next_hint = '', 0.0
@@ -94,14 +105,14 @@ class View:
         clients = self._server.get_clients()
         for gone in self._viewers.keys() - clients.keys():
             del self._viewers[gone]
-        placements: dict[str, Placement] = {}
+        placements: dict[tuple[str, int], Placement] = {}
         for number, client in clients.items():
             if number not in self._viewers:
                 self._viewers[number] = Viewer(client, self._feed)
-            fixed = self._viewers[number].fixed
-            if fixed not in placements:
-                placements[fixed] = self._watcher.placement(fixed, until)
-            self._viewers[number].update(placements[fixed], now, self._hint)
+            key = self._viewers[number].request(until)
+            if key not in placements:
+                placements[key] = self._watcher.placement(*key)
+            self._viewers[number].update(placements[key], key, now, self._hint)
         if not placements:
             self._watcher.placement('', until)  # it remembers when frames were updated
         for placement in islice(placements.values(), 1):  # what "reset view" shows
@@ -114,9 +125,10 @@ class Viewer:
     def __init__(self, client: viser.ClientHandle, feed: Feed) -> None:
         self._client, self._feed = client, feed
         self._scene = Scene(client)
-        self._panel = Panel(client.gui, feed.player is None, self._look_from)
+        self._panel = Panel(client, feed, self._look_from)
         self._placement: Optional[Placement] = None
-        self._shown_fixed = ''  # the choice of the fixed frame for `_placement`
+        self._shown: tuple[str, int] = '', 0  # the request for `_placement`
+        self._paused_at = 0  # the time that a paused page shows (ns); 0: it is not paused
         #: The frames that can be chosen.
         self._names: dict[str, None] = {}
         self._trail = Trail(feed.buffer)
@@ -129,20 +141,34 @@ class Viewer:
         #: there are frames; infinite after this move.
         self._turn_at: Optional[float] = None
 
-    @property
-    def fixed(self) -> str:
-        """The fixed frame that the viewer has chosen; '' if there is none."""
-        return self._panel.fixed.chosen
+    def request(self, until: int) -> tuple[str, int]:
+        """
+        Return the chosen fixed frame ('' if there is none), and the time of the frames to show.
 
-    def update(self, latest: Placement, now: float, hint: str) -> None:
-        """Show the frames, unless they are paused; `now`: on the monotonic clock (s)."""
+        :param until: the time of a bag (ns); 0: the frames are live, and so is the result, unless
+            the viewer looks back.
+        """
+        back = round(self._panel.back * SECOND)
+        return self._panel.fixed.chosen, until or (back and max(1, self._paused_at - back))
+
+    def update(self, latest: Placement, request: tuple[str, int], now: float, hint: str) -> None:
+        """
+        Show the frames, unless they are paused.
+
+        :param latest: the frames of the request.
+        :param now: on the monotonic clock (s).
+        """
         if now < self._next:
             return
         panel = self._panel
         self._next = now + panel.display.period
-        if self._placement is None or not panel.is_paused or self.fixed != self._shown_fixed:
-            self._placement, self._shown_fixed = latest, self.fixed
+        if self._placement is None or not panel.is_paused or request != self._shown:
+            self._placement, self._shown = latest, request
         placement = self._placement
+        if not panel.is_paused:
+            self._paused_at = 0
+        elif not self._paused_at:
+            self._paused_at = max(placement.stamps, default=0)
         # A bag is played again and again, so its frames stay in the dropdowns.
         self._names = dict.fromkeys(
             [*(self._names if self._feed.player else ()), *placement.names])
@@ -154,27 +180,20 @@ class Viewer:
         display = panel.display.display(hidden)
         panel.tree.update(placement, panel.selected.name, hidden, now)
         self._scene.show(placement, display, panel.selected.name,
-                         self._trail_lines(placement, panel.trail.name, display))
+                         self._trail.lines(placement, panel.trail.name, display))
+        panel.pair.update(request[1] or self._paused_at, now)
+        panel.hand_frame.update(placement)
         self._update_texts(placement, now, hint, display.timeout)
         self._turn_camera(placement, now)
 
-    def _trail_lines(self, placement: Placement, name: str, display: Display
-                     ) -> NDArray[np.float64]:
-        if name in placement.names and name not in display.hidden:
-            i = placement.names.index(name)
-            if placement.ages[i] < display.timeout:
-                anchor, y = placement.anchor_of(name)
-                return within_reach(np.array([0.0, y, 0.0]) + self._trail.draw(
-                    anchor, name, placement.stamps[i], placement.poses[i, :3]))
-        return np.empty((0, 2, 3))
-
     def _update_texts(self, placement: Placement, now: float, hint: str, timeout: float) -> None:
         """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""
-        key = placement, (self.fixed, self._panel.selected.name, hint)
+        key = placement, (self._panel.fixed.chosen, self._panel.selected.name, hint)
         if (placement is not self._texts_key[0] or key[1] != self._texts_key[1]) and (
                 now >= self._next_texts):
             self._next_texts, self._texts_key = now + _TEXT_PERIOD, key
-            self._panel.show_texts(overview(placement, self._feed, self.fixed, timeout),
+            self._panel.show_texts(overview(
+                placement, self._feed, self._panel.fixed.chosen, timeout),
                                    details(placement, self._panel.selected.name, self._feed))
 
     async def _look_from(self, view: str) -> None:

@@ -28,12 +28,12 @@ ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in 
     r'python (dynamic_tf_publisher|dummy_arm)\.py': 'publishing',
     'static_transform_publisher': 'translation: ',
     'tf2_echo (?!.*--(once|bag))': 'At time', 'tf2_monitor': 'RESULTS',
-    'view_frames .*--watch': ' Hz ', 'web_view': 'look at http://'}.items()}
+    'view_frames .*--watch': ' Hz ', 'web_view(?!.*--export)': 'look at http://'}.items()}
 #: The sections whose commands need the arm, which the text says.
 WITH_ARM = {('bags.md', 'Record a bag'), ('commands.md', 'check_arm'), ('commands.md', 'param'),
             ('commands.md', 'tf2_echo'), ('commands.md', 'tf2_monitor'),
             ('commands.md', 'tf_doctor'), ('commands.md', 'tf_trajectory'),
-            ('commands.md', 'view_frames')}
+            ('commands.md', 'view_frames'), ('web.md', 'A file that plays without a server')}
 #: The sections that take long: they install packages, or start many programs or long ones.
 LONG = {('README.md', 'A first program'), ('bags.md', 'Install'), *(
     ('commands.md', name) for name in (

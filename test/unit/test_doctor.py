@@ -636,6 +636,17 @@ def test_two_publishers_of_an_edge(capsys, tmp_path):
     assert '  /robot, /other' in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(('code', 'times'), [
+    ('gap', {'gap': at(49)}), ('jump', {'jump': at(100)}),
+    ('message_never', {'gap': at(99), 'message_never': at(99)}),
+    ('time_goes_back', {'same_stamp': 0, 'time_goes_back': at(49)}),
+    ('two_publishers', {'two_publishers': 0})])
+def test_the_time_of_a_finding(tmp_path, code, times):
+    """It is that of the stamp before the gap, and so on; 0 if the fault is everywhere."""
+    report = examine(bags.make(tmp_path, 'bag', in_order(FAULTS[code][0])))
+    assert {finding.code: finding.time for finding in report.findings} == times
+
+
 @pytest.mark.parametrize(('first', 'every'), [(1, 2), (3, 5)])
 @pytest.mark.parametrize('frames', ['odom base_link', 'map odom'])
 def test_a_frame_that_flickers(capsys, tmp_path, frames, first, every):

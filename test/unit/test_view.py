@@ -344,6 +344,7 @@ class StubFeed:
     def __init__(self, buffer, publication):
         """Create a feed of a buffer, with the facts about its frames."""
         self.buffer, self._publication = buffer, publication
+        self.findings: list[tuple[str, int]] = []
 
     def publication(self, frame):
         """Return the facts, whatever the frame is."""

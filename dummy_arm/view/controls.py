@@ -1,0 +1,61 @@
+"""Controls of the panel, and the numbers that viewers send."""
+
+from collections.abc import Iterable
+from math import isfinite
+from typing import Any, Optional
+
+import viser
+
+NONE = '(none)'
+
+
+class FrameChoice:
+    """
+    A dropdown of frames; until a viewer chooses a frame, the program proposes one.
+
+    The callback of the dropdown stores the choice at once, since `set_options` and `propose` can
+    overwrite the value of the dropdown.
+    """
+
+    def __init__(self, gui: viser.GuiApi, label: str, hint: str) -> None:
+        self._dropdown = gui.add_dropdown(label, (NONE,), hint=hint)
+        self._dropdown.on_update(self._on_update)
+        self._chosen: Optional[str] = None
+        self._proposal = ''
+
+    async def _on_update(self, event: 'viser.GuiEvent[Any]') -> None:
+        if event.client_id is not None:
+            self.choose(event.target.value)
+
+    @property
+    def name(self) -> str:
+        """The chosen or proposed frame; '' if there is none."""
+        return self._proposal if self._chosen is None else self._chosen
+
+    @property
+    def chosen(self) -> str:
+        """The frame that a viewer has chosen; '' if there is none."""
+        return self._chosen or ''
+
+    def choose(self, name: str) -> None:
+        """Choose a frame, as if a viewer had selected it in the dropdown."""
+        self._chosen = '' if name == NONE else name
+
+    def set_options(self, names: Iterable[str]) -> None:
+        """Set the frames; the chosen one stays, since it may be published again."""
+        options = (NONE, *sorted({*names, self.chosen} - {''}))
+        if options != self._dropdown.options:
+            self._dropdown.options = options
+
+    def propose(self, proposal: str) -> None:
+        """Set the proposal, and show the frame that is chosen or proposed."""
+        self._proposal = proposal
+        shown = self.name or NONE
+        if self._dropdown.value != shown and shown in self._dropdown.options:
+            self._dropdown.value = shown
+
+
+def within(value: Any, smallest: float, largest: float) -> float:
+    """Clamp a number that a viewer has set; if it is not finite, return `smallest`."""
+    number = float(value)
+    return min(max(number, smallest), largest) if isfinite(number) else smallest

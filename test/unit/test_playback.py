@@ -1,0 +1,236 @@
+"""The controls of a bag in the page of web_view, and the page that plays without a server."""
+
+import base64
+from contextlib import ExitStack
+import os
+import signal
+
+import pytest
+
+from dummy_arm.cli.signals import check_signals, record_signals, signal_received
+from dummy_arm.tf import TransformBuffer
+from dummy_arm.tools import web_view
+from dummy_arm.tools.web_view import main
+from dummy_arm.view import feed as feed_module
+from dummy_arm.view.feed import BagFeed, Player
+
+pytest.importorskip('viser')
+from viewer import CAMERA, msgspec, update, Viewer, zstandard
+
+from dummy_arm.view.export import Recording
+from dummy_arm.view.playback import Playback
+from dummy_arm.view.server import serve
+
+S = 10**9
+T = 1_700_000_000 * S
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock that a test sets: `clock[0]` (s)."""
+    now = [1000.0]
+    monkeypatch.setattr(feed_module, 'monotonic', lambda: now[0])
+    return now
+
+
+@pytest.fixture
+def buffer():
+    """A bag of 10 s, in which the frame base moves along x at 1 m/s."""
+    buffer = TransformBuffer(10**18)
+    for i in range(101):
+        buffer.insert(T + i * S // 10, 'map', 'base', (i / 10, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0))
+    return buffer
+
+
+class Controls:
+    """The controls of a bag, a viewer of them, and the clock of the bag."""
+
+    def __init__(self, playback, player, viewer, clock):
+        """Take those of a page that is served."""
+        self.playback, self.player, self.viewer, self.clock = playback, player, viewer, clock
+
+    def set(self, label, value):
+        """Change a control, and wait until the server has handled this."""
+        self.viewer.set(label, value)
+        # The answer to a nonsensical speed comes after the messages before it.
+        uuid = self.viewer.uuid('Speed')
+        speed = self.viewer.gui[uuid]['value']
+        self.viewer.gui[uuid]['value'] = 'awaited'
+        self.viewer.send(update(uuid, value=f'{speed}!'))
+        self.viewer.until(lambda: self.viewer.gui[uuid]['value'] != 'awaited')
+
+    def after(self, seconds):
+        """Update the controls when some time has passed; return the position in the bag (s)."""
+        self.clock[0] += seconds
+        assert self.playback.update() == self.player.time
+        return self.player.position
+
+
+@pytest.fixture
+def controls(clock, buffer):
+    """A function that creates the controls of the bag with some findings."""
+    with ExitStack() as stack:
+        def create(findings=()):
+            server = stack.enter_context(serve('127.0.0.1'))
+            player = Player(buffer.frames())
+            playback = Playback(server.gui, player, findings)
+            viewer = Viewer(server.get_port())
+            stack.callback(viewer.close)
+            viewer.send(CAMERA)
+            viewer.until(lambda: any(
+                props.get('label') == 'Step (s)' for props in viewer.gui.values()))
+            return Controls(playback, player, viewer, clock)
+
+        yield create
+
+
+def test_speed_pause_time_and_steps(controls):
+    """A viewer changes each of them; a step pauses."""
+    shown = controls()
+    assert shown.after(1.0) == 1.0
+    shown.set('Speed', '0.5')
+    assert shown.after(1.0) == 1.5
+    shown.set('Pause', True)
+    assert shown.after(1.0) == 1.5
+    shown.set('Time (s)', 3.0)
+    assert shown.after(1.0) == 3.0
+    shown.set('Pause', False)
+    shown.set('Speed', '10')
+    assert [shown.after(0.2), shown.after(0.1)] == pytest.approx([5.0, 6.0])
+    shown.set('Step (s)', '+0.1')
+    assert shown.after(0.0) == pytest.approx(6.1)
+    assert shown.after(1.0) == pytest.approx(6.1)
+    shown.viewer.until(lambda: shown.viewer.value('Pause'))
+    for _ in range(2):
+        shown.set('Step (s)', '-0.01')
+    assert shown.after(0.0) == pytest.approx(6.08)
+    shown.viewer.until(lambda: shown.viewer.value('Time (s)') == 6.08)
+
+
+def test_each_finding_jumps_to_its_time(controls):
+    """They appear when the bag is examined; those without a time in the bag are texts."""
+    findings: list[tuple[str, int]] = []
+    shown = controls(findings)
+    shown.after(0.0)
+    findings += [('2 <errors>', 0), ('error a', T + 3 * S), ('error far', T + 99 * S),
+                 *((f'warning {i}', T + 7 * S) for i in range(20))]
+    shown.after(0.0)
+    viewer = shown.viewer
+    viewer.until(lambda: any('and 3 more' in props.get('content', '')
+                             for props in viewer.gui.values()))
+    labels = [props.get('label', '') for props in viewer.gui.values()]
+    assert '3.00 s: error a' in labels
+    assert sum(': warning' in label for label in labels) == 17
+    texts = ''.join(props.get('content', '') for props in viewer.gui.values())
+    assert '2 &lt;errors&gt;' in texts
+    assert 'error far' in texts
+    for _ in range(2):
+        shown.set('7.00 s: warning 3', True)
+        assert [shown.after(1.0), shown.after(1.0)] == [7.0, 7.0]
+        shown.set('3.00 s: error a', True)
+        assert [shown.after(1.0), shown.after(1.0)] == [3.0, 3.0]
+    viewer.until(lambda: viewer.value('Pause'))
+
+
+def test_a_bag_that_cannot_be_examined(tmp_path):
+    """The reason is a line of the findings."""
+    findings: list[tuple[str, int]] = []
+    web_view.find_faults(findings, [str(tmp_path / 'no.mcap')], '', False)
+    ((text, time),) = findings
+    assert text.startswith('tf_doctor cannot examine the bag: ')
+    assert 'no.mcap' in text
+    assert time == 0
+
+
+def test_nonsense_from_a_viewer(controls):
+    """Wrong numbers are clamped, and what is not offered changes nothing."""
+    shown = controls()
+    shown.set('Pause', True)
+    for value, position in (99.0, 10.0), (-1.0, 0.0), (4.0, 4.0), (float('nan'), 0.0), (1e300, 10):
+        shown.set('Time (s)', value)
+        assert shown.after(1.0) == position
+    shown.set('Step (s)', '-1e9')
+    shown.set('Speed', '1e9')
+    assert (shown.after(1.0), shown.player.speed) == (10.0, 1.0)
+    assert shown.viewer.value('Speed') == '1'
+
+
+def recorded(page):
+    """Return the scene that is in a page: the time and the properties of each message."""
+    scene = page.split('window.__VISER_EMBED_DATA__="')[1].split('"')[0]
+    data = zstandard.ZstdDecompressor().decompress(base64.b64decode(scene)[8:])
+    return msgspec.msgpack.decode(data[8:8 + int.from_bytes(data[:8], 'little')])
+
+
+def test_a_recording(buffer):
+    """It has the frames at each moment, and no controls."""
+    recording = Recording(BagFeed(buffer, 'bag'))
+    recording.add(5.0, T - 1)  # there is no frame yet
+    assert not recording.has_frames
+    for i in range(11):
+        recording.add(5.0 + i / 2, T + i * S // 2)
+    assert recording.duration == 5.0
+    content = recorded(recording.as_html())
+    assert content['durationSeconds'] == pytest.approx(5.05)
+    assert not any(message['type'].startswith('Gui') for _, message in content['messages'])
+    node = next(message['name'] for _, message in content['messages']
+                if message.get('updates', {}).get('text') == 'base')
+    places = [(time, *message['position'][:1]) for time, message in content['messages']
+              if message['type'] == 'SetPositionMessage' and message['name'] == node]
+    assert places == [(i / 2, i / 2) for i in range(1, 11)]
+    camera = [time for time, message in content['messages']
+              if message['type'] == 'SetCameraPositionMessage']
+    assert camera == [0.0]
+
+
+def test_ctrl_c_ends_a_live_recording(monkeypatch, buffer):
+    """What was recorded is kept, and the command goes on to write it."""
+    def add(recording, *args):
+        original(recording, *args)
+        if recording.duration > 0.0 and not signal_received():
+            os.kill(os.getpid(), signal.SIGINT)
+
+    original = Recording.add
+    monkeypatch.setattr(Recording, 'add', add)
+    handlers = record_signals()
+    try:
+        assert 0.0 < web_view.recorded_live(BagFeed(buffer, 'live'), 1e6).duration < 1e6
+        check_signals()
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def test_a_bag_without_frames_to_show(failed, tmp_path):
+    """It is an error, and no file is written."""
+    bags = pytest.importorskip('bags')
+    bag = bags.make(tmp_path / 'bag', 'mcap', [
+        ('/tf', T, [bags.row(T, 'a', 'b'), bags.row(T, 'b', 'a')])])
+    path = tmp_path / 'loop.html'
+    code, error = failed(main, '--bag', str(bag), '--export', str(path))
+    assert code == 1
+    assert error.startswith(f'web_view: cannot write {path}: there are no frames.')
+    assert not path.exists()
+
+
+def test_the_options_of_an_export(failed, tmp_path):
+    """They are checked before the bag is read."""
+    for arguments, text in (
+            (['--export', 'a.pdf'], "'a.pdf' must end in .html"),
+            (['--time', '3'], '--time needs --export'),
+            (['--export', 'a.html', '--time', '0'], 'the time to listen must be more than 0 s'),
+            (['--export', str(tmp_path / 'none' / 'a.html')], 'is not a writable directory')):
+        code, error = failed(main, *arguments)
+        assert code == (1 if 'writable' in text else 2)
+        assert text in error
+
+
+def test_an_export_of_a_bag(capsys, tmp_path):
+    """The file has all of the bag, or as many seconds as are asked for."""
+    bags = pytest.importorskip('bags')
+    bag, path = bags.make(tmp_path / 'bag', 'mcap', bags.walk(4)), tmp_path / 'walk.html'
+    for arguments, duration in ([], 4.0), (['--time', '1.5'], 1.5):
+        assert main(['--bag', str(bag), '--export', str(path), *arguments]) == 0
+        assert capsys.readouterr().out == f'wrote {path}: {duration} s\n'
+        assert recorded(path.read_text())['durationSeconds'] == pytest.approx(duration + 0.05)
+    assert {each.name for each in tmp_path.iterdir()} == {'bag', 'walk.html'}
