@@ -71,7 +71,7 @@ class Scene:
                 self._frame_names = placement.names
             self._show_grid(display.cell)
             self._show_rods(rods(placement, display, selected))
-            self._show_names(placement, display)
+            self._show_names(placement, display, selected)
             self._show_trail(trail)
 
     def take_click(self) -> str:
@@ -115,12 +115,13 @@ class Scene:
             if isinstance(event.instance_index, int) and self._frame_names:
                 self._clicked = self._frame_names[event.instance_index % len(self._frame_names)]
 
-    def _show_names(self, placement: Placement, display: Display) -> None:
+    def _show_names(self, placement: Placement, display: Display, selected: str) -> None:
         texts = _texts(placement, display) if display.with_names else []
         shown = {name: (text, position) for name, text, position in zip(
             placement.names, texts, placement.points) if text}
         if isinstance(self._owner, viser.ClientHandle):
-            shown = _without_overlap(shown, self._owner.camera)
+            first = {selected: shown[selected]} if selected in shown else {}
+            shown = _without_overlap({**first, **shown}, self._owner.camera)
         for name in self._labels.keys() - shown.keys():
             label = self._labels.pop(name)
             label.visible = False

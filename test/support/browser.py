@@ -65,7 +65,7 @@ class Scene:
         #: The names that are shown, and their positions (m).
         self.names = {name: np.array(place) for name, place in drawn['names'].items()}
         rods = np.array(drawn['rods']).reshape(5, -1, 19)
-        #: (5, n, 3): the beginnings of x, y and z axes, of lines to parents, and of their heads (m).
+        #: (5, n, 3): the beginnings of x, y and z axes, lines to parents and their heads (m).
         self.begins = rods[..., 12:15]
         #: (5, n, 3): their ends (m).
         self.ends = self.begins + rods[..., 8:11]

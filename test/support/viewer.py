@@ -80,7 +80,9 @@ class Viewer:
         """
         deadline = time.monotonic() + TIMEOUT
         while not condition():
-            assert time.monotonic() < deadline, f'waited in vain: {self.gui}'
+            assert time.monotonic() < deadline, 'waited in vain: ' + ', '.join(
+                f'{props["label"]}: {props.get("value")}' for props in self.gui.values()
+                if 'label' in props)
             update()
             with suppress(TimeoutError):
                 self.receive(0.02)

@@ -536,10 +536,10 @@ def test_trees_that_change(page):
     shown = page(live(buffer))
     viewer = shown.viewer
     shown.until(lambda: 'no frames yet. because' in viewer.text('overview'))
-    for parent, child, x in ('map', 'odom', 1.0), ('map', 'left', 3.0), ('odom', 'base', 0.5):
+    for parent, child, x in ('map', 'odom', 1.0), ('map', 'left', 4.0), ('odom', 'base', 1.0):
         buffer.insert(T, parent, child, pose(x))
     shown.until(lambda: viewer.names() == {
-        'map': [0, 0, 0], 'odom': [1, 0, 0], 'left': [3, 0, 0], 'base': [1.5, 0, 0]})
+        'map': [0, 0, 0], 'odom': [1, 0, 0], 'left': [4, 0, 0], 'base': [2, 0, 0]})
     shown.until(lambda: {*viewer.gui[viewer.uuid('Frame')]['options']} == {
         '(none)', 'map', 'odom', 'left', 'base'})
     buffer.insert(T, 'world', 'tree', pose(1.0))
@@ -549,15 +549,157 @@ def test_trees_that_change(page):
     shown.until(lambda: viewer.detail('parent') == 'world')
     assert viewer.detail('parent-translation') == '1.000  0.000  0.000'
     assert not viewer.detail('fixed')  # its numbers would be equal
-    for parent, child, x in ('map', 'left', 3.0), ('left', 'base', 0.5):
+    for parent, child, x in ('map', 'left', 4.0), ('left', 'base', 1.0):
         buffer.insert(T + S, parent, child, pose(x))
-    shown.until(lambda: viewer.names().get('base') == [3.5, 0, 0])
+    shown.until(lambda: viewer.names().get('base') == [5, 0, 0])
     shown.set('Fixed frame', 'left')
-    shown.until(lambda: viewer.names().get('map') == [-3, 0, 0])
+    shown.until(lambda: viewer.names().get('map') == [-4, 0, 0])
     shown.set('Axis length (m)', 0.5)
     shown.until(lambda: viewer.rods('scales')[:3, :, 2] == pytest.approx(0.5))
     shown.set('Show names', False)
     shown.until(lambda: not viewer.names())
+
+
+def rows(viewer):
+    """Return the rows of the tree: the text of each, and its colour."""
+    return {props['label'].replace('\u00a0', ' ').strip(): props['color']
+            for props in viewer.gui.values() if 'color' in props and props['visible']
+            and props['label'] not in ('Focus on all frames', 'Write as text')}
+
+
+def shown_frames(viewer, placement):
+    """Return the frames whose axes are drawn."""
+    return {name for name, radius in zip(
+        placement.names, viewer.rods('scales')[0, :, 0]) if radius > 0.0}
+
+
+def test_the_tree(page, clock):
+    """It has a row for each frame, selects, filters and hides frames and branches."""
+    buffer = TransformBuffer()
+    buffer.insert(T, 'map', 'odom', pose(1.0), is_static=True)
+    for i in range(11):
+        arm(buffer, T + i * S // 10, 'odom', 'base', 'hand')
+        arm(buffer, T + i * S // 10, 'map', 'other')
+    shown = page(live(buffer))
+    viewer, watcher = shown.viewer, FrameWatcher(buffer)
+    placement = watcher.placement()
+    shown.until(lambda: rows(viewer) == {
+        'map': 'blue', '├── odom  static': 'blue', '│   └── base  10.0 Hz': 'green',
+        '▶ │       └── hand  10.0 Hz': 'green', '└── other  10.0 Hz': 'green'})
+    viewer.send({'type': 'GuiUpdateMessage', 'uuid': next(
+        uuid for uuid, props in viewer.gui.items()
+        if 'odom' in props.get('label', '') and 'static' in props['label']),
+        'updates': {'value': True}})
+    shown.until(lambda: viewer.value('Frame') == 'odom')
+    shown.set('Show its branch', False)
+    shown.until(lambda: shown_frames(viewer, placement) == {'map', 'other'})
+    assert not {'odom', 'base', 'hand'} & viewer.names().keys()
+    shown.until(lambda: {colour for text, colour in rows(viewer).items() if 'base' in text} == {
+        'dark'})
+    shown.set('Show its branch', True)
+    shown.set('Show the frame', False)
+    shown.until(lambda: shown_frames(viewer, placement) == {'map', 'base', 'hand', 'other'})
+    shown.set('Show the frame', True)
+    shown.set('Include', 'a')
+    shown.set('Exclude', '^hand$')
+    shown.until(lambda: shown_frames(viewer, placement) == {'map', 'base'})
+    shown.until(lambda: '2 of 5 frames' in viewer.text('tree'))
+    shown.set('Exclude', '(')
+    shown.until(lambda: 'Exclude: no regular expression' in viewer.text('tree'))
+    shown.set('Exclude', 'a' * 201)
+    shown.until(lambda: 'Exclude: more than 200 characters' in viewer.text('tree'))
+    shown.set('Exclude', '')
+    shown.set('Include', '')
+    shown.until(lambda: len(shown_frames(viewer, placement)) == 5)
+    clock[0] += 7.0
+    shown.until(lambda: {colour for text, colour in rows(viewer).items() if 'Hz' in text} == {
+        'orange'})
+
+
+def test_a_tree_of_many_frames(page):
+    """It has pages of 50 rows."""
+    buffer = TransformBuffer()
+    for i in range(120):
+        buffer.insert(T, 'map', f'post_{i:03}', pose(i), is_static=True)
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: '121 of 121 frames, page 1 of 3' in viewer.text('tree'))
+    shown.until(lambda: len(rows(viewer)) == 50)
+    for number in 2, 3, 3:
+        shown.set('Page', 'next')
+        shown.until(lambda: f'page {number} of 3' in viewer.text('tree'))  # noqa: B023
+    shown.until(lambda: len(rows(viewer)) == 21 and any('post_119' in row for row in rows(viewer)))
+    shown.set('Page', 'previous')
+    shown.until(lambda: 'page 2 of 3' in viewer.text('tree'))
+
+
+def test_what_is_displayed(page, clock):
+    """Axes, lines, names and the grid can be hidden; the timeout and the view be chosen."""
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base', 'hand')
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: '/frames' in viewer.nodes and len(viewer.names()) == 3)
+    shown.set('Axes', False)
+    shown.until(lambda: not viewer.rods('scales')[:3, :, 0].any())
+    assert viewer.rods('scales')[3:, 1:, 0].all()
+    shown.set('Lines to parents', False)
+    shown.until(lambda: not viewer.rods('scales')[:, :, 0].any())
+    shown.set('Axes', True)
+    shown.set('Show names', False)
+    shown.until(lambda: not viewer.names())
+    shown.set('Show names', True)
+    before = np.abs(viewer.nodes['/grid']['points']).max()
+    shown.set('Cell of the grid (m)', 2.0)
+    shown.until(lambda: np.abs(viewer.nodes['/grid']['points']).max() == 4 * before)
+    viewer.set('View', 'top')
+    shown.until(lambda: viewer.last['SetCameraPositionMessage']['position'][2] > 4.0)
+    clock[0] += 6.0
+    shown.set('Frame timeout (s)', 5)
+    shown.until(lambda: 'for 5 s on the path' in viewer.text('overview'))
+    shown.until(lambda: not viewer.names())
+    shown.set('Dark', True)
+    shown.until(lambda: viewer.last.get('ThemeConfigurationMessage', {}).get('dark_mode'))
+
+
+def test_each_viewer_has_settings_of_its_own(page):
+    """Another fixed frame, other sizes; the other viewer sees nothing of it."""
+    from viewer import CAMERA, Viewer
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base', 'hand')
+    shown = page(live(buffer))
+    other = Viewer(shown.server.get_port())
+    other.send(CAMERA)
+    other.until(lambda: '/frames' in other.nodes, shown.update)
+    shown.set('Fixed frame', 'base')
+    shown.set('Axis length (m)', 1.0)
+    shown.until(lambda: shown.viewer.names().get('map') == [-1, 0, 0])
+    shown.until(lambda: shown.viewer.rods('scales')[0, 0, 2] == 1.0)
+    other.until(lambda: other.names().get('base') == [1, 0, 0], shown.update)
+    assert other.value('Fixed frame') == 'map'
+    assert other.rods('scales')[0, 0, 2] == pytest.approx(0.16)
+    other.close()
+    shown.until(lambda: len(shown.server.get_clients()) == 1)
+    shown.update()
+
+
+def test_a_live_page_looks_back(page):
+    """While it is paused, a slider moves the scene and the pair back."""
+    buffer = TransformBuffer(40 * S)
+    for second in range(11):
+        buffer.insert(T + second * S, 'map', 'base', pose(second))
+    shown = page(live(buffer))
+    viewer = shown.viewer
+    shown.until(lambda: viewer.names().get('base') == [10, 0, 0])
+    shown.set('Pause', True)
+    shown.update()
+    shown.set('Back (s)', 4.0)
+    shown.until(lambda: viewer.names().get('base') == [6, 0, 0])
+    shown.set('A', 'map')
+    shown.set('B', 'base')
+    shown.until(lambda: f'{T // S + 6}.000' in viewer.text('pair'))
+    shown.set('Pause', False)
+    shown.until(lambda: viewer.names().get('base') == [10, 0, 0])
 
 
 def test_frames_that_fade_and_return(page, clock):
