@@ -43,12 +43,12 @@ class Pair:
                        _add_plot(gui, 'rotation (°)', ('roll', 'pitch', 'yaw')))
         self._names: list[str] = []
         self._frames = '', ''
-        self._transform: Optional[Transform] = None
+        self._shown: Optional[Transform] = None
         #: The `end` and the `now` of the last update of the numbers and of the plots.
         self._updates: dict[str, tuple[int, float]] = {}
 
     async def _on_click(self, _: 'viser.GuiEvent[Any]') -> None:
-        if transform := self._transform:
+        if transform := self._shown:
             self._texts.content = _as_texts(transform)
 
     def set_frames(self, names: Sequence[str]) -> None:
@@ -78,7 +78,7 @@ class Pair:
         if self._is_due('numbers', _NUMBERS_PERIOD, end, now):
             self._show_numbers(*self._look_up(a, b, end))
         if self._is_due('plots', _PLOTS_PERIOD, end, now):
-            self._show_plots(end or (self._transform.stamp if self._transform else None))
+            self._show_plots(end or (self._shown.stamp if self._shown else None))
 
     def _is_due(self, part: str, period: float, end: int, now: float) -> bool:
         """Return True, and note the update, if a part must be updated now."""
@@ -101,7 +101,7 @@ class Pair:
             int(end), a, b, (*translations[0].tolist(),), (*rotations[0].tolist(),))
 
     def _show_numbers(self, why_not: str, transform: Optional[Transform]) -> None:
-        self._transform = transform
+        self._shown = transform
         self._numbers.content = _as_table(transform) if transform else _paragraph(why_not)
         self._button.visible = transform is not None
 

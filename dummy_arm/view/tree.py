@@ -1,5 +1,6 @@
 """The tree of frames in the panel: which frames there are, and which of them are drawn."""
 
+from collections import deque
 from collections.abc import Iterator
 import re
 from typing import Any, NamedTuple, Optional
@@ -41,6 +42,8 @@ class Tree:
         self._buttons: list[Any] = []
         self._rows: list[_Row] = []  # those of the page that is shown
         self._page, self._next = 0, 0.0
+        #: The pages that the viewer has turned since the last update.
+        self._turns: deque[int] = deque()
         self._selected, self._clicked = '', ''
         #: The frames that the viewer has hidden, and those hidden with all that is below them.
         self._hidden: set[str] = set()
@@ -91,8 +94,7 @@ class Tree:
         self._next = 0.0
 
     async def _on_turn(self, event: 'viser.GuiEvent[Any]') -> None:
-        self._page += 1 if event.target.value == 'next' else -1
-        self._next = 0.0
+        self._turns.append(1 if event.target.value == 'next' else -1)
 
     async def _on_click(self, event: 'viser.GuiEvent[Any]') -> None:
         number = self._buttons.index(event.target)
@@ -125,7 +127,7 @@ class Tree:
         """Show the rows, twice a second at most; `now`: on the monotonic clock (s)."""
         if selected != self._selected:
             self._selected, self._next = selected, 0.0
-        if now < self._next:
+        if now < self._next and not self._turns:
             return
         self._next = now + _PERIOD
         for box, names in (self._show, self._hidden), (self._show_branch, self._hidden_branches):
@@ -133,7 +135,10 @@ class Tree:
                 box.value = selected not in names
         rows = [*self._tree(placement, selected, hidden)]
         pages = max(1, -(-len(rows) // _ROWS))
-        self._page = min(max(self._page, 0), pages - 1)
+        while self._turns:
+            self._page = min(self._page + self._turns.popleft(), pages - 1)
+            self._page = max(self._page, 0)
+        self._page = min(self._page, pages - 1)
         self._turn.visible = pages > 1
         self._rows = rows[self._page * _ROWS:(self._page + 1) * _ROWS]
         self._status.content = html(self._problem or (

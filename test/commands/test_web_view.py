@@ -17,7 +17,7 @@ FRAMES = 'map, base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector'
 
 def test_a_port_that_is_given(start, ros, monkeypatch):
     """The page is served there, whatever viser's environment variables are."""
-    from viewer import Viewer
+    from viewer import CAMERA, Viewer
 
     from dummy_arm.tf import TransformBroadcaster
     monkeypatch.setenv('_VISER_PORT_OVERRIDE', '1')
@@ -29,6 +29,7 @@ def test_a_port_that_is_given(start, ros, monkeypatch):
         assert answer.status == 200
     robot = TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
     viewer = Viewer(port)
+    viewer.send(CAMERA)
     hint = f'To listen to {robot.pub_tf.topic_name}, pass '
     viewer.until(lambda: hint in viewer.text('overview'))
     viewer.close()
@@ -160,7 +161,7 @@ def test_a_file_that_plays_without_a_server(start, open_file, request, tmp_path)
     assert process.exit_code() == 0
     page = open_file(path)
     scene = page.until(lambda: (
-        scene := page.scene_with(*FRAMES)).begins.shape == (4, 6, 3) and scene)
+        scene := page.scene_with(*FRAMES)).begins.shape == (5, 6, 3) and scene)
     hand = 'end_effector'
     page.until(lambda: np.linalg.norm(
         page.scene_with(hand).names[hand] - scene.names[hand]) > 0.05)

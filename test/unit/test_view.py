@@ -626,10 +626,10 @@ def test_a_tree_of_many_frames(page):
     shown.until(lambda: '121 of 121 frames, page 1 of 3' in viewer.text('tree'))
     shown.until(lambda: len(rows(viewer)) == 50)
     for number in 2, 3, 3:
-        shown.set('Page', 'next')
+        viewer.set('Page', 'next')
         shown.until(lambda: f'page {number} of 3' in viewer.text('tree'))  # noqa: B023
     shown.until(lambda: len(rows(viewer)) == 21 and any('post_119' in row for row in rows(viewer)))
-    shown.set('Page', 'previous')
+    viewer.set('Page', 'previous')
     shown.until(lambda: 'page 2 of 3' in viewer.text('tree'))
 
 
