@@ -115,6 +115,49 @@ def test_the_waving_arm_in_a_browser(start, ros, open_page, request, tmp_path):
     listener.unregister()
 
 
+@pytest.mark.parametrize('size', [(1400, 900), (390, 800)], ids=str)
+def test_the_tabs_in_a_browser(start, ros, request, tmp_path, size):
+    """A viewer uses each tab, on a wide screen and on a narrow one."""
+    from browser import pages
+
+    from dummy_arm.tf import Buffer, TransformListener
+    start(*ARM)
+    buffer = Buffer(node=ros.node)
+    listener = TransformListener(buffer, ros.node)
+    view = start(*tool('web_view'))
+    with pages() as open_url:
+        page = open_url(view.line_with('look at http').split()[-1], *size)
+        page.scene_with('end_effector')
+        page.open_tab('Tree')
+        page.until(lambda: '6 of 6 frames' in page.page.inner_text('[data-text="tree"]'))
+        page.button('joint_2')
+        page.tick('Show its branch', False)
+        page.until(lambda: page.scene().names.keys() == {'map, base_link', 'joint_1'})
+        page.tick('Show its branch', True)
+        page.fill('Exclude', '^joint')
+        page.until(lambda: page.scene().names.keys() == {'map, base_link', 'end_effector'})
+        page.fill('Exclude', '')
+        page.open_tab('Display')
+        page.tick('Axes', False)
+        page.until(lambda: not page.scene().radii.any())
+        page.tick('Axes', True)
+        page.open_tab('Pair')
+        page.choose('A', 'joint_2')
+        page.choose('B', 'joint_3')
+        page.until(lambda: page.page.locator('[data-text="pair"]').count())
+        page.until(lambda: page.page.locator('canvas').count() >= 3)  # the scene and two plots
+        page.page.screenshot(path=artefact(request, tmp_path, f'web_view_{size[0]}.png'))
+        page.open_tab('By hand')
+        page.fill('New frame', 'camera')
+        page.choose('Parent', 'joint_1')
+        page.tick('Publish', True)
+        ros.until(lambda: 'camera' in buffer.frame_names())
+        page.open_tab('Frame')
+        page.choose('Frame', 'camera')
+        page.until(lambda: page.value('publisher') == '/web_view')
+    listener.unregister()
+
+
 def middle_of_z_axis(scene, name):
     """Return the middle of the z axis of a frame (m)."""
     i = scene.index(name)

@@ -153,12 +153,24 @@ class BrowserPage:
 
     def choose(self, label: str, frame: str) -> None:
         """Choose a frame in a dropdown."""
-        self.page.get_by_label(label, exact=True).click()
+        self.page.get_by_role('combobox', name=label, exact=True).click()
         self.page.get_by_role('option', name=frame, exact=True).click()
 
     def click(self, point: np.ndarray) -> None:
         """Click the point of the scene (m)."""
         self.page.mouse.click(*self.page.evaluate(_WHERE, point.tolist()))
+
+    def fill(self, label: str, text: str) -> None:
+        """Type a text into a field; viser's label does not belong to its field."""
+        self.page.locator(f'xpath=//label[.="{label}"]/following::input[1]').fill(text)
+
+    def open_tab(self, name: str) -> None:
+        """Open a tab of the panel."""
+        self.page.get_by_role('tab', name=name, exact=True).click()
+
+    def button(self, text: str) -> None:
+        """Press the button whose text contains a text."""
+        self.page.get_by_role('button').filter(has_text=text).first.click()
 
     def tick(self, label: str, is_on: bool) -> None:
         """Check or uncheck a checkbox."""
@@ -170,16 +182,16 @@ class BrowserPage:
 
 
 @contextmanager
-def pages() -> Iterator[Callable[[str], BrowserPage]]:
+def pages() -> Iterator[Callable[..., BrowserPage]]:
     """Start a browser; return a function that opens a page, which must have no faults."""
     with playwright.sync_playwright() as started:
         browser = started.chromium.launch(executable_path=CHROMIUM, args=[
             '--no-sandbox', *_NOTHING_BEYOND_LOOPBACK, *_IN_SOFTWARE])
         opened: list[BrowserPage] = []
 
-        def open_page(url: str) -> BrowserPage:
+        def open_page(url: str, width: int = 1000, height: int = 700) -> BrowserPage:
             opened.append(BrowserPage(
-                browser.new_page(viewport={'width': 1000, 'height': 700}), url))
+                browser.new_page(viewport={'width': width, 'height': height}), url))
             return opened[-1]
 
         yield open_page
