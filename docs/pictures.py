@@ -73,10 +73,19 @@ def tree(browser: Browser, path: Path) -> None:
     page.close()
 
 
-def page_of_the_arm(browser: Browser, url: str, path: Path) -> None:
-    """Take a screenshot of the page."""
-    page = open_page(browser, url, 1200, 760)
-    page.screenshot(path=path)
+def page_of_the_arm(browser: Browser, url: str) -> None:
+    """Take screenshots of the page, with three of its tabs."""
+    page = open_page(browser, url, 1200, 860)
+    page.screenshot(path=DOCS / 'web_view.png')
+    page.get_by_role('tab', name='Tree', exact=True).click()
+    page.wait_for_timeout(3e3)
+    page.screenshot(path=DOCS / 'web_tree.png')
+    page.get_by_role('tab', name='Pair', exact=True).click()
+    for label, frame in ('A', 'map'), ('B', 'joint_3'):
+        page.get_by_role('combobox', name=label, exact=True).click()
+        page.get_by_role('option', name=frame, exact=True).click()
+    page.wait_for_timeout(6e3)
+    page.screenshot(path=DOCS / 'web_pair.png')
     page.close()
 
 
@@ -149,7 +158,7 @@ def main() -> None:
         tree(browser, DOCS / 'tree.png')
         output('tf_trajectory', 'map', 'end_effector', '--time', f'{SECONDS}',
                '-o', f'{DOCS}/trajectory.png')
-        page_of_the_arm(browser, url, DOCS / 'web_view.png')
+        page_of_the_arm(browser, url)
         animation(browser, url, DOCS / 'arm.gif')
         browser.close()
     rclpy.shutdown()

@@ -149,7 +149,9 @@ class Viewer:
             the viewer looks back.
         """
         back = round(self._panel.back * SECOND)
-        return self._panel.fixed.chosen, until or (back and max(1, self._paused_at - back))
+        if self._paused_at and back:
+            until = max(1, self._paused_at - back)
+        return self._panel.fixed.chosen, until
 
     def update(self, latest: Placement, request: tuple[str, int], now: float, hint: str) -> None:
         """
