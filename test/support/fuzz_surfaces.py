@@ -380,6 +380,7 @@ class _Server:
 
     def __init__(self) -> None:
         """Start to serve."""
+        import msgspec
         import viser
         import viser._messages as viser_messages
 
@@ -408,8 +409,7 @@ class _Server:
         self.fields = {name: [*getattr(viser_messages, name).__annotations__]
                        for name in self.types}
         self.uuids = [*self.server.gui._gui_input_handle_from_uuid]
-        self.slider = next(uuid for uuid in self.uuids if self.control(uuid).label == (
-            'Axis length (m)'))
+        self.slider = next(uuid for uuid in self.uuids if self.control(uuid).label == 'Time (s)')
         self.valid = {
             'GuiUpdateMessage': {'uuid': self.slider, 'updates': {'value': 0.5}},
             'ViewerCameraMessage': {
@@ -423,6 +423,13 @@ class _Server:
         self.values = {uuid: self.control(uuid).value for uuid in self.uuids}
         #: A client that sends nothing, and must not suffer.
         self.other = self.client()
+        self.other.send(msgspec.msgpack.encode(
+            {'type': 'ViewerCameraMessage', **self.valid['ViewerCameraMessage']}))
+        end = time.monotonic() + 20
+        while not self.server.get_clients():
+            assert time.monotonic() < end
+            time.sleep(0.001)
+        self.view.update()  # creates its panel
         self.threads = {*threading.enumerate()}
 
     def client(self) -> Any:
@@ -455,7 +462,7 @@ class _Server:
                     assert time.monotonic() < end, 'a valid message of another has no effect'
                     time.sleep(0.0005)
         self.view.update()
-        assert self.other.recv(timeout=20)  # the axes have got another length
+        assert self.other.recv(timeout=20)  # it shows another time
         while wrong := [control.label for uuid, first in self.values.items()
                         if type((control := self.control(uuid)).value) is not type(first)
                         or (isinstance(first, float) and not math.isfinite(control.value))]:
