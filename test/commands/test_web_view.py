@@ -131,6 +131,8 @@ def test_the_tabs_in_a_browser(start, ros, request, tmp_path, size):
         page.open_tab('Tree')
         page.until(lambda: '6 of 6 frames' in page.page.inner_text('[data-text="tree"]'))
         page.button('joint_2')
+        selected = page.page.get_by_role('button').filter(has_text='▶')
+        page.until(lambda: selected.filter(has_text='joint_2').count())
         page.tick('Show its branch', False)
         page.until(lambda: page.scene().names.keys() == {'map, base_link', 'joint_1'})
         page.tick('Show its branch', True)
