@@ -19,6 +19,8 @@ AnyBuffer = Union[TransformBuffer, 'Buffer']
 _FAR = 24 * 3600 * SECOND
 #: The length of a trail, and the time for which a live buffer keeps transforms (both in s).
 LENGTH = 20
+#: The largest number of frames whose rate is measured at the same time.
+_MEASURED = 10
 
 
 class Player:
@@ -159,23 +161,25 @@ class LiveFeed:
         #: The frames that `_publish` has published.
         self._published: set[str] = set()
         self.findings: list[tuple[str, int]] = []
-        self._measured_frame = ''
-        self._traffic: Optional[Traffic] = None
+        #: By name: the traffic of the frames that viewers look at, the last one asked for last.
+        self._traffic: dict[str, Traffic] = {}
         self._frame_listener = FrameListener(node, 2 * LENGTH)
         self.name = ' and '.join(reversed(self._frame_listener.topics))
         self.buffer: AnyBuffer = self._frame_listener.buffer
 
     def publication(self, frame: Frame) -> Publication:
-        """Return how a frame is published; a call for another frame starts a new measurement."""
+        """Return how a frame is published; the first call for a frame starts a measurement."""
         listener = self._frame_listener.publisher_listener
         messages, _ = listener.received()
-        if self._traffic is None or frame.name != self._measured_frame:
-            self._measured_frame = frame.name
-            self._traffic = Traffic(self._frame_listener.now, frame.name)
-        else:
-            self._traffic.observe(messages)
+        for each in self._traffic.values():
+            each.observe(messages)
+        traffic = self._traffic.pop(frame.name, None) or Traffic(
+            self._frame_listener.now, frame.name)
+        self._traffic[frame.name] = traffic
+        if len(self._traffic) > _MEASURED:
+            del self._traffic[next(iter(self._traffic))]
         publisher = listener.names_of([frame.authority])[frame.authority]
-        nodes = [each for each in self._traffic.by_node(listener)
+        nodes = [each for each in traffic.by_node(listener)
                  if each.frame == frame.name and each.is_present is not False]
         summary = next((each.summary for each in nodes if each.node == publisher), None)
         if len(several := [each.node for each in nodes if each.is_present]) > 1:

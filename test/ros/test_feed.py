@@ -43,6 +43,20 @@ def test_a_frame_of_two_nodes(publication):
     assert publication('a', 'b').publisher == '/a and /b (more than one publisher)'
 
 
+def test_two_viewers_look_at_two_frames(ros):
+    """The rate of each frame is measured, although they are asked for in turn."""
+    feed = LiveFeed(ros.node)
+    broadcaster = TransformBroadcaster(ros.node)
+
+    def send():
+        now = ros.node.get_clock().now().nanoseconds
+        broadcaster.sendTransform([stamped('map', name, now) for name in ('one', 'two')])
+
+    ros.node.create_timer(0.02, send)
+    ros.until(lambda: (frames := feed.buffer.frames()) and all(
+        each.rate is not None for each in map(feed.publication, frames)))
+
+
 def test_a_middleware_that_does_not_report_gids(handles, publication):
     """The rate and the delay are those of all publishers of the topic."""
     found = publication('a', 'b')
