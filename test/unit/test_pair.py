@@ -8,7 +8,7 @@ import shlex
 import numpy as np
 import pytest
 
-from dummy_arm.tf import Buffer, Transform, TransformBuffer
+from dummy_arm.tf import Transform, TransformBuffer
 
 pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
 
@@ -84,9 +84,9 @@ class Shown:
 
 
 @pytest.fixture
-def buffer(request):
-    """A buffer: of one minute, or of the class that a test has as a parameter."""
-    return request.param() if hasattr(request, 'param') else TransformBuffer(60 * S)
+def buffer():
+    """A buffer of one minute."""
+    return TransformBuffer(60 * S)
 
 
 @pytest.fixture
@@ -115,7 +115,6 @@ def test_nothing_is_shown_until_a_pair_is_chosen(shown, buffer):
     assert not shown.text()
 
 
-@pytest.mark.parametrize('buffer', [TransformBuffer, Buffer], indirect=True)
 def test_the_numbers_of_a_pair(shown, buffer):
     """The table shows the pose of B in A: a quarter turn about z, 1 m along x."""
     buffer.insert(T, 'map', 'base', (1.0, 0.0, -0.25, 0.0, 0.0, HALF, HALF))
