@@ -440,11 +440,10 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
                  default=0)
     for topic, found in _found(observation, Verdict.OTHER_CLOCK):
         stamp = int(topic.stamps[found][-1])
-        yield _Fault(
-            f'{_part(topic, found)} have stamps of another clock; the last is '
+        yield _of_topic(
+            observation, topic, found, 'have stamps of another clock; the last is '
             f'{display_time(stamp)}, {in_words(stamp - newest)} '
-            f'{"before" if stamp < newest else "after"} the newest transform', (),
-            _frames_of(topic, found), [topic.topic], observation.senders.get(topic.topic, ()))
+            f'{"before" if stamp < newest else "after"} the newest transform')
 
 
 @_check('message_too_old', ERROR,
@@ -454,10 +453,9 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
 def _message_too_old(observation: Observation) -> Iterator[_Fault]:
     for topic, found in _found(observation, Verdict.TOO_OLD):
         cache = int(topic.waits[found].max())
-        yield _Fault(
-            f'{_part(topic, found)} are too old: when they arrive, their transforms are up to '
-            f'{in_words(cache)} older than the newest ones', (), _frames_of(topic, found),
-            [topic.topic], observation.senders.get(topic.topic, ()),
+        yield _of_topic(
+            observation, topic, found, 'are too old: when they arrive, their transforms are up to '
+            f'{in_words(cache)} older than the newest ones',
             'Send the messages sooner, or give the listener a cache_time of '
             f'{ceil(cache / SECOND) + 1} s.')
 
@@ -500,6 +498,14 @@ def _by_edge(observation: Observation, verdict: Verdict, least_wait: int = 0
     return groups.values()
 
 
+def _of_topic(observation: Observation, topic: MessageTimes, found: NDArray[np.bool_], what: str,
+              remedy: str = '') -> _Fault:
+    """Return a fault of those messages of a topic that were found."""
+    return _Fault(
+        f'{_part(topic, found)} {what}', (), _frames_of(topic, found), [topic.topic],
+        observation.senders.get(topic.topic, ()), remedy)
+
+
 def _of_edge(observation: Observation, edge: Edge,
              topics: Sequence[tuple[MessageTimes, NDArray[np.bool_]]], what: str, remedy: str = ''
              ) -> _Fault:
@@ -515,7 +521,7 @@ def _of_edge(observation: Observation, edge: Edge,
         f'{_part(*topics[0])} {what}{more}{clock}', (),
         chain.from_iterable(_frames_of(*each) for each in topics),
         [topic.topic for topic, _ in topics],
-        [*senders, *map(observation.node_of, _dynamic(observation, edge))], remedy)
+        [*senders, *map(observation.node_of, observation.dynamic_tracks(edge.child))], remedy)
 
 
 def _ahead(observation: Observation, topic: MessageTimes, found: NDArray[np.bool_]) -> int:
@@ -539,12 +545,9 @@ def _frames_of(topic: MessageTimes, found: NDArray[np.bool_]) -> list[str]:
     return [topic.frames[number] for number in np.unique(topic.frame_numbers[found]).tolist()]
 
 
-def _dynamic(observation: Observation, edge: Edge) -> list[Track]:
-    return [track for track in observation.by_child[edge.child] if not track.is_static]
-
-
 def _edge_text(observation: Observation, edge: Edge) -> str:
-    node = observation.node_of(max(_dynamic(observation, edge), key=itemgetter('last_time')))
+    tracks = observation.dynamic_tracks(edge.child)
+    node = observation.node_of(max(tracks, key=itemgetter('last_time')))
     return (f'{shortened(observation.parents[edge.child])} -> {shortened(edge.child)}'
             f'{f" of {node}" if node else ""}')
 
@@ -576,8 +579,7 @@ def _message_early(observation: Observation) -> Iterator[_Fault]:
         'received.', 'headers')
 def _message_zero_stamp(observation: Observation) -> Iterator[_Fault]:
     for topic, found in _found(observation, Verdict.ZERO_STAMP):
-        yield _Fault(f'{_part(topic, found)} have the stamp 0', (), _frames_of(topic, found),
-                     [topic.topic], observation.senders.get(topic.topic, ()))
+        yield _of_topic(observation, topic, found, 'have the stamp 0')
 
 
 @_check('gap', WARNING,

@@ -141,6 +141,8 @@ class Observation:
     @cached_property
     def message_times(self) -> list[MessageTimes]:
         """From when on the messages with `own_headers` can be transformed at their stamps."""
+        if not self.own_headers:
+            return []
         arrivals = [*self.statistics.span_of_arrivals(), *chain.from_iterable(
             (min(headers.arrivals), max(headers.arrivals))
             for headers in self.own_headers.values() if headers.arrivals)]
@@ -151,6 +153,10 @@ class Observation:
             self.statistics.settling)
         return [judge.judge(topic, headers) for topic, headers in sorted(self.own_headers.items())]
 
+    def dynamic_tracks(self, child: str) -> list[Track]:
+        """Return the tracks of a child on /tf."""
+        return [track for track in self.by_child.get(child, ()) if not track.is_static]
+
     def _edges_above(self, frame: str) -> Optional[list[Edge]]:
         """Return the dynamic edges from a frame to its root; None: it is in no tree."""
         name = frame.removeprefix('/')
@@ -160,7 +166,7 @@ class Observation:
         # Edges whose transforms always arrive together are judged once.
         edges: dict[frozenset[tuple[int, ...]], Edge] = {}
         for child in path:
-            tracks = [track for track in self.by_child.get(child, ()) if not track.is_static]
+            tracks = self.dynamic_tracks(child)
             key = self.statistics.together(tracks)
             if not tracks or key in edges:
                 continue

@@ -166,8 +166,9 @@ class Statistics:
 
     def span_of_arrivals(self) -> tuple[int, ...]:
         """Return when the first and the last dynamic transform have arrived (ns), if known."""
-        times = [time for time, _ in self._arrivals.values()]
-        return (min(map(min, times)), max(map(max, times))) if times else ()
+        times = [np.asarray(times) for times, _ in self._arrivals.values()]
+        return (int(min(each.min() for each in times)), int(max(each.max() for each in times))
+                ) if times else ()
 
     def together(self, tracks: Iterable[Track]) -> frozenset[tuple[int, ...]]:
         """Return a key for `arrivals`: equal for tracks whose transforms arrive together."""

@@ -7,9 +7,9 @@ import shutil
 import sys
 from typing import Any
 
-#: The first bytes of data that are compressed by zstd; a message in CDR never begins with them.
 #: A std_msgs/Header with a frame_id of usual length takes no more than this (bytes).
 _HEADER = 2000
+#: The first bytes of data that are compressed by zstd; a message in CDR never begins with them.
 ZSTD = b'\x28\xb5\x2f\xfd'
 
 
