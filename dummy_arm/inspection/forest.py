@@ -1,6 +1,6 @@
 """Arrange the frames of a buffer into trees and loops."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple, Optional
 
 from dummy_arm.tf import Frame
@@ -96,3 +96,13 @@ def frequency(frame: Frame) -> Optional[float]:
     """Return the average rate (Hz); None if all samples have the same stamp."""
     span = frame.latest - frame.oldest
     return (frame.length - 1) * 1e9 / span if span > 0 else None
+
+
+def self_and_ancestors(name: str, frames: Mapping[str, Frame]) -> Iterator[str]:
+    """Yield a frame, its parent, and so on, up to the root or until a loop is complete."""
+    seen = set()
+    while name not in seen:
+        yield name
+        seen.add(name)
+        if name in frames:
+            name = frames[name].parent

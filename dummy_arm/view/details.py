@@ -19,7 +19,8 @@ from dummy_arm.view.rods import TIMEOUT
 _SILENT = 1.0
 #: The largest number of names that a line of the overview lists.
 _MAX_NAMES = 5
-_STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
+#: Of the texts in the panel.
+STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
           'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
 
 
@@ -57,14 +58,14 @@ def overview(placement: Placement, feed: Feed, fixed: str = '', timeout: float =
         lines.append('not shown, since the translation is not finite: '
                      f'{comma_list(placement.not_finite, _MAX_NAMES, _text)}')
     lines += [f'in a loop: {" → ".join(map(_text, [*loop, loop[0]]))}' for loop in placement.loops]
-    return f'<div style="{_STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
+    return f'<div style="{STYLE}" data-text="overview">{"<br>".join(lines)}</div>'
 
 
 def details(placement: Placement, name: str, feed: Feed) -> str:
     """Return in HTML a table of one frame, or a sentence if it is not available."""
     if name not in placement.names:
         text = f'{_text(name)} is not available.' if name else 'Click a frame, or choose one.'
-        return f'<div style="{_STYLE}" data-text="details">{text}</div>'
+        return f'<div style="{STYLE}" data-text="details">{text}</div>'
     i = placement.names.index(name)
     frame = placement.frames.get(name)
     target, _ = placement.anchor_of(name)
@@ -86,7 +87,7 @@ def details(placement: Placement, name: str, feed: Feed) -> str:
         rows += _row('why', 'not in the fixed frame', why)
     if frame is not None:
         rows += _published(frame, placement.silences[name], feed)
-    return f'<table style="{_STYLE}" data-text="details">{rows}</table>'
+    return f'<table style="{STYLE}" data-text="details">{rows}</table>'
 
 
 def _published(frame: Frame, silence: float, feed: Feed) -> str:
@@ -133,7 +134,7 @@ def _numbers(values: Iterable[float], precision: int) -> str:
 
 def html(text: str, key: str) -> str:
     """Return a text as an element of the panel."""
-    return f'<div style="{_STYLE}" data-text="{key}">{_text(text)}</div>'
+    return f'<div style="{STYLE}" data-text="{key}">{_text(text)}</div>'
 
 
 def _text(text: str) -> str:

@@ -63,7 +63,7 @@ class Recording:
         try:
             scene = Scene(server)
             # Only the first position of the camera counts, and at the end most frames are known.
-            look_at(self._moments[-1].placement, server.initial_camera)
+            look_at(self._moments[-1].placement, [server.initial_camera])
             serializer, before = server.get_scene_serializer(), self._moments[0].time
             for time, placement, trail in self._moments:
                 on_progress(time - self._moments[0].time)

@@ -1,10 +1,10 @@
 """Where the frames come from: a bag that is played, or the topics /tf and /tf_static."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from time import monotonic
 from typing import NamedTuple, Optional, Protocol, TYPE_CHECKING, Union
 
-from dummy_arm.inspection.forest import frequency
+from dummy_arm.inspection.forest import frequency, self_and_ancestors
 from dummy_arm.inspection.traffic import Traffic
 from dummy_arm.tf import Frame, TransformBuffer
 from dummy_arm.tf.formatting import SECOND, visible
@@ -98,15 +98,6 @@ class StaticTransform(NamedTuple):
 #: A function that publishes a transform on /tf_static and returns '', or why it is refused. For
 #: None, it stops: listeners that start later do not receive the frame.
 Publish = Callable[[Optional[StaticTransform]], str]
-
-
-def is_above(name: str, frame: str, frames: Mapping[str, Frame]) -> bool:
-    """Return True if a frame is `frame` itself or one of its ancestors."""
-    seen = set()
-    while frame != name and frame in frames and frame not in seen:
-        seen.add(frame)
-        frame = frames[frame].parent
-    return frame == name
 
 
 class Feed(Protocol):
@@ -227,7 +218,7 @@ class LiveFeed:
     def _why_refused(self, transform: StaticTransform) -> str:
         """Return which node publishes the frame already, or that there would be a loop; or ''."""
         name, frames = transform.name, {frame.name: frame for frame in self.buffer.frames()}
-        if is_above(name, transform.parent, frames):
+        if name in self_and_ancestors(transform.parent, frames):
             return (f'frame {visible(name)} is above {visible(transform.parent)}: there would be '
                     'a loop')
         if name not in frames:

@@ -9,12 +9,14 @@ from typing import Any, Optional
 
 import viser
 
+from dummy_arm.inspection.forest import self_and_ancestors
 from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import is_too_long
 from dummy_arm.tf.formatting import visible
 from dummy_arm.tf.rotations import euler_from_quaternion, quaternion_from_euler
 from dummy_arm.view.controls import FrameChoice
-from dummy_arm.view.feed import is_above, Publish, StaticTransform
+from dummy_arm.view.details import html, STYLE
+from dummy_arm.view.feed import Publish, StaticTransform
 from dummy_arm.view.placement import Placement, REACH
 from dummy_arm.view.viser_private import HANDLES
 
@@ -28,14 +30,13 @@ _DIGITS, _ANGLE_DIGITS = 3, 2
 _LARGEST_ANGLE = 360.0
 _LIMITS = ((-REACH, REACH),) * 3
 _ZERO: Vector = (0.0, 0.0, 0.0)
-_STYLE = 'margin: 0 1em .5em; font-size: .85em; line-height: 1.5; overflow-wrap: anywhere'
 #: A click selects the whole text.
-_COPIED = f'{_STYLE}; white-space: pre-wrap; user-select: all; -webkit-user-select: all'
+_COPIED = f'{STYLE}; white-space: pre-wrap; user-select: all; -webkit-user-select: all'
 
 
 class HandFrame:
     """
-    A static frame that a viewer places by hand; all viewers share it.
+    A static frame that a viewer places by hand.
 
     Callbacks run in the thread of viser. They store what viewers set, and keep the numbers and the
     handles equal.
@@ -46,7 +47,6 @@ class HandFrame:
         """Add the controls to the current container; `publish`: None for a bag."""
         self._send = publish
         self._published: Optional[StaticTransform] = None
-        self._names: Sequence[str] = ()
         self._name, self._is_on = '', False
         #: The name and the parent that were refused, and why.
         self._refusal = '', '', ''
@@ -113,9 +113,7 @@ class HandFrame:
 
     def set_frames(self, names: Sequence[str]) -> None:
         """Set the frames that can be the parent."""
-        if names != self._names:
-            self._names = [*names]
-            self._parent.set_options(names)
+        self._parent.set_options(names)
 
     def update(self, placement: Placement) -> None:
         """Move the handles with the parent, publish what has changed, and show the texts."""
@@ -132,7 +130,7 @@ class HandFrame:
             self._update_publication(transform, problem, self._send)
         *refused, why = self._refusal
         shown = (refused == [name, parent] and why) or (problem if name else '')
-        texts = [f'<div style="{_STYLE}" data-text="hand">{escape(shown)}</div>'] * bool(shown)
+        texts = [html(shown, 'hand')] * bool(shown)
         if not problem:
             texts += [f'<pre style="{_COPIED}" data-text="{key}">{escape(text)}</pre>'
                       for key, text in (('command', command_line(transform, angles)),
@@ -168,7 +166,7 @@ def _problem(transform: StaticTransform, placement: Placement, can_be_published:
         return f'the parent {visible(parent)} does not exist' if parent else 'choose a parent'
     if name == parent:
         return f'frame {name} cannot be its own parent'
-    if is_above(name, parent, placement.frames):
+    if name in self_and_ancestors(parent, placement.frames):
         return f'frame {name} is above {visible(parent)}: there would be a loop'
     if not can_be_published and name in placement.frames:
         return f'the bag has a frame {name} already'

@@ -41,7 +41,6 @@ class Pair:
         self._texts = gui.add_html('')
         self._plots = (_add_plot(gui, 'translation (m)', ('x', 'y', 'z')),
                        _add_plot(gui, 'rotation (°)', ('roll', 'pitch', 'yaw')))
-        self._names: list[str] = []
         self._frames = '', ''
         self._shown: Optional[Transform] = None
         #: The `end` and the `now` of the last update of the numbers and of the plots.
@@ -53,11 +52,9 @@ class Pair:
 
     def set_frames(self, names: Sequence[str]) -> None:
         """Set the frames that can be chosen."""
-        if self._names != [*names]:
-            self._names = [*names]
-            for choice in self._a, self._b:
-                choice.set_options(names)
-                choice.propose('')
+        for choice in self._a, self._b:
+            choice.set_options(names)
+            choice.propose('')
 
     def update(self, end: int, now: float) -> None:
         """

@@ -1,7 +1,7 @@
 """The placement of frames in the scene at one time: position, parent and age of each frame."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from itertools import takewhile
 from math import isfinite
 from time import monotonic
@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.inspection.forest import Forest
+from dummy_arm.inspection.forest import Forest, self_and_ancestors
 from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import in_seconds
 from dummy_arm.view.feed import AnyBuffer
@@ -57,7 +57,7 @@ class Placement(NamedTuple):
 
     def anchor_of(self, name: str) -> tuple[str, float]:
         """Return the anchor of the tree with a frame, and its y in the scene (m)."""
-        for ancestor in _self_and_ancestors(name, self.frames):
+        for ancestor in self_and_ancestors(name, self.frames):
             if ancestor in self.trees:
                 return ancestor, self.trees[ancestor]
         return self.fixed, 0.0
@@ -197,7 +197,7 @@ def _first(frames: dict[str, Frame], root_of: dict[str, str], fixed: str) -> Ite
     preferred = sorted((name for name in frames if name in root_of),
                        key=lambda name: root_of[name] != root_of[fixed])
     for name in [fixed, *preferred]:  # each with its ancestors
-        new = [*takewhile(lambda each: each not in shown, _self_and_ancestors(name, frames))]
+        new = [*takewhile(lambda each: each not in shown, self_and_ancestors(name, frames))]
         shown.update(dict.fromkeys(new[::-1][:MAX_FRAMES - len(shown)]))
         if len(shown) == MAX_FRAMES:
             break
@@ -232,7 +232,7 @@ def _ages(frames: dict[str, Frame], trees: Iterable[str], silences: dict[str, fl
     ages: dict[str, float] = {}
     for anchor in trees:
         age = 0.0
-        for name in _self_and_ancestors(anchor, frames):
+        for name in self_and_ancestors(anchor, frames):
             ages[name] = age
             age = max(age, silences.get(name, 0.0))
     ages = descend(frames, ages, lambda name, age: max(age, silences[name]))
@@ -257,13 +257,3 @@ def descend(frames: dict[str, Frame], known: dict[str, _Value],
             for child in reversed(path):
                 values[child] = child_value(child, values[frames[child].parent])
     return values
-
-
-def _self_and_ancestors(name: str, frames: dict[str, Frame]) -> Iterator[str]:
-    """Yield a frame, its parent, and so on, up to the root or until a loop is complete."""
-    seen = set()
-    while name not in seen:
-        yield name
-        seen.add(name)
-        if name in frames:
-            name = frames[name].parent

@@ -3,7 +3,6 @@
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
-from html import escape
 from math import ceil
 from typing import Any
 
@@ -11,6 +10,7 @@ import viser
 
 from dummy_arm.tf.formatting import visible
 from dummy_arm.view.controls import within
+from dummy_arm.view.details import html
 from dummy_arm.view.feed import Player
 
 #: The step of the time slider (s).
@@ -21,7 +21,6 @@ _STEPS = '-0.1', '-0.01', '+0.01', '+0.1'
 #: Of more requests between two updates, only the last ones are carried out.
 _MOST_REQUESTS = 100
 _MOST_FINDINGS = 20
-_STYLE = 'margin: 0 1em .5em; font-size: .85em; line-height: 1.5; overflow-wrap: anywhere'
 
 
 class Playback:
@@ -114,4 +113,4 @@ class Playback:
                 self._add_text(f'and {more} more')
 
     def _add_text(self, text: str) -> None:
-        self._gui.add_html(f'<div style="{_STYLE}">{escape(visible(text))}</div>')
+        self._gui.add_html(html(text, 'finding'))

@@ -1,6 +1,6 @@
 """The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from contextlib import suppress
 from itertools import islice
 from threading import Lock
@@ -155,8 +155,9 @@ class Scene:
         self._trail.visible = True
 
 
-def look_at(placement: Placement, camera: Any, direction: Sequence[float] = VIEWS['all']) -> None:
-    """Move a camera so that all frames are visible, seen from a direction (x, y, z)."""
+def look_at(placement: Placement, cameras: Iterable[Any],
+            direction: Sequence[float] = VIEWS['all']) -> None:
+    """Move cameras so that all frames are visible, seen from a direction (x, y, z)."""
     points = placement.points[placement.ages < TIMEOUT]
     if not len(points):
         return
@@ -164,10 +165,11 @@ def look_at(placement: Placement, camera: Any, direction: Sequence[float] = VIEW
     radius = max(_SMALLEST_VIEW, np.linalg.norm(points - middle, axis=1).max())
     away = np.array(direction) / np.linalg.norm(direction) * radius * _DISTANCE
     middle += np.cross((0.0, 0.0, 1.0), away) * _ASIDE
-    # viser fails if the client has sent an invalid pose.
-    with suppress(Exception), np.errstate(all='ignore'):
-        camera.position, camera.look_at = middle + away, middle
-        camera.fov, camera.far = _ANGLE, max(_FAR, _FAR * radius)
+    for each in cameras:
+        # viser fails if the client has sent an invalid pose.
+        with suppress(Exception), np.errstate(all='ignore'):
+            each.position, each.look_at = middle + away, middle
+            each.fov, each.far = _ANGLE, max(_FAR, _FAR * radius)
 
 
 def _grid(cell: float) -> NDArray[np.float64]:

@@ -108,6 +108,8 @@ class Tree:
 
     def hidden(self, placement: Placement) -> frozenset[str]:
         """Return the frames that are not to be drawn."""
+        if not (self._hidden or self._hidden_branches or any(self._filters)):
+            return frozenset()
         hidden = {name for name in placement.names
                   if name in self._hidden or not self._passes(name)}
         if self._hidden_branches:

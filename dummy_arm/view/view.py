@@ -1,9 +1,8 @@
 """The page: the scene and the panel, updated from a feed and from the viewers' choices."""
 
 from collections.abc import Callable
-from itertools import islice
 from time import monotonic
-from typing import Optional
+from typing import Any, Optional
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +87,7 @@ class View:
 
     def __init__(self, feed: Feed, server: Server, clock: Callable[[], float] = monotonic
                  ) -> None:
-        self._feed, self._player, self._clock, self._server = feed, feed.player, clock, server
+        self._feed, self._clock, self._server = feed, clock, server
         self._watcher = FrameWatcher(feed.buffer, clock)
         self._playback = Playback(server.gui, feed.player, feed.findings) if feed.player else None
         self._viewers: dict[int, Viewer] = {}
@@ -108,22 +107,22 @@ class View:
         placements: dict[tuple[str, int], Placement] = {}
         for number, client in clients.items():
             if number not in self._viewers:
-                self._viewers[number] = Viewer(client, self._feed)
+                self._viewers[number] = Viewer(
+                    client, self._feed, self._server.initial_camera)
             key = self._viewers[number].request(until)
             if key not in placements:
                 placements[key] = self._watcher.placement(*key)
             self._viewers[number].update(placements[key], key, now, self._hint)
         if not placements:
             self._watcher.placement('', until)  # it remembers when frames were updated
-        for placement in islice(placements.values(), 1):  # what "reset view" shows
-            look_at(placement, self._server.initial_camera)
 
 
 class Viewer:
     """What one viewer sees: a scene and a panel."""
 
-    def __init__(self, client: viser.ClientHandle, feed: Feed) -> None:
-        self._client, self._feed = client, feed
+    def __init__(self, client: viser.ClientHandle, feed: Feed, initial_camera: Any) -> None:
+        #: The camera of the viewer, and the one to which viewers can reset theirs.
+        self._cameras, self._feed = (client.camera, initial_camera), feed
         self._scene = Scene(client)
         self._panel = Panel(client, feed, self._look_from)
         self._placement: Optional[Placement] = None
@@ -199,15 +198,15 @@ class Viewer:
                                    details(placement, self._panel.selected.name, self._feed))
 
     async def _look_from(self, view: str) -> None:
-        """Move the camera so that all frames are visible; `view`: one of `VIEWS`."""
+        """Move the cameras so that all frames are visible; `view`: one of `VIEWS`."""
         if self._placement is not None:
-            look_at(self._placement, self._client.camera, VIEWS[view])
+            look_at(self._placement, self._cameras, VIEWS[view])
 
     def _turn_camera(self, placement: Placement, now: float) -> None:
-        """Move the camera at once, and once more `_SETTLING` seconds after the first frame."""
+        """Move the cameras at once, and once more `_SETTLING` seconds after the first frame."""
         if self._turn_at is None and placement.names:
             self._turn_at = now + _SETTLING
-            look_at(placement, self._client.camera)
+            look_at(placement, self._cameras)
         if self._turn_at is not None and now >= self._turn_at:
             self._turn_at = np.inf
-            look_at(placement, self._client.camera)
+            look_at(placement, self._cameras)
