@@ -1,18 +1,19 @@
 """Where the frames come from: a bag that is played, or the topics /tf and /tf_static."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from time import monotonic
 from typing import NamedTuple, Optional, Protocol, TYPE_CHECKING, Union
 
-from dummy_arm.inspection.forest import frequency, self_and_ancestors
+from dummy_arm.inspection.forest import frequency
 from dummy_arm.inspection.traffic import Traffic
 from dummy_arm.tf import Frame, TransformBuffer
-from dummy_arm.tf.formatting import SECOND, visible
+from dummy_arm.tf.formatting import SECOND
+from dummy_arm.view.hand_publisher import HandPublisher
 
 if TYPE_CHECKING:
     from rclpy.node import Node
 
-    from dummy_arm.tf import Buffer, StaticTransformBroadcaster
+    from dummy_arm.tf import Buffer
 
 AnyBuffer = Union[TransformBuffer, 'Buffer']
 #: Stamps that differ this much (ns) from the median are outliers.
@@ -86,27 +87,13 @@ class Publication(NamedTuple):
     publisher: str  #: the names of the nodes that publish the frame; for a bag, the authority
 
 
-class StaticTransform(NamedTuple):
-    """The pose of a frame in its parent."""
-
-    parent: str
-    name: str
-    translation: tuple[float, ...]  #: x, y, z (m)
-    rotation: tuple[float, ...]  #: quaternion x, y, z, w
-
-
-#: A function that publishes a transform on /tf_static and returns '', or why it is refused. For
-#: None, it stops: listeners that start later do not receive the frame.
-Publish = Callable[[Optional[StaticTransform]], str]
-
-
 class Feed(Protocol):
     """Where the frames come from."""
 
     name: str  #: as shown in the panel
     buffer: AnyBuffer
     player: Optional[Player]  #: the playback clock of a bag; None if the frames are live
-    publish: Optional[Publish]  #: None for a bag, where nothing can be published
+    hand_publisher: Optional[HandPublisher]  #: None for a bag, where nothing can be published
     #: What `tf_doctor` finds in a bag: a line of text, and its time (ns; 0: none). The list is
     #: empty until the bag is examined.
     findings: list[tuple[str, int]]
@@ -128,7 +115,7 @@ class BagFeed:
         self.buffer: AnyBuffer = buffer
         self.name = name
         self.player: Optional[Player] = Player(buffer.frames())
-        self.publish: Optional[Publish] = None
+        self.hand_publisher: Optional[HandPublisher] = None
         self.findings: list[tuple[str, int]] = []
 
     def publication(self, frame: Frame) -> Publication:
@@ -147,16 +134,13 @@ class LiveFeed:
     def __init__(self, node: 'Node') -> None:
         from dummy_arm.inspection.frame_listener import FrameListener
         self.player: Optional[Player] = None
-        self.publish: Optional[Publish] = self._publish
-        self._broadcaster: Optional[StaticTransformBroadcaster] = None
-        #: The frames that `_publish` has published.
-        self._published: set[str] = set()
         self.findings: list[tuple[str, int]] = []
         #: By name: the traffic of the frames that viewers look at, the last one asked for last.
         self._traffic: dict[str, Traffic] = {}
         self._frame_listener = FrameListener(node, 2 * LENGTH)
         self.name = ' and '.join(reversed(self._frame_listener.topics))
         self.buffer: AnyBuffer = self._frame_listener.buffer
+        self.hand_publisher: Optional[HandPublisher] = HandPublisher(self._frame_listener)
 
     def publication(self, frame: Frame) -> Publication:
         """Return how a frame is published; the first call for a frame starts a measurement."""
@@ -184,52 +168,3 @@ class LiveFeed:
 
     def why_no_frames(self) -> str:
         return self._frame_listener.why_no_frames()
-
-    def _publish(self, transform: Optional[StaticTransform]) -> str:
-        """Publish a transform on /tf_static, or for None stop; see `Publish`."""
-        from geometry_msgs.msg import TransformStamped
-
-        from dummy_arm.tf import StaticTransformBroadcaster
-        node = self._frame_listener.node
-        if transform is None:
-            if self._broadcaster is not None:
-                node.destroy_publisher(self._broadcaster.pub_tf)
-                self._broadcaster = None
-            return ''
-        if why := self._why_refused(transform):
-            return why
-        message = TransformStamped(child_frame_id=transform.name)
-        message.header.frame_id = transform.parent
-        message.header.stamp = node.get_clock().now().to_msg()
-        for part, axes, values in (
-                (message.transform.translation, 'xyz', transform.translation),
-                (message.transform.rotation, 'xyzw', transform.rotation)):
-            for axis, value in zip(axes, values):
-                setattr(part, axis, value)
-        if self._broadcaster is None:
-            self._broadcaster = StaticTransformBroadcaster(node)
-        try:
-            self._broadcaster.sendTransform(message)
-        except ValueError as error:  # such as a name of a parent that is not valid Unicode
-            return str(error)
-        self._published.add(transform.name)
-        return ''
-
-    def _why_refused(self, transform: StaticTransform) -> str:
-        """Return which node publishes the frame already, or that there would be a loop; or ''."""
-        name, frames = transform.name, {frame.name: frame for frame in self.buffer.frames()}
-        if name in self_and_ancestors(transform.parent, frames):
-            return (f'frame {visible(name)} is above {visible(transform.parent)}: there would be '
-                    'a loop')
-        if name not in frames:
-            return ''
-        listener, gid = self._frame_listener.publisher_listener, frames[name].authority
-        publisher = listener.names_of([gid])[gid]
-        # After our own message, the name is our own, or not known exactly, as with Cyclone DDS.
-        is_own = name in self._published and (
-            not publisher.startswith('/')
-            or publisher == self._frame_listener.node.get_fully_qualified_name())
-        # A frame whose publisher has ended can be published by another one.
-        if is_own or listener.is_present(gid) is False:
-            return ''
-        return f'{visible(publisher)} publishes frame {visible(name)} already'

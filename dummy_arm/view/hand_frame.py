@@ -16,7 +16,7 @@ from dummy_arm.tf.formatting import visible
 from dummy_arm.tf.rotations import euler_from_quaternion, quaternion_from_euler
 from dummy_arm.view.controls import FrameChoice
 from dummy_arm.view.details import html, STYLE
-from dummy_arm.view.feed import Publish, StaticTransform
+from dummy_arm.view.hand_publisher import HandPublisher, StaticTransform
 from dummy_arm.view.placement import Placement, REACH
 from dummy_arm.view.viser_private import HANDLES
 
@@ -43,9 +43,9 @@ class HandFrame:
     """
 
     def __init__(self, gui: viser.GuiApi, scene: viser.SceneApi,
-                 publish: Optional[Publish] = None) -> None:
-        """Add the controls to the current container; `publish`: None for a bag."""
-        self._send = publish
+                 publisher: Optional[HandPublisher] = None) -> None:
+        """Add the controls to the current container; `publisher`: None for a bag."""
+        self._publisher = publisher
         self._published: Optional[StaticTransform] = None
         self._name, self._is_on = '', False
         #: The name and the parent that were refused, and why.
@@ -65,7 +65,7 @@ class HandFrame:
         for control in self._position, self._angles:
             control.on_update(self._on_numbers)
         self._checkbox = gui.add_checkbox(
-            'Publish', False, visible=publish is not None,
+            'Publish', False, visible=publisher is not None,
             hint='publish the new frame on /tf_static. When you switch this off, programs that '
                  'have received the frame keep it until they end')
         self._checkbox.on_update(self._on_publish)
@@ -125,9 +125,9 @@ class HandFrame:
             x, y, z, w = placement.poses[i, 3:]
             self._parent_node.position, self._parent_node.wxyz = placement.points[i], (w, x, y, z)
         self._handles.visible = bool(name) and parent in placement.names
-        problem = _problem(transform, placement, can_be_published=self._send is not None)
-        if self._send is not None:
-            self._update_publication(transform, problem, self._send)
+        problem = _problem(transform, placement, can_be_published=self._publisher is not None)
+        if self._publisher is not None:
+            self._update_publication(transform, problem, self._publisher)
         *refused, why = self._refusal
         shown = (refused == [name, parent] and why) or (problem if name else '')
         texts = [html(shown, 'hand')] * bool(shown)
@@ -138,19 +138,25 @@ class HandFrame:
         if self._text.content != (content := ''.join(texts)):
             self._text.content = content
 
-    def _update_publication(self, transform: StaticTransform, problem: str, send: Publish) -> None:
+    def _update_publication(self, transform: StaticTransform, problem: str,
+                            publisher: HandPublisher) -> None:
         """Send a transform that has changed; a refusal switches 'Publish' off."""
         if self._is_on and transform != self._published:
-            if why := problem or send(transform):
+            if why := problem or publisher.send(transform):
                 self._is_on, why = False, f'not published: {why}'
             else:
                 self._published = transform
             self._refusal = transform.name, transform.parent, why
-        if not self._is_on and self._published is not None:
-            send(None)
-            self._published = None
+        if not self._is_on:
+            self.stop()
         if self._checkbox.value != self._is_on:
             self._checkbox.value = self._is_on
+
+    def stop(self) -> None:
+        """Stop publishing the frame."""
+        if self._publisher is not None and self._published is not None:
+            self._publisher.stop(self._published.name)
+            self._published = None
 
 
 def _problem(transform: StaticTransform, placement: Placement, can_be_published: bool) -> str:

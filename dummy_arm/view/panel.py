@@ -52,7 +52,7 @@ class Panel:
         with tabs.add_tab('Pair'):
             self.pair = Pair(gui, feed.buffer)
         with tabs.add_tab('By hand'):
-            self.hand_frame = HandFrame(gui, client.scene, feed.publish)
+            self.hand_frame = HandFrame(gui, client.scene, feed.hand_publisher)
 
     async def _on_look_at_all(self, event: 'viser.GuiEvent[Any]') -> None:
         await self._look_from('all')

@@ -45,6 +45,7 @@ class Tree:
         #: The pages that the viewer has turned since the last update.
         self._turns: deque[int] = deque()
         self._selected, self._clicked = '', ''
+        self._wanted = ''  # the frame to whose page the next update turns
         #: The frames that the viewer has hidden, and those hidden with all that is below them.
         self._hidden: set[str] = set()
         self._hidden_branches: set[str] = set()
@@ -106,6 +107,10 @@ class Tree:
         clicked, self._clicked = self._clicked, ''
         return clicked
 
+    def turn_to(self, name: str) -> None:
+        """Turn to the page with the row of a frame."""
+        self._wanted, self._next = name, 0.0
+
     def hidden(self, placement: Placement) -> frozenset[str]:
         """Return the frames that are not to be drawn."""
         if not (self._hidden or self._hidden_branches or any(self._filters)):
@@ -137,6 +142,10 @@ class Tree:
                 box.value = selected not in names
         rows = [*self._tree(placement, selected, hidden)]
         pages = max(1, -(-len(rows) // _ROWS))
+        for i, row in enumerate(rows):
+            if row.name == self._wanted:
+                self._page = i // _ROWS
+        self._wanted = ''
         while self._turns:
             self._page = min(self._page + self._turns.popleft(), pages - 1)
             self._page = max(self._page, 0)

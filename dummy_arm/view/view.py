@@ -103,7 +103,7 @@ class View:
             self._hint, self._next_hint = self._feed.topics_hint(), now + _HINT_PERIOD
         clients = self._server.get_clients()
         for gone in self._viewers.keys() - clients.keys():
-            del self._viewers[gone]
+            self._viewers.pop(gone).close()
         placements: dict[tuple[str, int], Placement] = {}
         for number, client in clients.items():
             if number not in self._viewers:
@@ -140,6 +140,10 @@ class Viewer:
         #: there are frames; infinite after this move.
         self._turn_at: Optional[float] = None
 
+    def close(self) -> None:
+        """Stop what the viewer has started, after they have left."""
+        self._panel.hand_frame.stop()
+
     def request(self, until: int) -> tuple[str, int]:
         """
         Return the chosen fixed frame ('' if there is none), and the time of the frames to show.
@@ -174,9 +178,11 @@ class Viewer:
         self._names = dict.fromkeys(
             [*(self._names if self._feed.player else ()), *placement.names])
         panel.set_frames(placement, [*self._names], now)
-        for click in self._scene.take_click(), panel.tree.take_click():
-            if click:
-                panel.selected.choose(click)
+        if click := panel.tree.take_click():
+            panel.selected.choose(click)
+        if click := self._scene.take_click():
+            panel.selected.choose(click)
+            panel.tree.turn_to(click)
         hidden = panel.tree.hidden(placement)
         display = panel.display.display(hidden)
         panel.tree.update(placement, panel.selected.name, hidden, now)

@@ -16,7 +16,8 @@ from dummy_arm.tf import (
 )
 from dummy_arm.tf.rotations import euler_from_quaternion
 from dummy_arm.tools import static_transform_publisher
-from dummy_arm.view.feed import LiveFeed, StaticTransform
+from dummy_arm.view.feed import LiveFeed
+from dummy_arm.view.hand_publisher import StaticTransform
 
 HAND = StaticTransform('map', 'hand', (1.0, -2.5, 0.125), (0.5, 0.5, 0.5, 0.5))
 
@@ -25,6 +26,12 @@ HAND = StaticTransform('map', 'hand', (1.0, -2.5, 0.125), (0.5, 0.5, 0.5, 0.5))
 def feed(ros):
     """The feed of the page."""
     return LiveFeed(ros.node)
+
+
+@pytest.fixture
+def publisher(feed):
+    """What publishes the frames of the viewers."""
+    return feed.hand_publisher
 
 
 @pytest.fixture
@@ -42,32 +49,43 @@ def numbers(buffer, parent='map'):
     return (t.x, t.y, t.z), (r.x, r.y, r.z, r.w)
 
 
-def test_it_is_published_until_it_is_stopped(ros, feed, other):
+def test_it_is_published_until_it_is_stopped(ros, publisher, other):
     """Late listeners receive it until then; those that have received it keep it."""
     early, later, late = (Buffer() for _ in range(3))
     TransformListener(early, other)
-    assert not feed.publish(HAND)
+    assert not publisher.send(HAND)
     ros.until(lambda: early.can_transform('map', 'hand', Time()))
     assert numbers(early) == (HAND.translation, HAND.rotation)
     moved = HAND._replace(translation=(0.0, 0.0, 0.0))
-    assert not feed.publish(moved)
+    assert not publisher.send(moved)
     TransformListener(later, other)
     ros.until(lambda: later.can_transform('map', 'hand', Time()))
     ros.until(lambda: numbers(early) == numbers(later) == (moved.translation, moved.rotation))
-    assert not feed.publish(None)
-    assert not feed.publish(None)
+    publisher.stop('hand')
+    publisher.stop('hand')
     StaticTransformBroadcaster(other).sendTransform(stamped('map', 'post'))
     TransformListener(late, other)
     ros.until(lambda: late.can_transform('map', 'post', Time()))
     assert not late.can_transform('map', 'hand', Time())
     assert early.can_transform('map', 'hand', Time())
-    assert not feed.publish(HAND._replace(parent='post'))
+    assert not publisher.send(HAND._replace(parent='post'))
     ros.until(lambda: late.can_transform('post', 'hand', Time()))
     ros.until(lambda: numbers(early, 'post') == (HAND.translation, HAND.rotation))
 
 
+def test_two_viewers_publish_a_frame_each(ros, publisher, other):
+    """When one stops, the frame of the other stays for late listeners."""
+    assert not publisher.send(HAND)
+    assert not publisher.send(HAND._replace(name='second'))
+    publisher.stop('second')
+    late = Buffer()
+    TransformListener(late, other)
+    ros.until(lambda: late.can_transform('map', 'hand', Time()))
+    assert not late.can_transform('map', 'second', Time())
+
+
 @pytest.mark.parametrize('broadcaster', [StaticTransformBroadcaster, TransformBroadcaster])
-def test_a_frame_of_another_node_is_refused(ros, feed, other, broadcaster):
+def test_a_frame_of_another_node_is_refused(ros, feed, publisher, other, broadcaster):
     """The node is named; after its end, its frame can be published."""
     sender = broadcaster(other)
 
@@ -76,45 +94,46 @@ def test_a_frame_of_another_node_is_refused(ros, feed, other, broadcaster):
         return feed.buffer.frames()
 
     ros.until(is_received)
-    ros.until(lambda: feed.publish(HAND) == '/other publishes frame hand already')
-    assert not feed.publish(HAND._replace(name='new'))
+    ros.until(lambda: publisher.send(HAND) == '/other publishes frame hand already')
+    assert not publisher.send(HAND._replace(name='new'))
     other.destroy_node()
-    ros.until(lambda: not feed.publish(HAND))
+    ros.until(lambda: not publisher.send(HAND))
 
 
-def test_another_node_that_comes_later(ros, feed, other):
+def test_another_node_that_comes_later(ros, feed, publisher, other):
     """From then on, its frame is refused."""
-    assert not feed.publish(HAND)
+    assert not publisher.send(HAND)
     ros.until(feed.buffer.frames)
-    assert not feed.publish(HAND)
+    assert not publisher.send(HAND)
     StaticTransformBroadcaster(other).sendTransform(stamped('map', 'hand'))
-    ros.until(lambda: feed.publish(HAND._replace(translation=(0.0, 0.0, 0.0)))
+    ros.until(lambda: publisher.send(HAND._replace(translation=(0.0, 0.0, 0.0)))
               == '/other publishes frame hand already')
 
 
-def test_a_middleware_that_does_not_report_gids(handles, ros, feed, other):
+def test_a_middleware_that_does_not_report_gids(handles, ros, feed, publisher, other):
     """Its own frame can be moved; one that may be of another node is refused."""
     StaticTransformBroadcaster(other).sendTransform(stamped('map', 'base'))
     ros.until(feed.buffer.frames)
-    assert not feed.publish(HAND)
+    assert not publisher.send(HAND)
     ros.until(lambda: len(feed.buffer.frames()) == 2)
-    assert not feed.publish(HAND._replace(translation=(0.0, 0.0, 0.0)))
-    assert 'one of /other, /test publishes frame base' in feed.publish(HAND._replace(name='base'))
+    assert not publisher.send(HAND._replace(translation=(0.0, 0.0, 0.0)))
+    assert 'one of /other, /test publishes frame base' in publisher.send(
+        HAND._replace(name='base'))
 
 
-def test_loops_are_refused(ros, feed, other):
+def test_loops_are_refused(ros, feed, publisher, other):
     """Those through frames that the page does not show, too."""
     StaticTransformBroadcaster(other).sendTransform(
         [stamped('map', 'odom'), stamped('odom', 'base')])
     ros.until(lambda: len(feed.buffer.frames()) == 2)
-    assert 'map is above base: there would be a loop' in feed.publish(
+    assert 'map is above base: there would be a loop' in publisher.send(
         HAND._replace(parent='base', name='map'))
-    assert not feed.publish(HAND._replace(parent='base'))
+    assert not publisher.send(HAND._replace(parent='base'))
 
 
-def test_what_is_not_valid_is_refused(feed):
+def test_what_is_not_valid_is_refused(publisher):
     """A parent can have a name that ROS cannot send."""
-    assert 'NUL' in feed.publish(HAND._replace(parent='a\0'))
+    assert 'NUL' in publisher.send(HAND._replace(parent='a\0'))
 
 
 @pytest.mark.parametrize(('parent', 'name'), [('map', 'hand'), ("it's <a>", '-x')])

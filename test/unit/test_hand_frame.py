@@ -13,8 +13,8 @@ pytest.importorskip('viser')
 from viewer import CAMERA, Viewer
 from websockets.exceptions import ConnectionClosed
 
-from dummy_arm.view.feed import StaticTransform
 from dummy_arm.view.hand_frame import command_line, HandFrame, yaml_text
+from dummy_arm.view.hand_publisher import StaticTransform
 from dummy_arm.view.server import serve
 from dummy_arm.view.viser_private import HANDLES
 
@@ -29,14 +29,16 @@ DRAG = {**START, 'type': 'TransformControlsUpdateMessage', 'wxyz': [1, 0, 0, 0],
 class Page:
     """A page with the controls of the frame only, and a viewer of it."""
 
-    def __init__(self, stack, publish=None):
-        """Serve the page; `published` has what is sent to `publish`, which refuses by `why`."""
+    def __init__(self, stack, can_publish=False):
+        """Serve the page; `published` has what is sent, which is refused by `why`."""
         self.buffer, self.published, self.why, self.fixed = TransformBuffer(), [], '', ''
+        self.stopped = []
         for parent, child, x in ('map', 'odom', 1.0), ('odom', 'base', 2.0), ('world', 'tree', 3):
             self.move(parent, child, x)
         self._watcher = FrameWatcher(self.buffer)
         self.server = stack.enter_context(serve('127.0.0.1'))
-        self.hand = HandFrame(self.server.gui, self.server.scene, publish and self.send)
+        self.hand = HandFrame(self.server.gui, self.server.scene,
+                              self if can_publish else None)
         self.update()
         self.viewer = stack.enter_context(closing(Viewer(self.server.get_port())))
         self.viewer.send(CAMERA)
@@ -50,6 +52,10 @@ class Page:
         """Publish for the frame."""
         self.published.append(transform)
         return self.why
+
+    def stop(self, name):
+        """Stop publishing the frame."""
+        self.stopped.append(name)
 
     def update(self):
         """Update as the page does."""
@@ -156,9 +162,8 @@ def test_it_is_published_while_publish_is_on(page):
     assert published[0] == StaticTransform('map', 'hand', (1, 0, 0), (0, 0, 0, 1))
     assert published[1].rotation == pytest.approx((0, 0, 1, 0))
     viewer.set('New frame', 'hand2')
-    page.until(lambda: len(published) == 3)
     page.until(lambda: viewer.gui[viewer.uuid('Publish')]['value'] is False)
-    assert published[2] is None
+    assert (len(published), page.stopped) == (2, ['hand'])
 
 
 def test_the_parent_of_a_published_frame_stays(page):

@@ -9,7 +9,8 @@ import pytest
 
 from dummy_arm.tf import TransformBuffer
 from dummy_arm.view import feed as feed_module
-from dummy_arm.view.feed import BagFeed, Player, Publication, Publish
+from dummy_arm.view.feed import BagFeed, Player, Publication
+from dummy_arm.view.hand_publisher import HandPublisher
 from dummy_arm.view.placement import FrameWatcher
 from dummy_arm.view.rods import Display, fading, rods
 
@@ -339,7 +340,7 @@ class StubFeed:
 
     name = '/tf'
     player: Optional[Player] = None
-    publish: Optional[Publish] = None
+    hand_publisher: Optional[HandPublisher] = None
 
     def __init__(self, buffer, publication):
         """Create a feed of a buffer, with the facts about its frames."""
@@ -618,6 +619,7 @@ def test_the_tree(page, clock):
 
 def test_a_tree_of_many_frames(page):
     """It has pages of 50 rows."""
+    from viewer import CLICK
     buffer = TransformBuffer()
     for i in range(120):
         buffer.insert(T, 'map', f'post_{i:03}', pose(i), is_static=True)
@@ -631,6 +633,10 @@ def test_a_tree_of_many_frames(page):
     shown.until(lambda: len(rows(viewer)) == 21 and any('post_119' in row for row in rows(viewer)))
     viewer.set('Page', 'previous')
     shown.until(lambda: 'page 2 of 3' in viewer.text('tree'))
+    # A click on one of the last frames in the scene turns to the page with its row.
+    viewer.send({**CLICK, 'owner': viewer.nodes['/frames']['owner'], 'instance_index': 120 * 3})
+    shown.until(lambda: any('▶ ├── post_11' in row for row in rows(viewer)))
+    assert 'page 3 of 3' in viewer.text('tree')
 
 
 def test_what_is_displayed(page, clock):
@@ -681,6 +687,37 @@ def test_each_viewer_has_settings_of_its_own(page):
     other.close()
     shown.until(lambda: len(shown.server.get_clients()) == 1)
     shown.update()
+
+
+def test_a_viewer_that_leaves_publishes_no_more(page):
+    """The frame placed by hand is stopped."""
+    from viewer import CAMERA, Viewer
+
+    class Publisher:
+        sent, stopped = [], []
+
+        def send(self, transform):
+            self.sent.append(transform.name)
+            return ''
+
+        def stop(self, name):
+            self.stopped.append(name)
+
+    buffer = TransformBuffer()
+    arm(buffer, T, 'map', 'base')
+    feed = live(buffer)
+    feed.hand_publisher = Publisher()
+    shown = page(feed)
+    other = Viewer(shown.server.get_port())
+    other.send(CAMERA)
+    other.until(lambda: 'New frame' in {
+        props.get('label') for props in other.gui.values()}, shown.update)
+    other.set('New frame', 'hand')
+    other.set('Publish', True)
+    other.until(lambda: Publisher.sent == ['hand'], shown.update)
+    assert not Publisher.stopped
+    other.close()
+    shown.until(lambda: Publisher.stopped == ['hand'])
 
 
 def test_a_live_page_looks_back(page):

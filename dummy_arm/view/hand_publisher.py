@@ -1,0 +1,79 @@
+"""The frames that viewers place by hand, published on /tf_static."""
+
+from typing import NamedTuple, TYPE_CHECKING
+
+from dummy_arm.inspection.forest import self_and_ancestors
+from dummy_arm.tf.formatting import visible
+
+if TYPE_CHECKING:
+    from dummy_arm.inspection.frame_listener import FrameListener
+    from dummy_arm.tf import StaticTransformBroadcaster
+
+
+class StaticTransform(NamedTuple):
+    """The pose of a frame in its parent."""
+
+    parent: str
+    name: str
+    translation: tuple[float, ...]  #: x, y, z (m)
+    rotation: tuple[float, ...]  #: quaternion x, y, z, w
+
+
+class HandPublisher:
+    """Publishes the frames that viewers place by hand, each with a publisher of its own."""
+
+    def __init__(self, frame_listener: 'FrameListener') -> None:
+        self._frame_listener = frame_listener
+        self._broadcasters: dict[str, StaticTransformBroadcaster] = {}
+        #: The frames that have been published.
+        self._published: set[str] = set()
+
+    def send(self, transform: StaticTransform) -> str:
+        """Publish a transform, and return ''; or return why it is refused."""
+        from geometry_msgs.msg import TransformStamped
+
+        from dummy_arm.tf import StaticTransformBroadcaster
+        if why := self._why_refused(transform):
+            return why
+        node, name = self._frame_listener.node, transform.name
+        message = TransformStamped(child_frame_id=name)
+        message.header.frame_id = transform.parent
+        message.header.stamp = node.get_clock().now().to_msg()
+        for part, axes, values in (
+                (message.transform.translation, 'xyz', transform.translation),
+                (message.transform.rotation, 'xyzw', transform.rotation)):
+            for axis, value in zip(axes, values):
+                setattr(part, axis, value)
+        if name not in self._broadcasters:
+            self._broadcasters[name] = StaticTransformBroadcaster(node)
+        try:
+            self._broadcasters[name].sendTransform(message)
+        except ValueError as error:  # such as a name of a parent that is not valid Unicode
+            return str(error)
+        self._published.add(name)
+        return ''
+
+    def stop(self, name: str) -> None:
+        """Stop publishing a frame: listeners that start later do not receive it."""
+        if broadcaster := self._broadcasters.pop(name, None):
+            self._frame_listener.node.destroy_publisher(broadcaster.pub_tf)
+
+    def _why_refused(self, transform: StaticTransform) -> str:
+        """Return which node publishes the frame already, or that there would be a loop; or ''."""
+        frames = {frame.name: frame for frame in self._frame_listener.buffer.frames()}
+        name = transform.name
+        if name in self_and_ancestors(transform.parent, frames):
+            return (f'frame {visible(name)} is above {visible(transform.parent)}: there would be '
+                    'a loop')
+        if name not in frames:
+            return ''
+        listener, gid = self._frame_listener.publisher_listener, frames[name].authority
+        publisher = listener.names_of([gid])[gid]
+        # After our own message, the name is our own, or not known exactly, as with Cyclone DDS.
+        is_own = name in self._published and (
+            not publisher.startswith('/')
+            or publisher == self._frame_listener.node.get_fully_qualified_name())
+        # A frame whose publisher has ended can be published by another one.
+        if is_own or listener.is_present(gid) is False:
+            return ''
+        return f'{visible(publisher)} publishes frame {visible(name)} already'
