@@ -21,6 +21,7 @@ from dummy_arm.doctor.tf_statistics import (
     Track,
 )
 from dummy_arm.inspection.forest import Forest
+from dummy_arm.inspection.robots import joint_states_of, prefix
 from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import (
     comma_list,
@@ -293,6 +294,26 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
                          f'the {len(known)} frames of the transforms{static}. '
                          f'{suggest_names(frame, known)}', frames=[frame], topics=topics,
                          remedy=observation.missing_part)
+
+
+@_check('joint_without_state', ERROR,
+        'A movable joint of a robot description is in no joint states, so robot_state_publisher '
+        'sends no transform for it, and all links below it are cut off.',
+        'Send its position on the topic joint_states, under the name that the description gives '
+        'it; joint_state_publisher does this.')
+def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
+    for robot in observation.robots:
+        start, _ = prefix(robot.topic, robot.root, robot.links, observation.tree_of)
+        silent = {joint: links for joint, links in robot.joints.items()
+                  if joint not in robot.states and not all(
+                      start + link in observation.tree_of for link in links)}
+        if silent:
+            topic, states = joint_states_of(robot.topic), sorted(robot.states)
+            known = f', which names {_names(states)}' if states else ', where nothing was received'
+            yield _Fault(
+                f'{len(silent)} of {len(robot.joints)} movable joints are not on {topic}{known}: '
+                f'{_names(silent)}', (), [start + link for links in silent.values()
+                                          for link in links], [topic])
 
 
 @_check('disconnected', ERROR,
@@ -785,6 +806,23 @@ def _other_namespace(observation: Observation) -> Iterator[_Fault]:
 def _missing_part(observation: Observation) -> Iterator[_Fault]:
     if observation.missing_part:
         yield _Fault(observation.missing_part, topics=observation.topics[1:])
+
+
+@_check('link_without_transform', WARNING,
+        'No transform leads to a link of a robot description, so its shapes are not drawn, and '
+        'its frame cannot be used.',
+        'Start robot_state_publisher with this description; if it runs, compare its frame_prefix '
+        'with the names of the frames.')
+def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
+    for robot in observation.robots:
+        start, found = prefix(robot.topic, robot.root, robot.links, observation.tree_of)
+        silent = {link for joint, links in robot.joints.items() for link in links
+                  if joint not in robot.states}  # see joint_without_state
+        missing = [start + link for link in robot.links
+                   if link not in silent and start + link not in observation.tree_of]
+        if missing:
+            yield _Fault(f'{len(robot.links) - found} of {len(robot.links)} links have no '
+                         f'transform: {_names(missing)}', (), missing, [robot.topic])
 
 
 # Infos

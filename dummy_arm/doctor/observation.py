@@ -10,6 +10,7 @@ from typing import NamedTuple, Optional, TYPE_CHECKING
 
 from dummy_arm.doctor.message_times import Edge, Judge, MessageTimes
 from dummy_arm.doctor.tf_statistics import Statistics, Track
+from dummy_arm.inspection.robots import Robot
 from dummy_arm.inspection.traffic import recreated
 from dummy_arm.tf.bag import Headers, messages, missing_part, NOT_RECORDED, Topic
 from dummy_arm.tf.formatting import comma_list, namespace_path, SECOND
@@ -17,6 +18,8 @@ from dummy_arm.tf.formatting import comma_list, namespace_path, SECOND
 if TYPE_CHECKING:
     from dummy_arm.tf.bag import Paths
 
+#: A function of a bag, and of whether to read what is left of a damaged one.
+ReadRobots = Callable[['Paths', bool], Sequence[Robot]]
 #: The largest number of names in a text.
 SHOWN = 5
 
@@ -48,6 +51,7 @@ class Observation:
     headers: Mapping[str, Headers] = field(default_factory=dict)  #: by topic
     #: By topic with headers: the full names of the nodes that publish it, if known.
     senders: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    robots: Sequence[Robot] = ()  #: those with a description
     tf_topics: Collection[str] = ()  #: the other topics with transforms
     #: What is not known, and why; see `Check.needs`.
     not_known: dict[str, str] = field(default_factory=dict)
@@ -77,6 +81,8 @@ class Observation:
         for error, count in self.statistics.malformed.most_common(SHOWN):
             self.left_out.append(
                 f'{count} message{"s" if count > 1 else ""} of this kind: {error}')
+        self.left_out += [f'the robot description on {robot.topic}: {robot.problem}'
+                          for robot in self.robots if robot.problem]
         if self.has_record_times and 2 * total(self.tracks, 'foreign') > total(
                 self.tracks, 'delays'):
             self.clock = max(self.tracks, key=itemgetter('delays'))
@@ -245,7 +251,8 @@ def name_of(bag: 'Paths') -> str:
 
 
 def observe_bag(bag: 'Paths', namespace: str = '', partial: bool = False,
-                on_progress: Optional[Callable[[float], object]] = None) -> Observation:
+                on_progress: Optional[Callable[[float], object]] = None,
+                read_robots: Optional[ReadRobots] = None) -> Observation:
     """Read the transforms of a bag, and the headers on its other topics; see `bag.messages`."""
     statistics, topics = Statistics(), list[Topic]()
     statistics.add_messages(messages(
@@ -276,6 +283,7 @@ def observe_bag(bag: 'Paths', namespace: str = '', partial: bool = False,
                      if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN'))],
         headers={topic.name: topic.headers for topic in topics
                  if topic.headers and topic.headers.count},
+        robots=read_robots(bag, partial) if read_robots else (),
         tf_topics=tf_topics, not_known=not_known, has_record_times=True,
         left_out=[
             f'headers on {topic.name}: the definition of its type {topic.msgtype} is not known'

@@ -6,7 +6,13 @@ from typing import Any, NamedTuple, Optional, TYPE_CHECKING, Union
 
 from dummy_arm.doctor.checks import CHECKS, diagnose, ERROR, Finding, not_checked, SEVERITIES
 from dummy_arm.doctor.message_times import Verdict
-from dummy_arm.doctor.observation import name_of, Observation, observe_bag, SHOWN
+from dummy_arm.doctor.observation import (
+    name_of,
+    Observation,
+    observe_bag,
+    ReadRobots,
+    SHOWN,
+)
 from dummy_arm.inspection.terminal import wrapped
 from dummy_arm.tf.formatting import comma_list, see, shortened, suggest_names, visible
 
@@ -58,7 +64,8 @@ class Report(NamedTuple):
 
 def examine(observed: 'Union[Paths, Observation]', *, ignore: Collection[str] = (),
             namespace: str = '', partial: bool = False,
-            on_progress: Optional[Callable[[float], object]] = None) -> Report:
+            on_progress: Optional[Callable[[float], object]] = None,
+            read_robots: Optional[ReadRobots] = None) -> Report:
     """
     Run all checks on the transforms of a bag.
 
@@ -68,13 +75,15 @@ def examine(observed: 'Union[Paths, Observation]', *, ignore: Collection[str] = 
     :param namespace: as for `dummy_arm.tf.bag.read`.
     :param partial: as for `dummy_arm.tf.bag.read`.
     :param on_progress: as for `dummy_arm.tf.bag.read`.
+    :param read_robots: `dummy_arm.robot.observed.robots_in_bag`, to check the robots whose
+        descriptions the bag has; this needs urdf_parser_py.
     :raises ValueError: if a code is unknown.
     :raises BagError: if the bag cannot be read, or has no topic with transforms.
     :raises OSError: if the file cannot be read.
     """
     check_codes(ignore)
     observation = observed if isinstance(observed, Observation) else observe_bag(
-        observed, namespace, partial, on_progress)
+        observed, namespace, partial, on_progress, read_robots)
     findings = diagnose(observation, ignore)
     counts = {severity: sum(finding.severity == severity for finding in findings)
               for severity in SEVERITIES}
@@ -89,8 +98,8 @@ def examine(observed: 'Union[Paths, Observation]', *, ignore: Collection[str] = 
 
 
 def examine_bag(bag: 'Paths', *, ignore: Collection[str] = (), namespace: str = '',
-                partial: bool = False, on_progress: Optional[Callable[[float], object]] = None
-                ) -> dict[str, Any]:
+                partial: bool = False, on_progress: Optional[Callable[[float], object]] = None,
+                read_robots: Optional[ReadRobots] = None) -> dict[str, Any]:
     """
     Examine one of many bags as `examine` does; this function and its result can be pickled.
 
@@ -104,7 +113,7 @@ def examine_bag(bag: 'Paths', *, ignore: Collection[str] = (), namespace: str = 
     name = name_of(bag)
     try:
         report = examine(bag, ignore=ignore, namespace=namespace, partial=partial,
-                         on_progress=on_progress)
+                         on_progress=on_progress, read_robots=read_robots)
     except OSError as error:
         return {'bag': name, 'error': f'cannot read {name}: {error.strerror or error}'}
     except Exception as error:  # whatever is wrong with one bag, the others are examined

@@ -9,7 +9,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from dummy_arm.robot.descriptions import DescriptionOrWhy, parsed, TOPIC
+from dummy_arm.robot.descriptions import DescriptionOrWhy, parsed, STRING, TOPIC
 
 #: The time between two searches for topics (s).
 _SCAN_INTERVAL = 1.0
@@ -37,7 +37,7 @@ class DescriptionListener:
 
     def _scan(self) -> None:
         for topic, types in self._node.get_topic_names_and_types():
-            if (topic.endswith(f'/{TOPIC}') and types == ['std_msgs/msg/String']
+            if (topic.endswith(f'/{TOPIC}') and types == [STRING]
                     and topic not in self._subscriptions
                     and len(self._subscriptions) < _MOST_TOPICS):
                 self._subscriptions[topic] = self._node.create_subscription(

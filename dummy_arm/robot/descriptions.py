@@ -3,10 +3,11 @@
 from typing import Union
 
 from dummy_arm.robot.description import Description, DescriptionError, parse
-from dummy_arm.tf.bag import last_strings, Paths
+from dummy_arm.tf.bag import decoded, Paths
 
 #: The last part of the names of the topics.
 TOPIC = 'robot_description'
+STRING = 'std_msgs/msg/String'
 #: A description, or why it is refused (one line).
 DescriptionOrWhy = Union[Description, str]
 
@@ -21,5 +22,6 @@ def parsed(text: str) -> DescriptionOrWhy:
 
 def in_bag(path: Paths, partial: bool = False) -> dict[str, DescriptionOrWhy]:
     """Return the last description on each topic of a bag; the errors are those of `bag.read`."""
-    return {topic: parsed(text)
-            for topic, text in last_strings(path, TOPIC, partial=partial).items()}
+    texts = {topic: message.data
+             for topic, message in decoded(path, STRING, TOPIC, partial=partial)}
+    return {topic: parsed(text) for topic, text in texts.items()}

@@ -2,12 +2,10 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import suppress
 from itertools import groupby
 import logging
 from operator import index
 from pathlib import Path
-import struct
 from typing import Any, NamedTuple, Optional
 
 from dummy_arm.tf._bag.context import BagContext, NOT_RECORDED, Record, Stream, TF_TYPES
@@ -17,13 +15,14 @@ from dummy_arm.tf._bag.recordings import recordings as find_recordings
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._core.texts import comma_list
+from dummy_arm.tf._wire import ros1
 from dummy_arm.tf._wire.cdr import MalformedMessage
 from dummy_arm.tf._wire.headers import Headers
 from dummy_arm.tf._wire.message_reader import Encoding, MessageReader
 from dummy_arm.tf.transform_buffer import TransformBuffer
 
-__all__ = ['NOT_RECORDED', 'BagError', 'BagMessage', 'Headers', 'Paths', 'Topic', 'is_bag',
-           'last_strings', 'messages', 'missing_part', 'read', 'recordings']
+__all__ = ['NOT_RECORDED', 'BagError', 'BagMessage', 'Headers', 'Paths', 'Topic', 'decoded',
+           'is_bag', 'messages', 'missing_part', 'read', 'recordings']
 
 _ALL_TIME = 2**63 - 1  # ns
 #: Messages are inserted in groups. A group ends when its messages take more memory than this
@@ -138,23 +137,29 @@ def messages(path: Paths, *, namespace: str = '', partial: bool = False,
             tuple(topic.durabilities.elements())) for topic in context.topics.values()])
 
 
-def last_strings(path: Paths, name: str, *, partial: bool = False, max_bytes: int = 2**30,
-                 on_progress: Optional[Callable[[float], object]] = None) -> dict[str, str]:
+def decoded(path: Paths, msgtype: str, name: str, *, partial: bool = False,
+            max_bytes: int = 2**30, on_progress: Optional[Callable[[float], object]] = None
+            ) -> Iterator[tuple[str, Any]]:
     """
-    Return the last std_msgs/String on each topic with a name, such as 'robot_description'.
+    Yield the messages of a standard type on topics other than those of TF, as rosbags decodes them.
 
     The other arguments are those of `read`.
 
-    :param name: the last part of the names of the topics, without a slash.
-    :returns: the texts by topic.
+    :param msgtype: the type, such as 'sensor_msgs/msg/JointState'.
+    :param name: the last part of the names of the topics, such as 'joint_states'.
+    :returns: an iterator over the topic and the message, without those that cannot be decoded.
     :raises: the errors of `read`; but a bag without such a topic is no error.
     """
-    recording, context = _open(path, '', partial, max_bytes, on_progress, strings=name)
-    found: dict[str, str] = {}
+    recording, context = _open(path, '', partial, max_bytes, on_progress, other=(msgtype, name))
+    from rosbags.typesys import get_typestore, Stores
+    ros_1, ros_2 = get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.LATEST)
     for stream, _, data in _records(recording, context):
-        with suppress(struct.error):  # damaged
-            found[stream.publisher] = stream.encoding.string(data)
-    return found
+        decode = ros_1.deserialize_ros1 if stream.encoding is ros1 else ros_2.deserialize_cdr
+        try:
+            message = decode(data, msgtype)
+        except Exception:  # the decoder raises errors of many types
+            continue
+        yield stream.publisher, message
 
 
 def read(path: Paths, *, cache_time: Any = None, namespace: str = '',
@@ -223,7 +228,7 @@ def read(path: Paths, *, cache_time: Any = None, namespace: str = '',
 
 def _open(paths: Paths, namespace: str, partial: bool, max_bytes: int,
           on_progress: Optional[Callable[[float], object]], with_headers: bool = False,
-          strings: str = ''
+          other: tuple[str, str] = ('', '')
           ) -> tuple[Recording, BagContext]:
     if index(max_bytes) < 1:
         raise ValueError(f'max_bytes must be a positive number of bytes, got {max_bytes}')
@@ -244,7 +249,7 @@ def _open(paths: Paths, namespace: str, partial: bool, max_bytes: int,
         logging.getLogger('dummy_arm.tf').warning(recording.warning)
     return recording, BagContext(
         recording, namespace, partial, max_bytes, on_progress or (lambda done: None), with_headers,
-        strings)
+        other)
 
 
 def _finish(recording: Recording, context: BagContext, count: int,

@@ -28,6 +28,7 @@ from dummy_arm.doctor.observation import Endpoint, Observation
 from dummy_arm.doctor.report import check_codes, examine, examine_bag, Report
 from dummy_arm.doctor.tf_statistics import Statistics
 from dummy_arm.inspection.terminal import wrapped
+from dummy_arm.robot.observed import RobotListener, robots_in_bag
 from dummy_arm.tf.bag import messages, NOT_RECORDED, read, recordings
 from dummy_arm.tf.formatting import in_seconds, SECOND, TF_MESSAGE, visible
 
@@ -83,7 +84,8 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
         return int(bool(explanation.why_not))
     if bag is not None:
         return _examine_bags(bag, jobs or 1, as_json, partial_function(
-            examine_bag, ignore=ignore, namespace=namespace, partial=partial))
+            examine_bag, ignore=ignore, namespace=namespace, partial=partial,
+            read_robots=robots_in_bag))
     report = examine(_observe_live(duration, ros_args, namespace), ignore=ignore)
     print(json.dumps(report.as_dict(), indent=2) if as_json else report)
     return int(report.has_errors)
@@ -215,16 +217,19 @@ def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> O
     from dummy_arm.inspection.header_sampler import HeaderSampler
     with spinning_node('tf_doctor', ros_args, namespace) as node:
         listening, sampler = _Listening(node), HeaderSampler(node)
+        robots = RobotListener(node)
 
         def poll() -> None:
             listening.poll()
             sampler.poll()
+            robots.poll()
 
         elapsed = listen(duration, listening.frame_listener.buffer.frame_names, poll)
-        return _observation(listening, sampler, f'in {elapsed:.1f} s')
+        return _observation(listening, sampler, robots, f'in {elapsed:.1f} s')
 
 
-def _observation(listening: _Listening, sampler: 'HeaderSampler', where: str) -> Observation:
+def _observation(listening: _Listening, sampler: 'HeaderSampler', robots: RobotListener,
+                 where: str) -> Observation:
     """Add what the ROS graph knows to what was received."""
     node, frame_listener = listening.node, listening.frame_listener
     statistics, listener = listening.statistics, listening.listener
@@ -237,7 +242,7 @@ def _observation(listening: _Listening, sampler: 'HeaderSampler', where: str) ->
         nodes=listener.names_of(statistics.publishers()),
         present=listener.present, endpoints=[*_endpoints(node, (dynamic, static))],
         volatile_listeners=_volatile_listeners(node, static), headers=sampler.headers(),
-        senders=sampler.senders(),
+        senders=sampler.senders(), robots=robots.robots(),
         tf_topics=[topic for topic, types in node.get_topic_names_and_types()
                    if TF_MESSAGE in types and node.count_publishers(topic)],
         not_known=_not_known(listening), left_out=left_out,

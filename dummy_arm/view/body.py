@@ -1,22 +1,21 @@
 """The bodies of robots: the shapes of their descriptions, drawn at the frames of their links."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any, NamedTuple, Optional
 
 import viser
 
+from dummy_arm.inspection.robots import prefix
 from dummy_arm.robot.description import Description, Shape
 from dummy_arm.robot.descriptions import DescriptionOrWhy
 from dummy_arm.view.meshes import Meshes, Rgba
 from dummy_arm.view.placement import Placement, REACH
 from dummy_arm.view.rods import Display
 
-#: The largest numbers of shapes of a robot that are drawn, and of links that find its prefix.
-MAX_SHAPES, _MOST_LINKS = 2000, 1000
-#: The largest number of prefixes that are tried.
-_MOST_PREFIXES = 10
+#: The largest number of shapes of a robot that are drawn.
+MAX_SHAPES = 2000
 #: The side of the box in place of a mesh that is missing (m).
 _MISSING_SIZE = 0.1
 _DEFAULT: Rgba = (0.66, 0.71, 0.78, 1.0)
@@ -103,7 +102,8 @@ class Body:
             if robot.names != placement.names:
                 robot.names = placement.names
                 robot.prefix, robot.found = prefix(
-                    robot.description, robot.topic, {*placement.names})
+                    robot.topic, robot.description.root, robot.description.links,
+                    {*placement.names})
                 has_changed = True
             for part in robot.parts:
                 frame = robot.prefix + part.link
@@ -193,21 +193,6 @@ class Body:
         if owner := self._owners.get(event.target.name):
             robot, part = owner
             self._on_click(robot.prefix + part.link)
-
-
-def prefix(description: Description, topic: str, frames: Collection[str]) -> tuple[str, int]:
-    """
-    Return what stands before the names of a robot's links in those of its frames.
-
-    It is '', the namespace of the topic, or what stands before the root in a frame: that with
-    which most links are found. The second value is the number of these links.
-    """
-    namespace = topic.rpartition('/')[0].strip('/')
-    root, links = description.root, description.links[:_MOST_LINKS]
-    found = sorted(frame.removesuffix(root) for frame in frames if frame.endswith(root))
-    counts = {each: sum(each + link in frames for link in links) for each in (
-        f'{namespace}/' if namespace else '', '', *found[:_MOST_PREFIXES])}
-    return max(counts.items(), key=lambda item: item[1])  # of several, the first
 
 
 def mesh_files(descriptions: Iterable[DescriptionOrWhy]) -> set[str]:

@@ -1,0 +1,41 @@
+"""Robots as their descriptions and joint states show them: the frames of their links."""
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
+
+#: The largest number of links that find the prefix, and of prefixes that are tried.
+_MOST_LINKS, _MOST_PREFIXES = 1000, 10
+
+
+class Robot(NamedTuple):
+    """What `tf_doctor` must know of a robot."""
+
+    topic: str  #: the topic of its description
+    problem: str = ''  #: why the description is refused, and nothing else is known
+    root: str = ''  #: the link at the root
+    links: Sequence[str] = ()
+    #: By movable joint, except those that mimic another one: the links that it moves, directly or
+    #: by joints that mimic it.
+    joints: Mapping[str, Sequence[str]] = {}
+    states: Collection[str] = ()  #: the joints whose positions were received
+
+
+def prefix(topic: str, root: str, links: Sequence[str], frames: Collection[str]
+           ) -> tuple[str, int]:
+    """
+    Return what stands before the names of a robot's links in those of its frames.
+
+    It is '', the namespace of the topic, or what stands before the root in a frame: that with
+    which most links are found. The second value is the number of these links.
+    """
+    namespace = topic.rpartition('/')[0].strip('/')
+    links = links[:_MOST_LINKS]
+    found = sorted(frame.removesuffix(root) for frame in frames if frame.endswith(root))
+    counts = {each: sum(each + link in frames for link in links) for each in (
+        f'{namespace}/' if namespace else '', '', *found[:_MOST_PREFIXES])}
+    return max(counts.items(), key=lambda item: item[1])  # of several, the first
+
+
+def joint_states_of(topic: str) -> str:
+    """Return the topic of the joint states of the robot with a description on a topic."""
+    return f'{topic.rpartition("/")[0]}/joint_states'
