@@ -26,11 +26,13 @@ def prefix(topic: str, root: str, links: Sequence[str], frames: Collection[str]
     Return what stands before the names of a robot's links in those of its frames.
 
     It is '', the namespace of the topic, or what stands before the root in a frame: that with
-    which most links are found. The second value is the number of these links.
+    which most links are found, and of several, one that begins with the namespace. The second
+    value is the number of these links.
     """
     namespace = topic.rpartition('/')[0].strip('/')
     links = links[:_MOST_LINKS]
-    found = sorted(frame.removesuffix(root) for frame in frames if frame.endswith(root))
+    found = sorted((frame.removesuffix(root) for frame in frames if frame.endswith(root)),
+                   key=lambda each: (not each.startswith(namespace), each))
     counts = {each: sum(each + link in frames for link in links) for each in (
         f'{namespace}/' if namespace else '', '', *found[:_MOST_PREFIXES])}
     return max(counts.items(), key=lambda item: item[1])  # of several, the first

@@ -1,6 +1,7 @@
 """The descriptions and joint states of robots, as `tf_doctor` examines them."""
 
 from collections.abc import Collection
+from functools import partial
 from typing import Any, TYPE_CHECKING
 
 from dummy_arm.inspection.robots import joint_states_of, Robot
@@ -14,14 +15,14 @@ if TYPE_CHECKING:
 _MOST_NAMES = 10_000
 
 
-def robots_in_bag(bag: Paths, partial: bool = False) -> list[Robot]:
+def robots_in_bag(bag: Paths, is_partial: bool = False) -> list[Robot]:
     """Return the robots of a bag; the errors are those of `bag.read`."""
-    descriptions = in_bag(bag, partial)
+    descriptions = in_bag(bag, is_partial)
     names: dict[str, set[str]] = {}
     if descriptions:
         for topic, message in decoded(
-                bag, 'sensor_msgs/msg/JointState', 'joint_states', partial=partial):
-            _add(names.setdefault(topic, set()), message.name)
+                bag, 'sensor_msgs/msg/JointState', 'joint_states', partial=is_partial):
+            _receive(names.setdefault(topic, set()), message)
     return [_robot(topic, each, names.get(joint_states_of(topic), ()))
             for topic, each in descriptions.items()]
 
@@ -42,8 +43,7 @@ class RobotListener:
             if topic not in self._names:
                 names = self._names[topic] = set()
                 self._node.create_subscription(
-                    JointState, topic, lambda message, names=names: _add(names, message.name),
-                    qos_profile_sensor_data)
+                    JointState, topic, partial(_receive, names), qos_profile_sensor_data)
                 if self._node.executor is not None:
                     self._node.executor.wake()
 
@@ -53,9 +53,9 @@ class RobotListener:
                 for topic, each in self._descriptions.descriptions().items()]
 
 
-def _add(names: set[str], more: Collection[str]) -> None:
+def _receive(names: set[str], message: Any) -> None:
     if len(names) < _MOST_NAMES:
-        names.update(more)
+        names.update(message.name)
 
 
 def _robot(topic: str, description: DescriptionOrWhy, states: Collection[str]) -> Robot:

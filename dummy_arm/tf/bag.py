@@ -141,7 +141,7 @@ def decoded(path: Paths, msgtype: str, name: str, *, partial: bool = False,
             max_bytes: int = 2**30, on_progress: Optional[Callable[[float], object]] = None
             ) -> Iterator[tuple[str, Any]]:
     """
-    Yield the messages of a standard type on topics other than those of TF, as rosbags decodes them.
+    Yield the messages of a standard type on topics that are not of TF, decoded by rosbags.
 
     The other arguments are those of `read`.
 

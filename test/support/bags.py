@@ -9,6 +9,7 @@ import struct
 import sys
 
 import lz4.frame
+import numpy as np
 from rosbags.rosbag1 import Writer as Writer1
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin
 from rosbags.rosbag2 import Writer as Writer2
@@ -27,6 +28,7 @@ S = 10**9
 ROS2 = ('db3', 'mcap', 'db3 file', 'db3 message', 'mcap file', 'mcap message', 'mcap storage')
 ROS1 = ('bag', 'bag bz2', 'bag lz4')
 TF = 'tf2_msgs/msg/TFMessage'
+STRING, JOINT_STATE = 'std_msgs/msg/String', 'sensor_msgs/msg/JointState'
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -94,6 +96,23 @@ def point(frame, stamp=S, version=2):
         types.types['geometry_msgs/msg/Point'](1.0, 2.0, 3.0))
     serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
     return bytes(serialize(message, 'geometry_msgs/msg/PointStamped'))
+
+
+def text(content, version=2):
+    """Serialize a String."""
+    types = _types(version)
+    serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
+    return bytes(serialize(types.types[STRING](content), STRING))
+
+
+def joint_state(names, version=2):
+    """Serialize a JointState with positions of 0."""
+    types, zeros = _types(version), np.zeros(len(names))
+    serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
+    header = types.types['std_msgs/msg/Header'](
+        *((7,) if version == 1 else ()), types.types['builtin_interfaces/msg/Time'](1, 0), '')
+    return bytes(serialize(types.types[JOINT_STATE](header, names, zeros, zeros, zeros),
+                           JOINT_STATE))
 
 
 def ros1(rows):

@@ -254,7 +254,7 @@ HEALTHY = {
 }
 #: What the messages of a bag do not show: other tests have these codes.
 ELSEWHERE = {'static_not_latched', 'incompatible_qos', 'many_publishers', 'missing_part',
-             'volatile_listener'}
+             'volatile_listener', 'joint_without_state', 'link_without_transform'}
 
 
 def numbered(i, name, **kwargs):
@@ -389,6 +389,77 @@ def test_cases(capsys, tmp_path, name):
     _, found = doctor(capsys, bags.make(tmp_path, kind, converted(content, kind)))
     assert {finding['code'] for finding in found['findings']} == expected
     assert capsys.readouterr().err == ''
+
+
+URDF = """<robot name="gripper">
+<link name="base"/><link name="arm"/><link name="left"/><link name="right"/><link name="tip"/>
+<joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint>
+<joint name="grip" type="prismatic"><parent link="arm"/><child link="left"/>
+<limit lower="0" upper="0.1" effort="1" velocity="1"/></joint>
+<joint name="follow" type="prismatic"><parent link="arm"/><child link="right"/>
+<limit lower="0" upper="0.1" effort="1" velocity="1"/><mimic joint="grip"/></joint>
+<joint name="end" type="fixed"><parent link="left"/><child link="tip"/></joint></robot>"""
+
+
+def with_robot(kind, names, *, namespace='', urdf=URDF):
+    """Return messages with a description, and with joint states of some names."""
+    version = 1 if kind == 'bag' else 2
+    messages = [(f'{namespace}/robot_description', T, bags.text(urdf, version), bags.STRING)]
+    return messages + [(f'{namespace}/joint_states', T + i * MS, bags.joint_state(names, version),
+                        bags.JOINT_STATE) for i in range(10 if names else 0)]
+
+
+@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize(('names', 'edges', 'expected'), [
+    (['turn', 'grip'], ('base arm', 'arm left', 'arm right', 'left tip'), {}),
+    ([], ('base arm', 'arm left', 'arm right', 'left tip'), {}),  # sent by another program
+    (['turn'], ('base arm', 'left tip'), {'joint_without_state': (
+        ['left', 'right'], '1 of 2 movable joints are not on /joint_states, which names turn: '
+                           'grip')}),
+    (['turn', 'grip'], ('base arm', 'arm left', 'arm right'), {'link_without_transform': (
+        ['tip'], '1 of 5 links have no transform: tip')}),
+    ([], ('x y',), {
+        'joint_without_state': (
+            ['arm', 'left', 'right'], '2 of 2 movable joints are not on /joint_states, where '
+                                      'nothing was received: turn, grip'),
+        'link_without_transform': (
+            ['base', 'tip'], '5 of 5 links have no transform: base, tip')}),
+])
+def test_robots(capsys, tmp_path, kind, names, edges, expected):
+    """Joints without states and links without transforms are named; nothing is named twice."""
+    pytest.importorskip('urdf_parser_py')
+    path = bags.make(tmp_path, kind, in_order([
+        *(tf(i, *edges) for i in range(100)), *with_robot(kind, names)]))
+    status, found = doctor(capsys, path, '--ignore', 'several_trees')
+    assert {each['code']: (each['frames'], each['evidence'])
+            for each in found['findings']} == expected
+    assert status == ('joint_without_state' in expected)
+
+
+def test_robots_with_prefixes(capsys, tmp_path):
+    """Each robot has its own joint states, and a prefix of its frames."""
+    pytest.importorskip('urdf_parser_py')
+    edges = [f'{robot}base {robot}arm' for robot in ('r1/', 'r2_')]
+    path = bags.make(tmp_path, 'mcap', in_order([
+        *(tf(i, *edges) for i in range(100)),
+        *with_robot('mcap', ['turn'], namespace='/r1'),
+        *with_robot('mcap', ['turn', 'grip'], namespace='/r2')]))
+    _, found = doctor(capsys, path, '--ignore', 'several_trees')
+    assert [(each['code'], each['topics'], each['frames']) for each in found['findings']] == [
+        ('joint_without_state', ['/r1/joint_states'], ['r1/left', 'r1/right']),
+        ('link_without_transform', ['/r1/robot_description'], ['r1/tip']),
+        ('link_without_transform', ['/r2/robot_description'], ['r2_left', 'r2_right', 'r2_tip'])]
+
+
+def test_a_description_that_is_refused(capsys, tmp_path):
+    """The report says why nothing is checked."""
+    pytest.importorskip('urdf_parser_py')
+    path = bags.make(tmp_path, 'db3', in_order([
+        *robot(), *with_robot('db3', [], urdf='<robot name="x">')]))
+    _, found = doctor(capsys, path)
+    assert not found['findings']
+    assert any('robot description on /robot_description: ' in text
+               and 'not valid XML' in text for text in found['not_checked'])
 
 
 @pytest.mark.parametrize('kind', KINDS)
