@@ -272,7 +272,8 @@ def make_parser() -> Parser:
             f'  {PREFIX:20} {PREFIX_DESCRIPTION}',
             '  use_sim_time         take the time from /clock (default false)',
             '', 'example: dummy_arm --ros-args -p rate:=100 -p joint_1.speed:=1.0')))
-    add_namespace_option(parser, 'publish on')
+    add_namespace_option(parser, 'publish on', 'tf', 'tf_static', 'joint_states',
+                         'robot_description')
     return parser
 
 
