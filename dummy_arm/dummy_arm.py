@@ -36,7 +36,7 @@ PREFIX = 'frame_prefix'
 PREFIX_DESCRIPTION = f'prefix for the name of every frame except {MAP}; read-only'
 #: The parameters that are true or false; they are true by default.
 SWITCHES = {
-    'publish_tf': f'send the transforms on /tf; {MAP} -> base_link is always sent; read-only',
+    'publish_tf': 'send all frames but base_link on /tf; read-only',
     'publish_joint_states': 'send the joint angles on joint_states; read-only',
     'publish_description': 'send the URDF of the arm on robot_description; read-only'}
 
