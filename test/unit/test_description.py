@@ -4,6 +4,7 @@ import os
 import re
 import subprocess
 import sys
+from typing import Any
 from xml.etree import ElementTree
 
 from environment import code_without
@@ -113,6 +114,7 @@ def translation(vector):
 def oracle(text, positions):
     """Return the (4, 4) matrix of each child link in its parent, from the XML itself."""
     matrices = {}
+    element: Any
     for element in ElementTree.fromstring(text).findall('joint'):
         vectors = {(tag, name): [float(number) for number in element.find(tag).get(name).split()]
                    for tag, name in (('origin', 'xyz'), ('origin', 'rpy'), ('axis', 'xyz'))}

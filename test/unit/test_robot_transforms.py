@@ -32,8 +32,9 @@ def description_of(case):
         return parse(case['urdf'])
     robot = ElementTree.fromstring(case['urdf'])
     for joint in robot.findall('joint'):
-        if joint.get('name') in ZERO_AXES:
-            joint.find('axis').set('xyz', '0 0 1')
+        axis = joint.find('axis')
+        if axis is not None and joint.get('name') in ZERO_AXES:
+            axis.set('xyz', '0 0 1')
     return parse(ElementTree.tostring(robot, encoding='unicode'))
 
 
