@@ -196,6 +196,16 @@ def test_topics_qos_and_parameters_are_those_of_the_real_one(domain_id):
             assert node.has_parameter(name), name
 
 
+def test_topics_in_a_namespace(ros, start, tmp_path):
+    """The option puts all four topics there."""
+    file = tmp_path / 'robot.urdf'
+    file.write_text(CASES['one_link']['urdf'])
+    start(*tool(NAME, str(file), '--namespace', 'left'))
+    ros.until(lambda: all(ros.node.count_publishers(f'/left/{topic}') for topic in (
+        'tf', 'tf_static', 'robot_description')) and (
+            ros.node.count_subscribers('/left/joint_states')))
+
+
 def test_a_changed_prefix_applies_to_fixed_joints_at_once(domain_id):
     """The real one sends them with the next description only, so the tree falls apart."""
     with command_node(lambda: RobotStatePublisher(CASES['chain']['urdf']), domain_id) as (
