@@ -5,20 +5,18 @@ from typing import Optional
 
 from dummy_arm.cli.node import run_node
 from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
-from dummy_arm.robot.description import read
+from dummy_arm.robot import DescriptionError, read
 from dummy_arm.robot.state_publisher import RobotStatePublisher
 
 
 def command(file: Optional[str] = None, namespace: str = '', *, ros_args: Sequence[str] = ()
             ) -> int:
     """Publish the robot of a file, or of the parameter robot_description, until a signal."""
-    def make_node() -> RobotStatePublisher:
-        try:
-            return RobotStatePublisher('' if file is None else read(file))
-        except ValueError as error:
-            raise UsageError(str(error)) from None
-
-    return run_node(make_node, ros_args, namespace)
+    try:
+        text = '' if file is None else read(file)
+        return run_node(lambda: RobotStatePublisher(text), ros_args, namespace)
+    except DescriptionError as error:
+        raise UsageError(str(error)) from None
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
