@@ -136,9 +136,9 @@ def read(path: Union[str, os.PathLike[str]]) -> str:
     :raises DescriptionError: if the file cannot be read or expanded.
     """
     try:
-        if Path(path).suffix == '.xacro':
-            return _expand(path)
         with Path(path).open('rb') as file:
+            if Path(path).suffix == '.xacro':
+                return _expand(path)
             return file.read(MAX_SIZE + 1).decode()
     except OSError as error:
         _refuse(f'cannot read {os.fspath(path)}: {error.strerror or error}')

@@ -8,7 +8,6 @@ from geometry_msgs.msg import TransformStamped
 from rcl_interfaces.msg import ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile
@@ -42,7 +41,7 @@ class RobotStatePublisher(Node):
         :param robot_description: the URDF text; the parameter of this name takes precedence.
         :param kwargs: the arguments of `rclpy.node.Node` except the name.
         :raises DescriptionError: if the description is not valid.
-        :raises InvalidParameterValueException: if publish_frequency is not valid.
+        :raises ValueError: if publish_frequency is not valid.
         """
         super().__init__('robot_state_publisher', **kwargs)
         text = self.declare_parameter('robot_description', robot_description).value
@@ -50,9 +49,8 @@ class RobotStatePublisher(Node):
         self.declare_parameter('publish_frequency', 20.0, ParameterDescriptor(dynamic_typing=True))
         self.declare_parameter('frame_prefix', '')
         self.declare_parameter('ignore_timestamp', False)
-        frequency = self.get_parameter('publish_frequency').value
-        if problem := _frequency_problem(frequency):
-            raise InvalidParameterValueException('publish_frequency', frequency, problem)
+        if problem := _frequency_problem(self.get_parameter('publish_frequency').value):
+            raise ValueError(problem)
         if not text:
             raise DescriptionError('robot_description parameter must not be empty: set it to the '
                                    'URDF text, or name a URDF file')

@@ -14,9 +14,16 @@ def command(file: Optional[str] = None, namespace: str = '', *, ros_args: Sequen
     """Publish the robot of a file, or of the parameter robot_description, until a signal."""
     try:
         text = '' if file is None else read(file)
-        return run_node(lambda: RobotStatePublisher(text), ros_args, namespace)
     except DescriptionError as error:
         raise UsageError(str(error)) from None
+
+    def make_node() -> RobotStatePublisher:
+        try:
+            return RobotStatePublisher(text)
+        except ValueError as error:
+            raise UsageError(str(error)) from None
+
+    return run_node(make_node, ros_args, namespace)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
