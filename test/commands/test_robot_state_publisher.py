@@ -157,7 +157,7 @@ def test_arguments_and_parameters(domain_id, tmp_path, name):
     ('', 'robot_description parameter must not be empty: set it to the URDF text, or name'),
     ('<robot name="r"><link name="a"/><link name="b"/></robot>', "has 2 roots, 'a', 'b'")])
 def test_a_bad_description_is_one_line_and_exit_code_2(domain_id, tmp_path, content, message):
-    """The text and its length are all that matters, as in test_description.py."""
+    """The line says what is wrong; test_description.py has more such texts."""
     file = tmp_path / 'robot.urdf'
     file.write_text(content)
     code, output, error = call(main, str(file), domain=domain_id)
