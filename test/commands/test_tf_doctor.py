@@ -20,6 +20,7 @@ from rclpy.topic_endpoint_info import TopicEndpointInfo
 from ros_node import Ros, stamped
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from dummy_arm.cli import progress
 from dummy_arm.inspection import header_sampler
@@ -125,6 +126,35 @@ def test_publishers_and_headers(ros):
     assert found['other_clock']['frames'] == ['wheel']
     assert found['other_clock']['nodes'] == ['/other']
     assert not [text for text in data['not_checked'] if not text.startswith('headers on')]
+
+
+URDF = """<robot name="gripper">
+<link name="base"/><link name="arm"/><link name="left"/><link name="tip"/>
+<joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint>
+<joint name="grip" type="continuous"><parent link="arm"/><child link="left"/></joint>
+<joint name="end" type="fixed"><parent link="left"/><child link="tip"/></joint></robot>"""
+
+
+def test_a_robot(ros):
+    """A joint without a state is named, and a fixed link that nobody publishes."""
+    pytest.importorskip('urdf_parser_py')
+    text = ros.node.create_publisher(String, '/r1/robot_description', LATCHED)
+    text.publish(String(data=URDF))
+    joints = ros.node.create_publisher(JointState, '/r1/joint_states', 10)
+    sender = TransformBroadcaster(ros.node)
+
+    def send(now):
+        joints.publish(JointState(name=['turn'], position=[0.0]))
+        sender.sendTransform(stamped('r1/base', 'r1/arm', now))
+
+    status, data = examine(ros, send=send, publishers=[text, joints, sender.pub_tf], ticks=50)
+    found = {finding['code']: finding for finding in data['findings']}
+    assert codes(data) == {'joint_without_state', 'link_without_transform'}
+    assert status == 1
+    assert found['joint_without_state']['frames'] == ['r1/left']
+    assert found['joint_without_state']['evidence'] == (
+        '1 of 2 movable joints are not on /r1/joint_states, which names turn: grip')
+    assert found['link_without_transform']['frames'] == ['r1/tip']
 
 
 def test_messages_at_their_stamps(ros):
