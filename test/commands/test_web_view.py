@@ -38,10 +38,14 @@ def test_a_port_that_is_given(start, ros, monkeypatch):
 
 
 def test_a_bag_without_ros(start, tmp_path):
-    """It is played; its transforms name no publisher."""
+    """It is played, with the body of its robot; its transforms name no publisher."""
     bags = pytest.importorskip('bags')
     from viewer import CAMERA, Viewer
-    path = bags.make(tmp_path / 'robot', 'mcap', bags.walk())
+    pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
+    urdf = ('<robot name="box"><link name="base_link"><visual><geometry><box size="1 2 3"/>'
+            '</geometry></visual></link></robot>')
+    path = bags.make(tmp_path / 'robot', 'mcap', [*bags.walk(), (
+        '/robot_description', 100 * bags.S, bags.string(urdf), bags.STRING)])
     process = start(*tool_without_ros('web_view', '--bag', str(path)))
     viewer = Viewer(int(process.line_with('look at http').rsplit(':', 1)[1]))
     viewer.send(CAMERA)
@@ -51,6 +55,9 @@ def test_a_bag_without_ros(start, tmp_path):
     assert viewer.detail('publisher') == 'not recorded'
     viewer.until(lambda: any('102 transforms of 3 frames' in props.get('content', '')
                              for props in viewer.gui.values()))  # the verdict of tf_doctor
+    viewer.until(lambda: any('dimensions' in node for node in viewer.nodes.values()))
+    viewer.until(lambda: 'box on /robot_description: 1 of 1 links have a frame' in
+                 viewer.text('robot'))
     viewer.close()
     process.end(signal.SIGINT)
     assert process.exit_code() == 0
