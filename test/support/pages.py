@@ -26,6 +26,7 @@ ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in 
     'dummy_arm': 't = 0', 'dynamic_tf_publisher': 'publishing map -> moving_frame',
     'python docs/examples/record.py': 'recording',
     r'python (dynamic_tf_publisher|dummy_arm)\.py': 'publishing',
+    'robot_state_publisher': 'Robot initialized',
     'static_transform_publisher': 'translation: ',
     'tf2_echo (?!.*--(once|bag))': 'At time', 'tf2_monitor': 'RESULTS',
     'view_frames .*--watch': ' Hz ', 'web_view(?!.*--export)': 'look at http://'}.items()}
