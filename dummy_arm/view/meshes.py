@@ -18,7 +18,7 @@ import trimesh
 FORMATS = '.stl', '.dae', '.obj', '.ply', '.glb', '.off'
 #: The largest size of a file (bytes).
 MAX_BYTES = 50_000_000
-_REMEDY = 'pass the directory above it: web_view --meshes DIR'
+_REMEDY = 'pass --meshes DIR, where DIR has the package or the file'
 
 Rgba = tuple[float, float, float, float]
 

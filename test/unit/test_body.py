@@ -272,8 +272,8 @@ def test_missing_meshes(page, tmp_path):
         assert [*box['dimensions']] == [0.1] * 3
         assert len({*box['color']}) == 1
     shown.until(lambda: (
-        f'link base: package://pkg/a.stl: there is no such file below {tmp_path}: pass the '
-        'directory above it: web_view --meshes DIR<br>' in shown.viewer.text('robot')))
+        f'link base: package://pkg/a.stl: there is no such file below {tmp_path}: pass '
+        '--meshes DIR, where DIR has the package or the file<br>' in shown.viewer.text('robot')))
     shown.until(lambda: (
         'link base: http://localhost/&lt;a&gt;.stl: only package://PACKAGE/PATH and '
         'file:///PATH are read<' in shown.viewer.text('robot')))
