@@ -93,7 +93,7 @@ class Meshes:
         if paths and not allowed:
             raise MeshError(f'it is not below a directory of the search path: {_REMEDY}')
         for path in allowed:
-            if path.is_file():
+            if os.path.isfile(path):  # Path.is_file raises an error for a name that is too long
                 return path
         searched = ', '.join(map(str, self._directories))
         raise MeshError(f'there is no such file below {searched}: {_REMEDY}' if searched else

@@ -302,10 +302,10 @@ FILES = {
     'ftp://127.0.0.1/a.stl': 'are read', 'data:,x': 'are read', '': 'are read',
     'FILE://{inside}/pkg/a.stl': 'are read', 'package://pkg/a.stl%00': 'are read',
     r'package://pkg\..\..\outside\secret.stl': 'no such file', '//etc/passwd': 'are read',
-    'model://pkg/a.stl': 'are read'}
+    'model://pkg/a.stl': 'are read', f'package://pkg/{"a" * 5000}.stl': 'no such file'}
 
 
-@pytest.mark.parametrize('file', FILES)
+@pytest.mark.parametrize('file', FILES, ids=lambda file: file[:60])
 def test_only_files_below_the_search_path_are_read(tmp_path, monkeypatch, file):
     """The check is lexical, after percent escapes and '..'."""
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
