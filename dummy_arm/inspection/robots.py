@@ -25,9 +25,10 @@ def prefix(topic: str, root: str, links: Sequence[str], frames: Collection[str]
     """
     Return what stands before the names of a robot's links in those of its frames.
 
-    It is '', the namespace of the topic, or what stands before the root in a frame: that with
-    which most links are found, and of several, one that begins with the namespace. The second
-    value is the number of these links.
+    It is the namespace of the topic, if a link is found with it; else '', or what stands before
+    the root in a frame: that with which most links are found, and of several, one that begins with
+    the namespace. The second value is the number of the links that are found, at most
+    `_MOST_LINKS`.
     """
     namespace = topic.rpartition('/')[0].strip('/')
     links = links[:_MOST_LINKS]
@@ -35,7 +36,8 @@ def prefix(topic: str, root: str, links: Sequence[str], frames: Collection[str]
                    key=lambda each: (not each.startswith(namespace), each))
     counts = {each: sum(each + link in frames for link in links) for each in (
         f'{namespace}/' if namespace else '', '', *found[:_MOST_PREFIXES])}
-    return max(counts.items(), key=lambda item: item[1])  # of several, the first
+    own, count = next(iter(counts.items()))
+    return (own, count) if namespace and count else max(counts.items(), key=lambda item: item[1])
 
 
 def joint_states_of(topic: str) -> str:

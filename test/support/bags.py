@@ -98,11 +98,11 @@ def point(frame, stamp=S, version=2):
     return bytes(serialize(message, 'geometry_msgs/msg/PointStamped'))
 
 
-def text(content, version=2):
+def string(text, version=2):
     """Serialize a String."""
     types = _types(version)
     serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
-    return bytes(serialize(types.types[STRING](content), STRING))
+    return bytes(serialize(types.types[STRING](text), STRING))
 
 
 def joint_state(names, version=2):

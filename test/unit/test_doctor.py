@@ -404,7 +404,7 @@ URDF = """<robot name="gripper">
 def with_robot(kind, names, *, namespace='', urdf=URDF):
     """Return messages with a description, and with joint states of some names."""
     version = 1 if kind == 'bag' else 2
-    messages = [(f'{namespace}/robot_description', T, bags.text(urdf, version), bags.STRING)]
+    messages = [(f'{namespace}/robot_description', T, bags.string(urdf, version), bags.STRING)]
     return messages + [(f'{namespace}/joint_states', T + i * MS, bags.joint_state(names, version),
                         bags.JOINT_STATE) for i in range(10 if names else 0)]
 

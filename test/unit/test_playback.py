@@ -1,6 +1,5 @@
 """The controls of a bag in the page of web_view, and the page that plays without a server."""
 
-import base64
 from contextlib import ExitStack
 import os
 import signal
@@ -15,7 +14,7 @@ from dummy_arm.view import feed as feed_module
 from dummy_arm.view.feed import BagFeed, Player
 
 pytest.importorskip('viser')
-from viewer import CAMERA, msgspec, update, Viewer, zstandard
+from viewer import CAMERA, recorded, update, Viewer
 
 from dummy_arm.view.export import Recording
 from dummy_arm.view.playback import Playback
@@ -155,13 +154,6 @@ def test_nonsense_from_a_viewer(controls):
     assert shown.viewer.value('Speed') == '1'
 
 
-def recorded(page):
-    """Return the scene that is in a page: the time and the properties of each message."""
-    scene = page.split('window.__VISER_EMBED_DATA__="')[1].split('"')[0]
-    data = zstandard.ZstdDecompressor().decompress(base64.b64decode(scene)[8:])
-    return msgspec.msgpack.decode(data[8:8 + int.from_bytes(data[:8], 'little')])
-
-
 def test_a_recording(buffer):
     """It has the frames at each moment, and no controls."""
     recording = Recording(BagFeed(buffer, 'bag'))
@@ -223,6 +215,26 @@ def test_the_options_of_an_export(failed, tmp_path):
         code, error = failed(main, *arguments)
         assert code == (1 if 'writable' in text else 2)
         assert text in error
+
+
+def test_an_export_of_a_robot(capsys, tmp_path):
+    """The last description in the bag is drawn, with its meshes."""
+    bags = pytest.importorskip('bags')
+    pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
+    (tmp_path / 'meshes' / 'pkg').mkdir(parents=True)
+    (tmp_path / 'meshes' / 'pkg' / 'a.obj').write_text('v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n')
+    texts = '<robot/>', ('<robot name="r"><link name="base_link"><visual><geometry><mesh '
+                         'filename="package://pkg/a.obj"/></geometry></visual></link></robot>')
+    bag = bags.make(tmp_path / 'bag', 'mcap', [*bags.walk(1), *(
+        ('/robot_description', 100 * S, bags.string(text), bags.STRING) for text in texts)])
+    path = tmp_path / 'walk.html'
+    assert main(['--bag', str(bag), '--export', str(path), '--meshes', str(tmp_path),
+                 '--meshes', str(tmp_path / 'meshes')]) == 0
+    messages = recorded(path.read_text())['messages']
+    (mesh,) = [message['name'] for _, message in messages if message['type'] == 'MeshMessage']
+    moves = [time for time, message in messages if message['type'] == 'SetPositionMessage'
+             and message['name'] == mesh.rpartition('/')[0]]
+    assert len(moves) > 5  # base_link moves ten times
 
 
 def test_an_export_of_a_bag(capsys, tmp_path):
