@@ -17,8 +17,14 @@ from numpy.typing import ArrayLike, NDArray
 
 Vector = tuple[float, float, float]
 
-#: Duration of the transition to a new limit (s).
+#: Duration of the transition to a new limit, and from a held angle to the wave (s).
 _BLEND = 1.0
+
+
+def _smoothstep(time: float) -> float:
+    """Return the progress of a transition, from 0 to 1, at a time (s) after its begin."""
+    progress = min(max(time / _BLEND, 0.0), 1.0)
+    return progress * progress * (3.0 - 2.0 * progress)
 
 
 @dataclass(frozen=True)
@@ -95,6 +101,9 @@ class Wave:
     The phase is `phase_at_change` (rad) at the time `speed_changed` (s), and advances at `speed`
     (rad/s). In the second that begins at the time `limit_changed` (s), the limit changes smoothly
     from `limit_before` to `limit` (rad).
+
+    Before the time `released` (s), the joint is held at the angle `held_at` (rad), or at the limit
+    if this is nearer to 0. In the second that begins then, the joint returns smoothly to the wave.
     """
 
     speed: float
@@ -103,17 +112,25 @@ class Wave:
     speed_changed: float = 0.0
     limit_before: float = 0.0
     limit_changed: float = -math.inf
+    held_at: float = 0.0
+    released: float = -math.inf
+
+    @property
+    def is_held(self) -> bool:
+        return self.released == math.inf
 
     def phase(self, t: float) -> float:
         return self.phase_at_change + self.speed * (t - self.speed_changed)
 
     def limit_at(self, t: float) -> float:
-        progress = min(max((t - self.limit_changed) / _BLEND, 0.0), 1.0)
-        smooth = progress * progress * (3.0 - 2.0 * progress)  # smoothstep
+        smooth = _smoothstep(t - self.limit_changed)
         return self.limit_before + smooth * (self.limit - self.limit_before)
 
     def angle(self, t: float) -> float:
-        return self.limit_at(t) * math.sin(self.phase(t))
+        limit = self.limit_at(t)
+        held_at = min(max(self.held_at, -limit), limit)
+        smooth = _smoothstep(t - self.released)
+        return (1.0 - smooth) * held_at + smooth * limit * math.sin(self.phase(t))
 
     def with_speed(self, speed: float, t: float) -> 'Wave':
         """Return this wave with another speed (rad/s) from the time t on; the phase is steady."""
@@ -123,6 +140,15 @@ class Wave:
         """Return this wave with a limit (rad) that is reached smoothly, one second after t."""
         return replace(self, limit=limit, limit_before=self.limit_at(t), limit_changed=t)
 
+    def with_hold(self, angle: float) -> 'Wave':
+        """Return this wave with the joint held at an angle (rad); the phase goes on."""
+        return replace(self, held_at=angle, released=math.inf)
+
+    def with_release(self, t: float) -> 'Wave':
+        """Return this wave with the joint, if it is held, released at the time t."""
+        return replace(self, released=t) if self.is_held else self
+
     def settled(self) -> 'Wave':
-        """Return this wave without a change: the limit is `limit` at every time."""
-        return replace(self, limit_changed=-math.inf)
+        """Return this wave without transitions: they are over at every time."""
+        return replace(self, limit_changed=-math.inf,
+                       released=math.inf if self.is_held else -math.inf)

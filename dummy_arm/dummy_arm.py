@@ -1,5 +1,5 @@
 """
-The node `dummy_arm`: publish the transforms of an arm that waves.
+The node `dummy_arm`: publish the transforms, the joint angles and the URDF of an arm that waves.
 
 This node is the final task of the course.
 """
@@ -7,6 +7,7 @@ This node is the final task of the course.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib.resources import files
 from itertools import pairwise
 import math
 from typing import Optional
@@ -17,18 +18,27 @@ from rclpy.clock import Clock, ROSClock
 from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from dummy_arm.arm import Arm, Wave
 from dummy_arm.cli.node import run_node
 from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
-from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tf.formatting import in_log
+from dummy_arm.tf import PreparedTransforms, StaticTransformBroadcaster, TransformBroadcaster
+from dummy_arm.tf.formatting import comma_list, in_log, quoted, SECOND
 
 MAP = 'map'
 #: How long to wait for a message on /clock before a warning (s).
 CLOCK_PATIENCE = 5.0
 PREFIX = 'frame_prefix'
 PREFIX_DESCRIPTION = f'prefix for the name of every frame except {MAP}; read-only'
+#: The parameters that are true or false; they are true by default.
+SWITCHES = {
+    'publish_tf': f'send the transforms on /tf; {MAP} -> base_link is always sent; read-only',
+    'publish_joint_states': 'send the joint angles on joint_states; read-only',
+    'publish_description': 'send the URDF of the arm on robot_description; read-only'}
 
 
 @dataclass(frozen=True)
@@ -52,7 +62,7 @@ class NumberParameter:
 
 def number_parameters(arm: Arm) -> dict[str, NumberParameter]:
     """Return the numeric parameters of the node, by name: three for each joint."""
-    table = {'rate': NumberParameter(50.0, 0.1, 10000.0, 'Hz', 'rate of the messages on /tf')}
+    table = {'rate': NumberParameter(50.0, 0.1, 10000.0, 'Hz', 'rate of the messages')}
     for joint in arm.joints:
         table[f'{joint.name}.speed'] = NumberParameter(
             joint.speed, -100.0, 100.0, 'rad/s', f'speed of the phase of {joint.name}')
@@ -63,8 +73,37 @@ def number_parameters(arm: Arm) -> dict[str, NumberParameter]:
     return table
 
 
+def description() -> str:
+    """Return the URDF of the arm."""
+    return files('dummy_arm').joinpath('urdf/dummy_arm.urdf').read_text(encoding='utf-8')
+
+
+def command_problem(command: JointState, limits: dict[str, float]) -> Optional[str]:
+    """
+    Return why a command is invalid; None if it is valid.
+
+    :param limits: the limit of each joint (rad).
+    """
+    if len(command.name) != len(command.position):
+        names = comma_list(command.name, 5, in_log) or 'none'
+        return (f'it has {len(command.position)} positions for {len(command.name)} joints '
+                f'({names}); each joint needs one')
+    for name, position in zip(command.name, command.position):
+        if name not in limits:
+            return f'there is no joint {quoted(name)}; the joints are {", ".join(limits)}'
+        if not abs(position) <= limits[name]:  # NaN, too
+            return (f'{name} must be at an angle from {-limits[name]} to {limits[name]} rad, '
+                    f'got {position}')
+    return None
+
+
 class DummyArm(Node):
-    """A node that publishes map -> base_link on /tf_static, and the rest of the arm on /tf."""
+    """
+    A node that publishes map -> base_link on /tf_static, and the rest of the arm on /tf.
+
+    It also publishes the joint angles and the URDF of the arm. Joints that are named in a message
+    on ~/joint_command are held at its positions; after a message without names, all joints wave.
+    """
 
     def __init__(self) -> None:
         """Start publishing, or raise UsageError: the value of a parameter is invalid."""
@@ -72,7 +111,8 @@ class DummyArm(Node):
         self._arm = Arm()
         self._quantities = number_parameters(self._arm)
         self._declare_parameters()
-        self._set_waves()
+        self._waves = [Wave(self._number(f'{joint.name}.speed'),
+                            self._number(f'{joint.name}.limit')) for joint in self._arm.joints]
         self._set_offsets()
         self._start_ns: Optional[int] = None
         self._t = 0.0
@@ -84,9 +124,24 @@ class DummyArm(Node):
         base.header.frame_id = MAP
         self._static = StaticTransformBroadcaster(self)
         self._static.sendTransform(base)
-        broadcaster = TransformBroadcaster(self)
-        self._joints = broadcaster.prepare(list(pairwise(frames)))
-        self._topics = self._static.pub_tf.topic_name, broadcaster.pub_tf.topic_name
+        self._published = [f'{MAP} -> {in_log(frames[0])} on {self._static.pub_tf.topic_name}']
+        self._transforms: Optional[PreparedTransforms] = None
+        if self.get_parameter('publish_tf').value:
+            broadcaster = TransformBroadcaster(self)
+            self._transforms = broadcaster.prepare(list(pairwise(frames)))
+            self._published.append(
+                f'{" -> ".join(map(in_log, frames))} on {broadcaster.pub_tf.topic_name}')
+        self._angles: Optional[Publisher] = None
+        self._state = JointState(name=[joint.name for joint in self._arm.joints])
+        if self.get_parameter('publish_joint_states').value:
+            self._angles = self.create_publisher(JointState, 'joint_states', 10)
+            self._published.append(f'joint angles on {self._angles.topic_name}')
+        if self.get_parameter('publish_description').value:
+            self._description = self.create_publisher(String, 'robot_description', QoSProfile(
+                depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+            self._description.publish(String(data=description()))
+        self._commands = self.create_subscription(
+            JointState, '~/joint_command', self._obey, 10)
         self._timer = self.create_timer(1.0 / self._number('rate'), self._tick)
         self._warning = self.create_timer(
             CLOCK_PATIENCE, self._warn_of_clock, clock=Clock(clock_type=ClockType.STEADY_TIME))
@@ -110,13 +165,16 @@ class DummyArm(Node):
             raise UsageError(f'{PREFIX} must be text that does not begin with /, got {prefix!r}')
         self.set_descriptor(PREFIX, ParameterDescriptor(
             read_only=True, type=Parameter.Type.STRING.value, description=PREFIX_DESCRIPTION))
+        for name, meaning in SWITCHES.items():
+            value = self.declare_parameter(
+                name, True, ParameterDescriptor(dynamic_typing=True)).value
+            if not isinstance(value, bool):
+                raise UsageError(f'{name} must be true or false, got {value!r}')
+            self.set_descriptor(name, ParameterDescriptor(
+                read_only=True, type=Parameter.Type.BOOL.value, description=meaning))
 
     def _number(self, name: str) -> float:
         return float(self.get_parameter(name).value)
-
-    def _set_waves(self) -> None:
-        self._waves = [Wave(self._number(f'{joint.name}.speed'),
-                            self._number(f'{joint.name}.limit')) for joint in self._arm.joints]
 
     def _set_offsets(self) -> None:
         self._arm = replace(self._arm, joints=tuple(
@@ -137,9 +195,6 @@ class DummyArm(Node):
             self._timer.timer_period_ns = round(1e9 / changed['rate'])
             self._timer.reset()
         self._set_offsets()
-        if self._start_ns is None:
-            self._set_waves()
-            return
         t = self._seconds(self.get_clock().now().nanoseconds)
         for i, joint in enumerate(self._arm.joints):
             if f'{joint.name}.speed' in changed:
@@ -149,9 +204,24 @@ class DummyArm(Node):
                 limit = float(changed[f'{joint.name}.limit'])
                 self._waves[i] = self._waves[i].with_limit(limit, t)
 
+    def _obey(self, command: JointState) -> None:
+        problem = command_problem(
+            command, dict(zip(self._state.name, (wave.limit for wave in self._waves))))
+        if problem:
+            self.get_logger().warning(
+                f'refused a message on {self._commands.topic_name}: {problem}')
+            return
+        t = self._seconds(self.get_clock().now().nanoseconds)
+        positions = dict(zip(command.name, command.position))
+        for i, joint in enumerate(self._arm.joints):
+            if joint.name in positions:
+                self._waves[i] = self._waves[i].with_hold(positions[joint.name])
+            elif not positions:
+                self._waves[i] = self._waves[i].with_release(t)
+
     def _seconds(self, time_ns: int) -> float:
-        """Return the time from the first tick to `time_ns` (s)."""
-        return (time_ns - (self._start_ns or 0)) * 1e-9
+        """Return the time from the first tick to `time_ns` (s); 0 before the first tick."""
+        return 0.0 if self._start_ns is None else (time_ns - self._start_ns) * 1e-9
 
     def _warn_of_clock(self) -> None:
         self._warning.cancel()
@@ -164,35 +234,43 @@ class DummyArm(Node):
         now_ns = self.get_clock().now().nanoseconds
         if self._start_ns is None:
             self._start_ns = now_ns
-            (base, _), *_ = self._joints.edges
-            chain = ' -> '.join(map(in_log, (base, *(child for _, child in self._joints.edges))))
-            static_topic, topic = self._topics
             self.get_logger().info(
-                f'publishing {MAP} -> {in_log(base)} on {static_topic} and {chain} on {topic} at '
-                f'{self._number("rate"):g} Hz; t = 0 at {now_ns} ns')
+                f'publishing {", ".join(self._published)} at {self._number("rate"):g} Hz; '
+                f't = 0 at {now_ns} ns')
+            self._t = math.inf  # changes before the first message need no transition
         t = self._seconds(now_ns)
         # `angle(t)` uses the limit that the wave had at the time t. If the clock was set back,
         # only the present limit counts.
         if t < self._t:
             self._waves = [wave.settled() for wave in self._waves]
         self._t = t
-        self._joints.send(now_ns, self._arm.poses_at([wave.angle(t) for wave in self._waves]))
+        angles = [wave.angle(t) for wave in self._waves]
+        if self._transforms:
+            self._transforms.send(now_ns, self._arm.poses_at(angles))
+        if self._angles:
+            self._state.header.stamp.sec, self._state.header.stamp.nanosec = divmod(now_ns, SECOND)
+            self._state.position = angles
+            self._angles.publish(self._state)
 
 
 def make_parser() -> Parser:
     """Return the parser of the command line; its help lists the parameters of the node."""
-    lines = [f'  {name:15} {quantity.meaning} ({quantity.unit}; {quantity.smallest:g} to '
+    lines = [f'  {name:20} {quantity.meaning} ({quantity.unit}; {quantity.smallest:g} to '
              f'{quantity.largest:g}; default {quantity.default:g})'
              for name, quantity in number_parameters(Arm()).items()]
+    lines += [f'  {name:20} {meaning} (default true)' for name, meaning in SWITCHES.items()]
     parser = Parser(
         'dummy_arm',
         description='Publish the transforms of a small arm that waves, until Ctrl-C: map -> '
                     'base_link\non /tf_static, base_link -> joint_1 -> joint_2 -> joint_3 -> '
-                    'end_effector on /tf.',
+                    'end_effector on /tf.\nThe joint angles are on joint_states, and the URDF of '
+                    'the arm is on robot_description.\nA message on ~/joint_command '
+                    '(sensor_msgs/JointState) holds the joints that it names at\nits positions '
+                    '(rad); a message without names lets all joints wave again.',
         epilog='\n'.join((
             'parameters, set by --ros-args -p NAME:=VALUE:', *lines,
-            f'  {PREFIX:15} {PREFIX_DESCRIPTION}',
-            '  use_sim_time    take the time from /clock (default false)',
+            f'  {PREFIX:20} {PREFIX_DESCRIPTION}',
+            '  use_sim_time         take the time from /clock (default false)',
             '', 'example: dummy_arm --ros-args -p rate:=100 -p joint_1.speed:=1.0')))
     add_namespace_option(parser, 'publish on')
     return parser

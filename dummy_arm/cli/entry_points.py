@@ -18,7 +18,8 @@ from dummy_arm.cli.signals import (
     signals_blocked,
 )
 
-_ROS = 'rclpy', 'builtin_interfaces', 'geometry_msgs', 'rcl_interfaces', 'std_msgs'
+_ROS = ('rclpy', 'builtin_interfaces', 'geometry_msgs', 'rcl_interfaces', 'sensor_msgs',
+        'std_msgs')
 
 
 def _command(module: str, interrupted: int = 0,

@@ -7,14 +7,17 @@ import re
 import signal
 
 from cli_runner import call
+from environment import ROOT
 import numpy as np
 from processes import ARM
 import pytest
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.time import Time
-from ros_node import command_node
+from ros_node import command_node, Ros
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 
 from dummy_arm import dummy_arm
 from dummy_arm.arm import Arm
@@ -68,8 +71,14 @@ class SimulatedArm:
         self.statics: list[TFMessage] = []
         ros.node.create_subscription(TFMessage, '/tf', self.joints.append, 1000)
         ros.node.create_subscription(TFMessage, '/tf_static', self.statics.append, LATCHED)
+        self.states: list[JointState] = []
+        self._commands: list[JointState] = []
+        ros.node.create_subscription(JointState, '/joint_states', self.states.append, 1000)
+        topic = '/dummy_arm/joint_command'
+        ros.node.create_subscription(JointState, topic, self._commands.append, 10)
+        self._command = ros.node.create_publisher(JointState, topic, 10)
         self._clock = ros.node.create_publisher(Clock, '/clock', 10)
-        ros.until(lambda: self.statics)
+        ros.until(lambda: self.statics and self._command.get_subscription_count() == 2)
 
     def set_time(self, time_ns):
         """Set the time, and let the arm do what is due at it."""
@@ -80,6 +89,9 @@ class SimulatedArm:
             return False
 
         self._ros.until(is_set)
+        self._do_what_is_due()
+
+    def _do_what_is_due(self):
         for _ in range(10):
             self._ros.executor.spin_once(timeout_sec=0.0)
 
@@ -91,6 +103,13 @@ class SimulatedArm:
             self.set_time(time_ns)
         self._ros.until(lambda: self.joints and ns(self.joints[-1]) == times[-1])
         return [message for message in self.joints[before:] if ns(message) in times]
+
+    def command(self, names=(), positions=()):
+        """Send a message on ~/joint_command, and let the arm do what it says."""
+        count = len(self._commands)
+        self._command.publish(JointState(name=names, position=positions))
+        self._ros.until(lambda: len(self._commands) > count)
+        self._do_what_is_due()
 
     def set(self, **values):
         """Set parameters, `__` for a dot; return the reasons of refusals ('' if accepted)."""
@@ -124,8 +143,9 @@ def test_early_and_late_subscribers_get_the_arm(ros, start):
     ros.node.create_subscription(TFMessage, '/tf_static', statics.append, LATCHED)
     process = start(*ARM)
     log = re.fullmatch(
-        r'\[INFO\] .*: publishing map -> base_link on /tf_static and base_link -> joint_1 -> '
-        r'joint_2 -> joint_3 -> end_effector on /tf at 50 Hz; t = 0 at (\d+) ns\n',
+        r'\[INFO\] .*: publishing map -> base_link on /tf_static, base_link -> joint_1 -> '
+        r'joint_2 -> joint_3 -> end_effector on /tf, joint angles on /joint_states at 50 Hz; '
+        r't = 0 at (\d+) ns\n',
         process.line())
     assert log is not None
     ros.until(lambda: statics and len(joints) > 20)
@@ -139,6 +159,17 @@ def test_early_and_late_subscribers_get_the_arm(ros, start):
     process.end(signal.SIGINT)
     assert process.exit_code() == 0
     assert process.output.count('\n') == 1
+
+
+def test_a_late_subscriber_gets_the_description(arm_domain):
+    """It is the text of the file, as the robot_state_publisher sends it."""
+    received: list[String] = []
+    ros = Ros(arm_domain)
+    ros.node.create_subscription(String, '/robot_description', received.append, LATCHED)
+    ros.until(lambda: received)
+    ros.close()
+    assert [each.data for each in received] == [
+        (ROOT / 'dummy_arm' / 'urdf' / 'dummy_arm.urdf').read_text()]
 
 
 def test_sigterm_at_a_high_rate_is_a_normal_end(start):
@@ -167,7 +198,7 @@ def test_a_second_signal_does_not_interrupt_the_cleanup(domain_id, monkeypatch):
 
 @pytest.mark.parametrize('argument', [
     'rate:=0', 'rate:=-5.0', 'rate:=.nan', 'rate:=fast', 'joint_1.limit:=3.2',
-    'frame_prefix:=/x', 'frame_prefix:=7'])
+    'frame_prefix:=/x', 'frame_prefix:=7', 'publish_tf:=1'])
 def test_a_bad_start_is_one_line_and_exit_code_2(domain_id, argument):
     """The line names the parameter."""
     code, output, error = call(main, '--ros-args', '-p', argument, domain=domain_id)
@@ -267,7 +298,7 @@ def test_nonsense_is_refused_with_a_reason(arm):
             ('joint_1__limit', 3.2, 'joint_1.limit out of range'),
             ('joint_1__limit', 4, 'joint_1.limit must be a number from 0 to 3.14159 rad, got 4'),
             ('joint_3__speed', math.inf, 'joint_3.speed out of range'),
-            ('frame_prefix', 'x/', 'read-only')):
+            ('frame_prefix', 'x/', 'read-only'), ('publish_tf', False, 'read-only')):
         (returned,) = arm.set(**{name: value})
         assert reason in returned
     after = arm.node.get_parameters_by_prefix('')
@@ -298,3 +329,78 @@ def test_parameters_at_the_start(domain_id):
         assert message.transforms[0].transform.translation.z == 1.0
         t = (ns(message) - 100 * S) / S
         assert angle(message, 0) == pytest.approx(0.25 * math.sin(2 * t), abs=1e-9)
+
+
+def test_the_joint_states_are_those_of_the_transforms(arm):
+    """At each stamp, the angles are those by which the frames are rotated."""
+    messages = arm.ticks(100 * S, 30)
+    states = {Time.from_msg(state.header.stamp).nanoseconds: state for state in arm.states}
+    for message in messages:
+        state = states[ns(message)]
+        assert state.name == ['joint_1', 'joint_2', 'joint_3']
+        np.testing.assert_allclose(state.position, [angle(message, i) for i in range(3)],
+                                   atol=1e-12)
+
+
+def test_a_joint_is_held_while_the_others_wave(arm):
+    """A second command adds a second joint."""
+    arm.ticks(100 * S, 50)
+    for names, positions, held in (['joint_1'], [0.5], [0.5, None, None]), (
+            ['joint_3', 'joint_1'], [-1.0, 0.6], [0.6, None, -1.0]):
+        arm.command(names, positions)
+        for message in arm.ticks(ns(arm.joints[-1]) + TICK, 50):
+            waving = Arm().angles(np.array([0.3, 0.5, 0.7]) * (ns(message) - 100 * S) / S)
+            expected = [wave if position is None else position
+                        for wave, position in zip(waving, held)]
+            np.testing.assert_allclose([angle(message, i) for i in range(3)], expected, atol=1e-12)
+
+
+def test_all_joints_wave_again(arm):
+    """They return to the formula within a second, and without a jump."""
+    arm.command(['joint_1', 'joint_2'], [0.7, -0.5])
+    arm.ticks(100 * S, 100)
+    arm.command()
+    arm.ticks(102 * S, 100)
+    angles = np.array([[angle(message, i) for i in range(3)] for message in arm.joints])
+    assert {*angles[:100, 0].round(12)} == {0.7}
+    # The blend, a smoothstep of 1 s, is at most 1.5 / s; no wave is faster than 0.74 rad/s.
+    assert abs(np.diff(angles[98:], axis=0)).max() < (1.5 * 2 * 0.8 + 0.74) * TICK / S
+    assert_waves(arm.joints[150:], 100 * S)
+
+
+def test_a_new_limit_moves_a_held_joint(arm):
+    """It does not leave the range of its joint."""
+    arm.command(['joint_1'], [0.7])
+    arm.ticks(100 * S, 5)
+    assert arm.set(joint_1__limit=0.25) == ['']
+    messages = arm.ticks(101 * S, 60)
+    assert angle(messages[-1], 0) == pytest.approx(0.25)
+
+
+@pytest.mark.parametrize(('names', 'positions', 'problem'), [
+    (['joint_1', 'joint_9\n'], [0.1, 0.1],
+     r"there is no joint 'joint_9\n'; the joints are joint_1, joint_2, joint_3"),
+    (['joint_1', 'joint_2'], [0.1],
+     'it has 1 positions for 2 joints (joint_1, joint_2); each joint needs one'),
+    ([], [0.1], 'it has 1 positions for 0 joints (none); each joint needs one'),
+    (['joint_1', 'joint_2'], [0.1, 0.6], f'joint_2 must be at an angle from {-math.radians(30)} '
+                                         f'to {math.radians(30)} rad, got 0.6'),
+    (['joint_3'], [math.nan], f'joint_3 must be at an angle from {-math.radians(60)} to '
+                              f'{math.radians(60)} rad, got nan')])
+def test_a_wrong_command_is_refused(capfd, arm, names, positions, problem):
+    """A warning says why, and no joint is held, not even one that is named rightly."""
+    arm.command(names, positions)
+    assert_waves(arm.ticks(100 * S, 30), 100 * S)
+    error = capfd.readouterr().err
+    assert f'refused a message on /dummy_arm/joint_command: {problem}\n' in error
+
+
+def test_what_is_switched_off_is_not_published(domain_id):
+    """Then robot_state_publisher can send the transforms; base_link stays on /tf_static."""
+    with simulated_arm(domain_id, '-p', 'publish_tf:=false', '-p', 'publish_joint_states:=false',
+                       '-p', 'publish_description:=false') as arm:
+        names = {name for name, _ in arm.node.get_publisher_names_and_types_by_node(
+            'dummy_arm', '/')}
+        assert edges(arm.statics[0]) == [('map', 'base_link')]
+    assert '/tf_static' in names
+    assert not names & {'/tf', '/joint_states', '/robot_description'}

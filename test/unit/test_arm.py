@@ -63,13 +63,15 @@ def test_a_wave_is_a_sine(t, speed, limit):
     assert Wave(speed, limit).angle(t) == pytest.approx(limit * np.sin(speed * t), abs=1e-9)
 
 
-@given(st.lists(st.tuples(st.floats(0, 3), st.booleans(), speeds, limits), max_size=8))
-def test_changes_do_not_make_it_jump(changes):
+@given(st.floats(-1, 1), st.lists(st.tuples(
+    st.floats(0, 3), st.sampled_from(['speed', 'limit', 'release']), speeds, limits), max_size=8))
+def test_changes_do_not_make_it_jump(held_at, changes):
     """The angle at the time of a change is the same before and after the change."""
-    wave, t = Wave(0.3, 1.0), 0.0
-    for wait, is_speed, speed, limit in changes:
+    wave, t = Wave(0.3, 1.0).with_hold(held_at), 0.0
+    for wait, change, speed, limit in changes:
         t += wait
-        changed = wave.with_speed(speed, t) if is_speed else wave.with_limit(limit, t)
+        changed = {'speed': wave.with_speed(speed, t), 'limit': wave.with_limit(limit, t),
+                   'release': wave.with_release(t)}[change]
         assert changed.angle(t) == pytest.approx(wave.angle(t), abs=1e-9)
         assert changed.angle(t + 1e-6) == pytest.approx(wave.angle(t), abs=1e-3)
         wave = changed
@@ -87,3 +89,24 @@ def test_a_new_speed_keeps_the_phase():
     """From the phase at the time of the change, the phase advances at the new speed."""
     wave = Wave(0.5, 1.0).with_speed(2.0, 10.0)
     assert [wave.phase(t) for t in (9.0, 10.0, 11.0)] == [3.0, 5.0, 7.0]
+
+
+@given(times, speeds, limits, st.floats(-4, 4))
+def test_a_held_joint_does_not_move(t, speed, limit, angle):
+    """It is at the angle, or at the limit if that is nearer to 0, whatever the phase is."""
+    wave = Wave(speed, limit).with_hold(angle)
+    assert wave.is_held
+    assert wave.angle(t) == np.clip(angle, -limit, limit)
+
+
+def test_a_released_joint_waves_after_a_second():
+    """Its phase has gone on; a joint that is not held is not changed."""
+    wave = Wave(0.5, 1.0)
+    released = wave.with_hold(0.8).with_release(10.0)
+    assert [released.angle(t) for t in (9.0, 10.0)] == [0.8, 0.8]
+    middle = (0.8 + np.sin(0.5 * 10.5)) / 2
+    assert released.angle(10.5) == pytest.approx(middle, abs=1e-12)
+    assert [released.angle(t) for t in (11.0, 99.0)] == [wave.angle(t) for t in (11.0, 99.0)]
+    assert released.settled().angle(9.0) == wave.angle(9.0)
+    assert wave.with_release(10.0) == wave
+    assert wave.with_hold(0.8).settled().angle(99.0) == 0.8
