@@ -28,10 +28,10 @@ class _Slider:
         width = min(upper - lower, 1e9) or 1.0
         self._digits = max(0, _STEPS - 1 - floor(log10(width)))
         self.shown = self._rounded(position)
+        name, unit = abbreviated(joint.name, _LONGEST_NAME), 'm' if self._is_linear else '°'
         self.handle = gui.add_slider(
-            f'{visible(abbreviated(joint.name, _LONGEST_NAME))} ({"m" if self._is_linear else "°"})',
-            round(lower, self._digits), round(upper, self._digits), 10.0**-self._digits,
-            self.shown)
+            f'{visible(name)} ({unit})', round(lower, self._digits),
+            round(upper, self._digits), 10.0**-self._digits, self.shown)
 
     def _value(self, position: float) -> float:
         return position if self._is_linear else degrees(position)
@@ -73,7 +73,7 @@ class Joints:
         self._sliders: list[_Slider] = []
         #: What the sliders belong to: the positions, and the page.
         self._key: tuple[Optional[JointPositions], int] = None, 0
-        self._page, self._next = 0, 0.0
+        self._page, self._pages, self._next = 0, 1, 0.0
         #: What the viewer has done since the last update: the handle and the value.
         self._actions: deque[tuple[Any, Any]] = deque()
 
@@ -106,7 +106,7 @@ class Joints:
             text = control.warning or f'The positions are sent on {control.topic}.'
         if self._status.content != (content := html(text, 'joints')):
             self._status.content = content
-        self._show(control and control.positions)
+        self._show(control.positions if control else None)
 
     def _act(self) -> None:
         while self._actions:
@@ -114,7 +114,8 @@ class Joints:
             if self._control is None:
                 continue
             if target is self._turn:
-                self._page += 1 if value == 'next' else -1
+                step = 1 if value == 'next' else -1
+                self._page = min(max(self._page + step, 0), self._pages - 1)
             elif target is self._centre:
                 self._control.centre()
             elif target is self._wave:
@@ -126,9 +127,9 @@ class Joints:
 
     def _show(self, positions: Optional[JointPositions]) -> None:
         joints = [*positions.free.values()] if positions else []
-        pages = max(1, -(-len(joints) // _SLIDERS))
-        self._page = min(max(self._page, 0), pages - 1)
-        _set_visible(self._turn, pages > 1)
+        self._pages = max(1, -(-len(joints) // _SLIDERS))
+        self._page = min(self._page, self._pages - 1)
+        _set_visible(self._turn, self._pages > 1)
         if self._key != (key := (positions, self._page)):
             self._key = key
             for slider in self._sliders:

@@ -65,6 +65,9 @@ class Viewer:
             return [*map(filled, value)] if isinstance(value, list) else value
 
         for message in content['messages']:
+            if message['type'] == 'GuiRemoveMessage':
+                self.gui.pop(message['uuid'], None)
+                continue
             place = (self.gui.setdefault(message['uuid'], {}) if 'uuid' in message else
                      self.nodes.setdefault(message['name'], {}) if 'name' in message else
                      self.last.setdefault(message['type'], {}))
