@@ -2,10 +2,12 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import suppress
 from itertools import groupby
 import logging
 from operator import index
 from pathlib import Path
+import struct
 from typing import Any, NamedTuple, Optional
 
 from dummy_arm.tf._bag.context import BagContext, NOT_RECORDED, Record, Stream, TF_TYPES
@@ -21,7 +23,7 @@ from dummy_arm.tf._wire.message_reader import Encoding, MessageReader
 from dummy_arm.tf.transform_buffer import TransformBuffer
 
 __all__ = ['NOT_RECORDED', 'BagError', 'BagMessage', 'Headers', 'Paths', 'Topic', 'is_bag',
-           'messages', 'missing_part', 'read', 'recordings']
+           'last_strings', 'messages', 'missing_part', 'read', 'recordings']
 
 _ALL_TIME = 2**63 - 1  # ns
 #: Messages are inserted in groups. A group ends when its messages take more memory than this
@@ -136,6 +138,25 @@ def messages(path: Paths, *, namespace: str = '', partial: bool = False,
             tuple(topic.durabilities.elements())) for topic in context.topics.values()])
 
 
+def last_strings(path: Paths, name: str, *, partial: bool = False, max_bytes: int = 2**30,
+                 on_progress: Optional[Callable[[float], object]] = None) -> dict[str, str]:
+    """
+    Return the last std_msgs/String on each topic with a name, such as 'robot_description'.
+
+    The other arguments are those of `read`.
+
+    :param name: the last part of the names of the topics, without a slash.
+    :returns: the texts by topic.
+    :raises: the errors of `read`; but a bag without such a topic is no error.
+    """
+    recording, context = _open(path, '', partial, max_bytes, on_progress, strings=name)
+    found: dict[str, str] = {}
+    for stream, _, data in _records(recording, context):
+        with suppress(struct.error):  # damaged
+            found[stream.publisher] = stream.encoding.string(data)
+    return found
+
+
 def read(path: Paths, *, cache_time: Any = None, namespace: str = '',
          partial: bool = False, max_bytes: int = 2**30, max_samples: Optional[int] = None,
          on_progress: Optional[Callable[[float], object]] = None) -> TransformBuffer:
@@ -201,7 +222,8 @@ def read(path: Paths, *, cache_time: Any = None, namespace: str = '',
 
 
 def _open(paths: Paths, namespace: str, partial: bool, max_bytes: int,
-          on_progress: Optional[Callable[[float], object]], with_headers: bool = False
+          on_progress: Optional[Callable[[float], object]], with_headers: bool = False,
+          strings: str = ''
           ) -> tuple[Recording, BagContext]:
     if index(max_bytes) < 1:
         raise ValueError(f'max_bytes must be a positive number of bytes, got {max_bytes}')
@@ -221,7 +243,8 @@ def _open(paths: Paths, namespace: str, partial: bool, max_bytes: int,
     if recording.warning:
         logging.getLogger('dummy_arm.tf').warning(recording.warning)
     return recording, BagContext(
-        recording, namespace, partial, max_bytes, on_progress or (lambda done: None), with_headers)
+        recording, namespace, partial, max_bytes, on_progress or (lambda done: None), with_headers,
+        strings)
 
 
 def _finish(recording: Recording, context: BagContext, count: int,

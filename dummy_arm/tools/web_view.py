@@ -2,6 +2,7 @@
 
 from argparse import ArgumentTypeError
 from collections.abc import Sequence
+from contextlib import suppress
 from math import ceil
 from pathlib import Path
 import re
@@ -14,6 +15,7 @@ from dummy_arm.cli.files import check_writable, whole_file
 from dummy_arm.cli.parser import CommandError, listening_time, number, Parser, run, UsageError
 from dummy_arm.cli.progress import BAR, listen, progress
 from dummy_arm.cli.signals import check_signals, forget_signals, sleep
+from dummy_arm.tf.bag import BagError
 from dummy_arm.tf.formatting import visible
 
 if TYPE_CHECKING:
@@ -33,7 +35,8 @@ _REST = 2.0
 
 def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence[str]] = None,
             namespace: str = '', partial: bool = False, export: Optional[str] = None,
-            duration: Optional[float] = None, *, ros_args: Sequence[str] = ()) -> int:
+            duration: Optional[float] = None, meshes: Sequence[str] = (), *,
+            ros_args: Sequence[str] = ()) -> int:
     """Show the frames on a web page, until Ctrl-C; or write the page to a file."""
     if duration is not None and export is None:
         raise UsageError('--time needs --export')
@@ -43,20 +46,33 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
         from dummy_arm.view.feed import BagFeed
         feed = BagFeed(buffer, Path(bag[0] if bag else '').name)
         if path:
-            _export(_recorded_bag(feed, None if duration is None else seconds), feed, path)
+            read_descriptions(feed, bag, partial)
+            _export(_recorded_bag(feed, None if duration is None else seconds, meshes), feed, path)
         else:
-            _show(feed, host, port, Thread(
-                target=find_faults, args=(feed.findings, bag, namespace, partial), daemon=True))
+            _show(feed, host, port, meshes, Thread(
+                target=_examine, args=(feed, bag, namespace, partial), daemon=True))
     else:
         from dummy_arm.cli.node import spinning_node
         from dummy_arm.view.feed import LiveFeed
         with spinning_node('web_view', ros_args, namespace) as node:
             live = LiveFeed(node)
             if path:
-                _export(recorded_live(live, seconds), live, path)
+                _export(recorded_live(live, seconds, meshes), live, path)
             else:
-                _show(live, host, port)
+                _show(live, host, port, meshes)
     return 0
+
+
+def _examine(feed: 'BagFeed', bag: Sequence[str], namespace: str, partial: bool) -> None:
+    read_descriptions(feed, bag, partial)
+    find_faults(feed.findings, bag, namespace, partial)
+
+
+def read_descriptions(feed: 'BagFeed', bag: Optional[Sequence[str]], partial: bool) -> None:
+    """Give a feed the descriptions of robots in a bag."""
+    from dummy_arm.robot.descriptions import in_bag
+    with suppress(BagError, OSError):  # `read_bag` or `find_faults` reports them
+        feed.robots = in_bag(bag or (), partial)
 
 
 def find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: str,
@@ -76,9 +92,10 @@ def find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: 
         pass  # the command ends
 
 
-def _recorded_bag(feed: 'BagFeed', seconds: Optional[float]) -> 'Recording':
+def _recorded_bag(feed: 'BagFeed', seconds: Optional[float], meshes: Sequence[str]
+                  ) -> 'Recording':
     from dummy_arm.view.export import PERIOD, Recording
-    player, recording = feed.player, Recording(feed)
+    player, recording = feed.player, Recording(feed, meshes)
     assert player is not None
     length = player.length if seconds is None else min(seconds, player.length)
     with progress(length, desc='recording', bar_format=BAR) as show_progress:
@@ -90,10 +107,10 @@ def _recorded_bag(feed: 'BagFeed', seconds: Optional[float]) -> 'Recording':
     return recording
 
 
-def recorded_live(feed: 'Feed', seconds: float) -> 'Recording':
+def recorded_live(feed: 'Feed', seconds: float, meshes: Sequence[str] = ()) -> 'Recording':
     """Record for some time from the first transform on, or until Ctrl-C."""
     from dummy_arm.view.export import Recording
-    recording = Recording(feed)
+    recording = Recording(feed, meshes)
     listen(seconds, feed.buffer.frames, lambda: recording.add(monotonic()))
     forget_signals()
     return recording
@@ -123,12 +140,12 @@ def _html_path(export: str) -> Path:
     return path
 
 
-def _show(feed: 'Feed', host: str, port: Optional[int], examination: Optional[Thread] = None
-          ) -> None:
+def _show(feed: 'Feed', host: str, port: Optional[int], meshes: Sequence[str],
+          examination: Optional[Thread] = None) -> None:
     from dummy_arm.view.server import serve
     from dummy_arm.view.view import View
     with serve(host, port) as server:
-        view = View(feed, server)
+        view = View(feed, server, meshes=meshes)
         if examination:
             examination.start()
         while True:
@@ -146,6 +163,13 @@ def port_number(text: str) -> int:
     return int(text)
 
 
+def directory(text: str) -> str:
+    """Convert a command-line argument to a directory."""
+    if not Path(text).is_dir():
+        raise ArgumentTypeError(f'there is no directory {text!r}')
+    return text
+
+
 def main(args: Optional[Sequence[str]] = None) -> int:
     """Run the command; see `--help`."""
     parser = Parser(
@@ -159,6 +183,10 @@ def main(args: Optional[Sequence[str]] = None) -> int:
     parser.add_argument('--port', type=port_number, metavar='N',
                         help='serve the page at this port, from 1 to 65535 (default: 8080, or the '
                              'next free one)')
+    parser.add_argument('--meshes', type=directory, action='append', default=[], metavar='DIR',
+                        help='search for the meshes of robots below this directory: '
+                             'package://PKG/a.stl is DIR/PKG/a.stl; can be given several times. '
+                             'In a ROS environment, its packages are searched, too')
     add_bag_options(parser)
     parser.add_argument('--export', metavar='FILE.html',
                         help='write a page that plays without a server, and end')

@@ -1,13 +1,15 @@
 """A recording of the scene, which plays in a browser without a server."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from socket import create_server
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dummy_arm.view.body import BodyDisplay, mesh_files
 from dummy_arm.view.feed import Feed
+from dummy_arm.view.meshes import Meshes
 from dummy_arm.view.placement import FrameWatcher, Placement
 from dummy_arm.view.rods import Display
 from dummy_arm.view.scene import look_at, NAMES_AT_ONCE, Scene
@@ -27,7 +29,8 @@ class _Moment(NamedTuple):
 class Recording:
     """What the scene shows at some moments."""
 
-    def __init__(self, feed: Feed) -> None:
+    def __init__(self, feed: Feed, meshes: Sequence[str] = ()) -> None:
+        self._feed, self._meshes = feed, Meshes(meshes)
         self._watcher, self._trail = FrameWatcher(feed.buffer), Trail(feed.buffer)
         self._moments: list[_Moment] = []
 
@@ -48,6 +51,7 @@ class Recording:
         :param time: when it is, after the moments before (s).
         :param until: the time of a bag (ns); 0: the frames are live.
         """
+        self._feed.descriptions()  # it searches for them
         placement = self._watcher.placement('', until)
         if placement.names:
             self._moments.append(_Moment(
@@ -61,7 +65,10 @@ class Recording:
         """
         server = Server(create_server(('127.0.0.1', 0)), lambda headers: 'there is no page here')
         try:
-            scene = Scene(server)
+            descriptions = self._feed.descriptions()
+            for file in mesh_files(descriptions.values()):
+                self._meshes.load(file)
+            scene = Scene(server, self._meshes)
             # Only the first position of the camera counts, and at the end most frames are known.
             look_at(self._moments[-1].placement, [server.initial_camera])
             serializer, before = server.get_scene_serializer(), self._moments[0].time
@@ -69,7 +76,7 @@ class Recording:
                 on_progress(time - self._moments[0].time)
                 serializer.insert_sleep(time - before)
                 scene.show(placement, Display(with_names=len(placement.names) <= NAMES_AT_ONCE),
-                           placement.deepest, trail)
+                           placement.deepest, trail, descriptions, BodyDisplay())
                 before = time
             serializer.insert_sleep(PERIOD)  # before the loop begins again
             return str(serializer.as_html())

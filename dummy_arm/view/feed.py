@@ -1,11 +1,12 @@
 """Where the frames come from: a bag that is played, or the topics /tf and /tf_static."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from time import monotonic
 from typing import NamedTuple, Optional, Protocol, TYPE_CHECKING, Union
 
 from dummy_arm.inspection.forest import frequency
 from dummy_arm.inspection.traffic import Traffic
+from dummy_arm.robot.descriptions import DescriptionOrWhy
 from dummy_arm.tf import Frame, TransformBuffer
 from dummy_arm.tf.formatting import SECOND
 from dummy_arm.view.hand_publisher import HandPublisher
@@ -98,6 +99,9 @@ class Feed(Protocol):
     #: empty until the bag is examined.
     findings: list[tuple[str, int]]
 
+    def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
+        """Return the descriptions of robots by topic; the same object if none has changed."""
+
     def publication(self, frame: Frame) -> Publication:
         """Return how a frame is published."""
 
@@ -117,6 +121,11 @@ class BagFeed:
         self.player: Optional[Player] = Player(buffer.frames())
         self.hand_publisher: Optional[HandPublisher] = None
         self.findings: list[tuple[str, int]] = []
+        #: Empty until the command has read them.
+        self.robots: Mapping[str, DescriptionOrWhy] = {}
+
+    def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
+        return self.robots
 
     def publication(self, frame: Frame) -> Publication:
         return Publication(frequency(frame), None, frame.authority)
@@ -133,14 +142,19 @@ class LiveFeed:
 
     def __init__(self, node: 'Node') -> None:
         from dummy_arm.inspection.frame_listener import FrameListener
+        from dummy_arm.robot.description_listener import DescriptionListener
         self.player: Optional[Player] = None
         self.findings: list[tuple[str, int]] = []
         #: By name: the traffic of the frames that viewers look at, the last one asked for last.
         self._traffic: dict[str, Traffic] = {}
         self._frame_listener = FrameListener(node, 2 * LENGTH)
+        self._description_listener = DescriptionListener(node)
         self.name = ' and '.join(reversed(self._frame_listener.topics))
         self.buffer: AnyBuffer = self._frame_listener.buffer
         self.hand_publisher: Optional[HandPublisher] = HandPublisher(self._frame_listener)
+
+    def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
+        return self._description_listener.descriptions()
 
     def publication(self, frame: Frame) -> Publication:
         """Return how a frame is published; the first call for a frame starts a measurement."""

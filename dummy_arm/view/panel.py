@@ -1,16 +1,18 @@
 """The panel beside the scene: the controls and texts of one viewer."""
 
-from collections.abc import Awaitable, Callable
-from typing import Any
+from collections.abc import Awaitable, Callable, Sequence
+from typing import Any, Optional
 
 import viser
 
+from dummy_arm.view.body import BodyDisplay
 from dummy_arm.view.controls import FrameChoice, within
 from dummy_arm.view.display import configure, DisplayPanel
 from dummy_arm.view.feed import Feed, LENGTH
 from dummy_arm.view.hand_frame import HandFrame
 from dummy_arm.view.pair import Pair
 from dummy_arm.view.placement import Placement
+from dummy_arm.view.robot_panel import RobotPanel
 from dummy_arm.view.scene import NAMES_AT_ONCE
 from dummy_arm.view.tree import Tree
 
@@ -46,6 +48,9 @@ class Panel:
                 'click on its axes or in the tree')
             self.trail = FrameChoice(gui, 'Trail of', 'the frame whose recent path is drawn')
             self._details = gui.add_html('')
+        self._gui, self._tabs = gui, tabs
+        #: None until there is a description of a robot.
+        self._robot: Optional[RobotPanel] = None
         self.tree = Tree(gui, tabs.add_tab('Tree'))
         with tabs.add_tab('Display'):
             self.display = DisplayPanel(gui, look_from)
@@ -83,6 +88,19 @@ class Panel:
         for choice, name in zip(choices, (placement.fixed, placement.deepest, placement.deepest)):
             choice.propose(name)
         self.display.show_names(len(placement.names) <= NAMES_AT_ONCE)
+
+    @property
+    def body(self) -> BodyDisplay:
+        """What is drawn of the bodies of robots."""
+        return self._robot.display if self._robot else BodyDisplay()
+
+    def show_robots(self, lines: Sequence[str]) -> None:
+        """Show lines about the descriptions of robots; the first ones add a tab."""
+        if lines and self._robot is None:
+            with self._tabs.add_tab('Robot'):
+                self._robot = RobotPanel(self._gui)
+        if self._robot:
+            self._robot.show(lines)
 
     def show_texts(self, overview: str, details: str) -> None:
         """Show two texts in HTML."""

@@ -1,6 +1,6 @@
 """The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
 from threading import Lock
@@ -11,8 +11,11 @@ from numpy.typing import NDArray
 import trimesh
 import viser
 
+from dummy_arm.robot.descriptions import DescriptionOrWhy
 from dummy_arm.tf.formatting import visible
+from dummy_arm.view.body import Body, BodyDisplay
 from dummy_arm.view.display import VIEWS
+from dummy_arm.view.meshes import Meshes
 from dummy_arm.view.placement import Placement
 from dummy_arm.view.rods import Display, Rods, rods, TIMEOUT
 
@@ -48,7 +51,8 @@ _Label = tuple[str, NDArray[np.float64]]
 class Scene:
     """The three-dimensional view of the frames, of one viewer or of all."""
 
-    def __init__(self, owner: Union[viser.ClientHandle, viser.ViserServer]) -> None:
+    def __init__(self, owner: Union[viser.ClientHandle, viser.ViserServer], meshes: Meshes
+                 ) -> None:
         self._scene, self._owner = owner.scene, owner
         self._grid: Optional[viser.LineSegmentsHandle] = None
         self._cell = 0.0  # of the grid that is shown (m)
@@ -62,10 +66,12 @@ class Scene:
         self._frame_names: list[str] = []
         self._clicked = ''
         self._lock = Lock()
+        self.body = Body(self._scene, meshes, self._select)
 
     def show(self, placement: Placement, display: Display, selected: str,
-             trail: NDArray[np.float64]) -> None:
-        """Show frames, and a trail of lines (m, 2, 3): x, y, z (m)."""
+             trail: NDArray[np.float64], descriptions: Mapping[str, DescriptionOrWhy],
+             body: BodyDisplay) -> None:
+        """Show frames, a trail of lines (m, 2, 3): x, y, z (m), and the bodies of robots."""
         with self._owner.atomic():
             with self._lock:
                 self._frame_names = placement.names
@@ -73,6 +79,7 @@ class Scene:
             self._show_rods(rods(placement, display, selected))
             self._show_names(placement, display, selected)
             self._show_trail(trail)
+            self.body.show(descriptions, placement, display, body)
 
     def take_click(self) -> str:
         """Return the frame that a viewer has clicked since the last call, or ''."""
@@ -109,6 +116,10 @@ class Scene:
         self._rods.batched_scales = new.scales
         self._rods.batched_colors = new.colors
         self._rods.visible = True
+
+    def _select(self, name: str) -> None:
+        with self._lock:
+            self._clicked = name
 
     async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedMeshHandle]') -> None:
         with self._lock:

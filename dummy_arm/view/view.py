@@ -1,6 +1,6 @@
 """The page: the scene and the panel, updated from a feed and from the viewers' choices."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from time import monotonic
 from typing import Any, Optional
 
@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 import viser
 
+from dummy_arm.robot.descriptions import DescriptionOrWhy
 from dummy_arm.tf.formatting import SECOND
 from dummy_arm.view.details import details, overview
 from dummy_arm.view.display import VIEWS
 from dummy_arm.view.feed import AnyBuffer, Feed, LENGTH
+from dummy_arm.view.meshes import Meshes
 from dummy_arm.view.panel import Panel
 from dummy_arm.view.placement import FrameWatcher, Placement, within_reach
 from dummy_arm.view.playback import Playback
@@ -85,9 +87,11 @@ class Trail:
 class View:
     """The page: the frames, and what each of its viewers has chosen."""
 
-    def __init__(self, feed: Feed, server: Server, clock: Callable[[], float] = monotonic
-                 ) -> None:
+    def __init__(self, feed: Feed, server: Server, clock: Callable[[], float] = monotonic,
+                 meshes: Sequence[str] = ()) -> None:
+        """Show a feed; `meshes`: the directories with the meshes of robots."""
         self._feed, self._clock, self._server = feed, clock, server
+        self._meshes = Meshes(meshes)
         self._watcher = FrameWatcher(feed.buffer, clock)
         self._playback = Playback(server.gui, feed.player, feed.findings) if feed.player else None
         self._viewers: dict[int, Viewer] = {}
@@ -101,6 +105,7 @@ class View:
         until = self._playback.update() if self._playback else 0
         if now >= self._next_hint:
             self._hint, self._next_hint = self._feed.topics_hint(), now + _HINT_PERIOD
+        descriptions = self._feed.descriptions()
         clients = self._server.get_clients()
         for gone in self._viewers.keys() - clients.keys():
             self._viewers.pop(gone).close()
@@ -108,11 +113,11 @@ class View:
         for number, client in clients.items():
             if number not in self._viewers:
                 self._viewers[number] = Viewer(
-                    client, self._feed, self._server.initial_camera)
+                    client, self._feed, self._server.initial_camera, self._meshes)
             key = self._viewers[number].request(until)
             if key not in placements:
                 placements[key] = self._watcher.placement(*key)
-            self._viewers[number].update(placements[key], key, now, self._hint)
+            self._viewers[number].update(placements[key], key, now, self._hint, descriptions)
         if not placements:
             self._watcher.placement('', until)  # it remembers when frames were updated
 
@@ -120,10 +125,11 @@ class View:
 class Viewer:
     """What one viewer sees: a scene and a panel."""
 
-    def __init__(self, client: viser.ClientHandle, feed: Feed, initial_camera: Any) -> None:
+    def __init__(self, client: viser.ClientHandle, feed: Feed, initial_camera: Any,
+                 meshes: Meshes) -> None:
         #: The camera of the viewer, and the one to which viewers can reset theirs.
         self._cameras, self._feed = (client.camera, initial_camera), feed
-        self._scene = Scene(client)
+        self._scene = Scene(client, meshes)
         self._panel = Panel(client, feed, self._look_from)
         self._placement: Optional[Placement] = None
         self._shown: tuple[str, int] = '', 0  # the request for `_placement`
@@ -156,7 +162,8 @@ class Viewer:
             until = max(1, self._paused_at - back)
         return self._panel.fixed.chosen, until
 
-    def update(self, latest: Placement, request: tuple[str, int], now: float, hint: str) -> None:
+    def update(self, latest: Placement, request: tuple[str, int], now: float, hint: str,
+               descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """
         Show the frames, unless they are paused.
 
@@ -187,7 +194,9 @@ class Viewer:
         display = panel.display.display(hidden)
         panel.tree.update(placement, panel.selected.name, hidden, now)
         self._scene.show(placement, display, panel.selected.name,
-                         self._trail.lines(placement, panel.trail.name, display))
+                         self._trail.lines(placement, panel.trail.name, display), descriptions,
+                         panel.body)
+        panel.show_robots(self._scene.body.lines)
         panel.pair.update(request[1] or self._paused_at, now)
         panel.hand_frame.update(placement)
         self._update_texts(placement, now, hint, display.timeout)

@@ -60,9 +60,10 @@ class BagContext:
     """The topics and the damage of a recording, and the progress of reading it."""
 
     def __init__(self, recording: Recording, namespace: str, partial: bool, max_bytes: int,
-                 on_progress: Callable[[float], object], with_headers: bool = False) -> None:
+                 on_progress: Callable[[float], object], with_headers: bool = False,
+                 strings: str = '') -> None:
         self._path = recording.path
-        self._with_headers = with_headers
+        self._with_headers, self._strings = with_headers, strings
         self._namespace = texts.namespace_path(namespace)
         self._is_static = {f'{self._namespace}/tf': False, f'{self._namespace}/tf_static': True}
         self.topics: dict[tuple[str, str], BagTopic] = {}  #: by name and type
@@ -83,6 +84,9 @@ class BagContext:
         msgtype = re.sub('^([^/]+)/([^/]+)$', r'\1/msg/\2', msgtype)  # as in ROS 2
         if encoding not in ('cdr', 'ros1', ''):
             msgtype = f'{msgtype} in {encoding}'  # which is not a known type
+        if self._strings:  # in place of TF, the strings on topics with this last part are read
+            return Stream(False, name, ros1 if encoding == 'ros1' else cdr) if (
+                msgtype == 'std_msgs/msg/String' and name.endswith(f'/{self._strings}')) else None
         is_static = self._is_static.get(name)
         topic = self.topics.get((name, msgtype))
         if topic is None:

@@ -35,7 +35,8 @@ def records_of_database(path: Path, context: BagContext) -> Iterator[Record]:
                 context.advance((time - first) / span if span else 0.0)
             stream = streams[key]
             if isinstance(stream, Stream):
-                yield stream, time, _message(data, context)
+                yield stream, time, unpack_message(
+                    data, context.max_bytes) if isinstance(data, bytes) else b''
             elif stream.headers.wants_next():
                 stream.headers.add(time, first_bytes(data) if isinstance(data, bytes) else b'')
 
@@ -63,7 +64,3 @@ def _streams(database: sqlite3.Connection, context: BagContext) -> dict[int, Any
         durabilities(str(profiles)))
         for key, name, msgtype, encoding, profiles in database.execute(
             f'SELECT id, name, type, serialization_format, {qos} FROM topics')}
-
-
-def _message(data: Any, context: BagContext) -> bytes:
-    return unpack_message(data, context.max_bytes) if isinstance(data, bytes) else b''

@@ -200,6 +200,14 @@ def header(data: bytes) -> tuple[int, bytes]:
     return sec * SECOND + nanosec, name
 
 
+def string(data: bytes) -> str:
+    """Return the text of a std_msgs/String; if the bytes end too early, raise a struct.error."""
+    (length,) = struct.unpack_from('>I' if data[:2] == b'\0\0' else '<I', data, 4)
+    if len(data) < 8 + length:
+        raise struct.error('the bytes end in the middle of the text')
+    return _text(data[8:8 + length])
+
+
 STAMP = '<iI'
 HEAD = _ENCAPSULATION[:2]
 

@@ -44,6 +44,9 @@ class Encoding(Protocol):
     def header(self, data: bytes) -> tuple[int, bytes]:
         """See `cdr.header`."""
 
+    def string(self, data: bytes) -> str:
+        """See `cdr.string`."""
+
 
 #: The parts of a message: its layout, its n stamps and its n poses, each as bytes.
 Parts = tuple['Layout', tuple[bytes, ...], tuple[bytes, ...]]

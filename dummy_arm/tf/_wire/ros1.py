@@ -76,6 +76,14 @@ def header(data: bytes) -> tuple[int, bytes]:
     return sec * SECOND + nanosec, name
 
 
+def string(data: bytes) -> str:
+    """Return what `cdr.string` returns."""
+    text, end = _name(data, 0)
+    if len(data) < end:
+        raise struct.error('the bytes end in the middle of the text')
+    return text
+
+
 STAMP = '<II'
 HEAD = b''  # a message begins with the number of transforms
 

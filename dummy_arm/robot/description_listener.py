@@ -1,0 +1,53 @@
+"""Subscriptions to the topics with the descriptions of robots."""
+
+from functools import partial
+from time import monotonic
+from typing import Any
+
+from rclpy.event_handler import SubscriptionEventCallbacks
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from std_msgs.msg import String
+
+from dummy_arm.robot.descriptions import DescriptionOrWhy, parsed, TOPIC
+
+#: The time between two searches for topics (s).
+_SCAN_INTERVAL = 1.0
+#: The largest number of topics.
+_MOST_TOPICS = 20
+_LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
+                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class DescriptionListener:
+    """Subscribes to all topics whose names end with `TOPIC`; the node must be spun."""
+
+    def __init__(self, node: Node) -> None:
+        self._node, self._next_scan = node, 0.0
+        self._subscriptions: dict[str, Any] = {}
+        self._texts: dict[str, str] = {}
+        self._descriptions: dict[str, DescriptionOrWhy] = {}
+
+    def descriptions(self) -> dict[str, DescriptionOrWhy]:
+        """Return the newest descriptions by topic; search for topics once a second."""
+        if monotonic() >= self._next_scan:
+            self._next_scan = monotonic() + _SCAN_INTERVAL
+            self._scan()
+        return self._descriptions
+
+    def _scan(self) -> None:
+        for topic, types in self._node.get_topic_names_and_types():
+            if (topic.endswith(f'/{TOPIC}') and types == ['std_msgs/msg/String']
+                    and topic not in self._subscriptions
+                    and len(self._subscriptions) < _MOST_TOPICS):
+                self._subscriptions[topic] = self._node.create_subscription(
+                    String, topic, partial(self._receive, topic), _LATCHED,
+                    event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
+                if self._node.executor is not None:
+                    self._node.executor.wake()
+
+    def _receive(self, topic: str, message: String) -> None:
+        if message.data != self._texts.get(topic):
+            self._texts[topic] = message.data
+            # Replaced, since another thread may be iterating over it.
+            self._descriptions = {**self._descriptions, topic: parsed(message.data)}
