@@ -75,7 +75,7 @@ clean:
 
 # With paths, and not with an import hook, so that editors and mypy find the packages.
 AS_PATHS := --config-settings editable_mode=compat
-EXTRAS := ros,view
+EXTRAS := robot,ros,view
 # Of what pip prints, a line for each package and for each large download.
 PROGRESS := while read -r what name rest; do case "$$what $$name $$rest" in \
     Obtaining\ file*) echo "preparing $${name\#file://}" ;; \

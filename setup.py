@@ -36,6 +36,7 @@ setup(
         # Upper bounds: the package uses private parts of these; see test_private_apis.py.
         'ros': ['ros-jazzy-common-interfaces>=5.3,<6', 'ros-jazzy-rclpy[fastrtps]>=7.1,<7.2',
                 'pygraphviz', 'pypdf', 'pyyaml', 'tqdm'],
+        'robot': ['urdf-parser-py', 'xacro'],
         'view': ['viser>=1.1,<1.2', 'websockets<17'],
         'bag': ['backports.zstd; python_version < "3.14"', 'matplotlib', 'mcap',
                 'pygraphviz', 'pypdf', 'rosbags>=0.11', 'ruamel.yaml', 'tqdm'],
@@ -82,8 +83,8 @@ setup(
         'console_scripts': [
             f'{command} = dummy_arm.cli.entry_points:{command}' for command in (
                 'check_arm', 'dummy_arm', 'dynamic_tf_publisher', 'param',
-                'static_transform_publisher', 'tf2_echo', 'tf2_monitor', 'tf_doctor',
-                'tf_trajectory', 'view_frames', 'web_view')
+                'robot_state_publisher', 'static_transform_publisher', 'tf2_echo', 'tf2_monitor',
+                'tf_doctor', 'tf_trajectory', 'view_frames', 'web_view')
         ],
     },
 )

@@ -62,6 +62,7 @@ check_arm = _command('dummy_arm.tools.check_arm', interrupted=1, context=signals
 dummy_arm = _command('dummy_arm.dummy_arm')
 dynamic_tf_publisher = _command('dummy_arm.tools.dynamic_tf_publisher')
 param = _command('dummy_arm.tools.param')
+robot_state_publisher = _command('dummy_arm.tools.robot_state_publisher')
 static_transform_publisher = _command('dummy_arm.tools.static_transform_publisher')
 tf2_echo = _command('dummy_arm.tools.tf2_echo')
 tf2_monitor = _command('dummy_arm.tools.tf2_monitor')

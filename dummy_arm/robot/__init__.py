@@ -1,1 +1,17 @@
-"""Robots that are described by URDF."""
+"""
+Robots that URDF describes: links, joints and shapes, without ROS.
+
+The node that publishes their transforms is in `dummy_arm.robot.state_publisher`.
+"""
+
+from dummy_arm.robot.description import (
+    Description,
+    DescriptionError,
+    Joint,
+    Mimic,
+    parse,
+    read,
+    Shape,
+)
+
+__all__ = ['Description', 'DescriptionError', 'Joint', 'Mimic', 'Shape', 'parse', 'read']

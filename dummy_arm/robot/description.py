@@ -299,7 +299,8 @@ def _joint(element: ElementTree.Element, urdf: Any) -> Joint:
     return Joint(
         name, kind, joint.parent, joint.child, _origin(joint.origin),
         (axis[0] / length, axis[1] / length, axis[2] / length),
-        (joint.limit.lower, joint.limit.upper) if kind in ('revolute', 'prismatic') else None,
+        (float(joint.limit.lower), float(joint.limit.upper)) if kind in ('revolute', 'prismatic')
+        else None,
         joint.mimic and Mimic(joint.mimic.joint, _or(joint.mimic.multiplier, 1.0),
                               _or(joint.mimic.offset, 0.0)))
 
@@ -311,7 +312,7 @@ def _or(value: Optional[float], default: float) -> float:
 def _origin(origin: Any) -> Pose:
     if origin is None:
         return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
-    return _pose(origin.xyz, quaternion_from_euler(*origin.rpy))
+    return _pose([*map(float, origin.xyz)], quaternion_from_euler(*origin.rpy))
 
 
 def _pose(position: Sequence[float], rotation: Sequence[float]) -> Pose:

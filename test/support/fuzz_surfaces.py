@@ -589,8 +589,8 @@ def seeds_of_websocket() -> Iterator[bytes]:
 
 
 _COMMANDS = ('check_arm', 'dummy_arm', 'dynamic_tf_publisher', 'param',
-             'static_transform_publisher', 'tf2_echo', 'tf2_monitor', 'tf_doctor',
-             'tf_trajectory', 'view_frames', 'web_view')
+             'robot_state_publisher', 'static_transform_publisher', 'tf2_echo',
+             'tf2_monitor', 'tf_doctor', 'tf_trajectory', 'view_frames', 'web_view')
 _WORDS = ('map', 'odom', 'base_link', 'walk.mcap', '', '0', '1', '-1', '2.5', '-1e-3', 'nan',
           '-nan', 'inf', '-inf', '1e400', '9' * 30, '1_0', '0x10', '٣', '/', '//', '.', '..',
           './x.csv', 'x.png', 'x.npz', 'x.tum', 'a.pdf', 'a.gv', 'missing/x.csv', '/proc/self/mem',

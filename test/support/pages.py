@@ -3,8 +3,9 @@ The blocks of code in README.md, CONTRIBUTING.md and docs/*.md, and how they are
 
 The commands of a section run one after the other, as in several shells: a command that runs until
 Ctrl-C is ended at the end of the section. Blocks that need Docker or a ROS desktop are marked
-behind the name of their language. Blocks of `text` are output. The blocks of lab.md run in the
-directory of a student, which has copies of the model answers as the student's own programs.
+behind the name of their language; a block that is a file is marked with the file's name. Blocks of
+`text` are output. The blocks of lab.md run in the directory of a student, which has copies of the
+model answers as the student's own programs.
 """
 
 from collections.abc import Callable, Iterator
@@ -26,6 +27,7 @@ ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in 
     'dummy_arm': 't = 0', 'dynamic_tf_publisher': 'publishing map -> moving_frame',
     'python docs/examples/record.py': 'recording',
     r'python (dynamic_tf_publisher|dummy_arm)\.py': 'publishing',
+    r'python wave\.py': 'waving', 'robot_state_publisher': 'Robot initialized',
     'static_transform_publisher': 'translation: ',
     'tf2_echo (?!.*--(once|bag))': 'At time', 'tf2_monitor': 'RESULTS',
     'view_frames .*--watch': ' Hz ', 'web_view(?!.*--export)': 'look at http://'}.items()}
@@ -58,6 +60,11 @@ class Block(NamedTuple):
     language: str
     needs: str  #: the mark behind the language, such as 'docker'; '' if it is run
     code: str
+
+    @property
+    def is_file(self) -> bool:
+        """Whether the mark is the name of a file, which the commands of all pages can use."""
+        return '.' in self.needs
 
 
 def _blocks() -> Iterator[Block]:
@@ -133,6 +140,9 @@ def run_section(start: Callable[..., Process], directory: Path, page: str, secti
     if page == 'lab.md':
         environment['HOME'] = str(directory.parent)
         directory = _student_directory(directory.parent, section)
+    for block in BLOCKS:
+        if block.is_file:
+            (directory / block.needs).write_text(block.code)
     if (page, section) in WITH_ARM:
         start(*ARM).line_with('t = 0')
     endless = []

@@ -1,0 +1,249 @@
+"""The command `robot_state_publisher` and its node, against recordings of the real 3.3.3."""
+
+from functools import partial
+import json
+import signal
+
+from cli_runner import call
+from processes import tool
+import pytest
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from recorded_robots import ACCEPTED, answer, assert_equal, CASES, fixed, OF_THE_COMMAND
+from ros_node import command_node
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from dummy_arm.robot import state_publisher
+from dummy_arm.robot.description import DescriptionError
+from dummy_arm.robot.state_publisher import RobotStatePublisher
+from dummy_arm.tf import TFMessage
+from dummy_arm.tools.robot_state_publisher import main
+
+pytest.importorskip('urdf_parser_py')
+
+NAME = 'robot_state_publisher'
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def transforms_of(message):
+    """Return frame_id, child_frame_id and the seven numbers of each transform of a message."""
+    return [(transform.header.frame_id, transform.child_frame_id,
+             [*(getattr(transform.transform.translation, axis) for axis in 'xyz'),
+              *(getattr(transform.transform.rotation, axis) for axis in 'xyzw')])
+            for transform in message.transforms]
+
+
+def joint_states(stamp, names, positions):
+    """Return a message; the stamp is (s, ns)."""
+    message = JointState(name=names, position=[*map(float, positions)])
+    message.header.stamp.sec, message.header.stamp.nanosec = stamp
+    return message
+
+
+class Peer:
+    """What a node of the test sends to a robot_state_publisher, and receives from it."""
+
+    def __init__(self, ros):
+        """Create the publishers and subscriptions, and wait for those of the other node."""
+        self.ros = ros
+        self.tf: list[TFMessage] = []
+        self.static: list[TFMessage] = []
+        self.texts: list[str] = []
+        node = ros.node
+        node.create_subscription(TFMessage, '/tf', self.tf.append, 100)
+        node.create_subscription(TFMessage, '/tf_static', self.static.append, LATCHED)
+        node.create_subscription(
+            String, '/robot_description', lambda message: self.texts.append(message.data), LATCHED)
+        self.states = node.create_publisher(JointState, 'joint_states', 10)
+        self.clock = node.create_publisher(Clock, '/clock', 10)
+        self._markers = 0
+        ros.until(lambda: self.static and self.texts and self.states.get_subscription_count())
+
+    def wait_for_fixed(self, children):
+        """Wait for a message on /tf_static with these child frames."""
+        expected = [*children]
+        self.ros.until(lambda: expected == [
+            transform.child_frame_id for transform in self.static[-1].transforms])
+
+    def send(self, states):
+        """Send a message and wait for the answer to one after it; return the answers before."""
+        del self.tf[:]
+        self.states.publish(states)
+        # The answer to the marker is always an empty message.
+        self._markers += 1
+        self.states.publish(joint_states([1_600_000_000 + 10 * self._markers, 0], ['marker'], [0]))
+        self.ros.until(lambda: self.tf and not self.tf[-1].transforms)
+        return self.tf[:-1]
+
+
+@pytest.mark.parametrize('name', [
+    'chain', 'mimic', 'planar_and_floating', 'names', 'prefix_ä b/', 'rate_default',
+    'rate_publish_frequency_0.0', 'stamp_nanosec_too_large', 'not_finite_positions', 'lengths',
+    'rate_ignore_timestamp', 'stamp_negative', 'sim_time', 'change_description',
+    'change_parameters', 'one_link'])
+def test_answers_over_dds(domain_id, name):
+    """Answers, their stamps, fixed transforms and the text are those of the real one."""
+    case = CASES[name]
+    overrides = [Parameter(key, value=value) for key, value in case['parameters'].items()]
+    with command_node(lambda: RobotStatePublisher(case['urdf'], parameter_overrides=overrides),
+                      domain_id) as (node, ros):
+        peer = Peer(ros)
+        tf, = (publisher for publisher in node.publishers if publisher.topic_name == '/tf')
+        ros.until(tf.get_subscription_count)
+        assert_equal(transforms_of(peer.static[-1]), fixed(case, -1))
+        answered = {message['step'] for message in case['tf']}
+        static = {message['step'] for message in case['tf_static']}
+        for step, states in enumerate(case['joint_states']):
+            for change in states.get('before', ()):
+                apply(node, peer, change)
+            if step in static:
+                expected = fixed(case, step)
+                peer.wait_for_fixed(child for _, child, _ in expected)
+                assert_equal(transforms_of(peer.static[-1]), expected)
+            if not states['name']:
+                continue  # its answer would be taken for that to the marker
+            if step in answered and not answer(case, step):
+                continue  # so would this one
+            answers = peer.send(joint_states(states['stamp'], states['name'], states['position']))
+            if name == 'stamp_negative' and step == 2:  # the real one has died
+                assert [transforms_of(message)[0][:2] for message in answers] == [('base', 'tip')]
+                continue
+            assert len(answers) == (step in answered), step
+            for message in answers:
+                assert_equal(transforms_of(message), answer(case, step))
+                assert {(transform.header.stamp.sec, transform.header.stamp.nanosec)
+                        for transform in message.transforms} == {tuple(states['stamp'])}
+        assert peer.texts[0] == case['urdf']
+        assert peer.texts[-1] == node.get_parameter('robot_description').value
+
+
+def apply(node, peer, change):
+    """Send a time on /clock, or set a parameter, with the result of the real one."""
+    if 'clock' in change:
+        message = Clock()
+        message.clock.sec, message.clock.nanosec = change['clock']
+        peer.ros.until(lambda: peer.clock.get_subscription_count())
+        peer.clock.publish(message)
+        peer.ros.until(lambda: node.get_clock().now().to_msg() == message.clock)
+        return
+    (name, value), = change['set_parameters'].items()
+    if (name, value) != ('publish_frequency', 20):  # ours accepts integers
+        result, = node.set_parameters([Parameter(name, value=value)])
+        assert result.successful == change['result'][0]
+        assert result.successful or result.reason.isprintable()
+
+
+@pytest.mark.parametrize('name', OF_THE_COMMAND)
+def test_arguments_and_parameters(domain_id, tmp_path, name):
+    """Where the real one dies, ours prints one line and exits with code 2."""
+    case = CASES[name]
+    file = tmp_path / 'robot.urdf'
+    file.write_text(case['urdf'])
+    arguments = case.get('arguments') or [str(file)]
+    parameters = [f'{key}:={json.dumps(value)}' for key, value in case['parameters'].items()]
+    result = call(main, *arguments, *(['--ros-args', '-p', *parameters] if parameters else []),
+                  domain=domain_id, until=lambda text: 'Robot initialized' in text)
+    assert not result.stdout
+    assert result.stderr.count('\n') == 1
+    assert result.code == (0 if name in ACCEPTED else 2)
+    if name not in ACCEPTED:
+        assert result.stderr.startswith(f'{NAME}: ')
+
+
+@pytest.mark.parametrize(('content', 'message'), [
+    ('', 'robot_description parameter must not be empty: set it to the URDF text, or name'),
+    ('<robot name="r"><link name="a"/><link name="b"/></robot>', "has 2 roots, 'a', 'b'")])
+def test_a_bad_description_is_one_line_and_exit_code_2(domain_id, tmp_path, content, message):
+    """The text and its length are all that matters, as in test_description.py."""
+    file = tmp_path / 'robot.urdf'
+    file.write_text(content)
+    code, output, error = call(main, str(file), domain=domain_id)
+    assert (code, output, error.count('\n')) == (2, '', 1)
+    assert message in error
+
+
+def test_without_a_description_it_says_what_to_give(domain_id):
+    """Neither a file nor the parameter is given."""
+    code, _, error = call(main, domain=domain_id)
+    assert code == 2
+    assert 'or name a URDF file' in error
+
+
+def test_topics_qos_and_parameters_are_those_of_the_real_one(domain_id):
+    """Its source says which names are relative, and which policies they have."""
+    with command_node(lambda: RobotStatePublisher(CASES['chain']['urdf'], namespace='left'),
+                      domain_id) as (node, ros):
+        latched = ReliabilityPolicy.RELIABLE, DurabilityPolicy.TRANSIENT_LOCAL
+        expected = {
+            ('/tf', 'publishers'): (ReliabilityPolicy.RELIABLE, DurabilityPolicy.VOLATILE),
+            ('/tf_static', 'publishers'): latched,
+            ('/left/robot_description', 'publishers'): latched,
+            ('/left/joint_states', 'subscriptions'): (ReliabilityPolicy.BEST_EFFORT,
+                                                      DurabilityPolicy.VOLATILE)}
+        for (topic, kind), policies in expected.items():
+            infos = partial(getattr(ros.node, f'get_{kind}_info_by_topic'), topic)
+            ros.until(infos)
+            assert [(info.qos_profile.reliability, info.qos_profile.durability)
+                    for info in infos()] == [policies]
+        for name in ('use_sim_time', *(
+                f'qos_overrides.{topic}.{kind}.{policy}' for topic, kind in (
+                    ('/left/joint_states', 'subscription'), ('/tf', 'publisher'),
+                    ('/tf_static', 'publisher'))
+                for policy in ('depth', 'history', 'reliability'))):
+            assert node.has_parameter(name), name
+
+
+def test_a_changed_prefix_applies_to_fixed_joints_at_once(domain_id):
+    """The real one sends them with the next description only, so the tree falls apart."""
+    with command_node(lambda: RobotStatePublisher(CASES['chain']['urdf']), domain_id) as (
+            node, ros):
+        peer = Peer(ros)
+        node.set_parameters([Parameter('frame_prefix', value='x/')])
+        peer.wait_for_fixed(['x/l1', 'x/tool'])
+
+
+def test_joints_without_a_position_are_named(domain_id, tmp_path, monkeypatch):
+    """A warning names them some seconds after the start."""
+    monkeypatch.setattr(state_publisher, 'PATIENCE', 0.1)
+    file = tmp_path / 'robot.urdf'
+    file.write_text(CASES['chain']['urdf'])
+    assert call(main, str(file), domain=domain_id, until=lambda text: (
+        'no JointState message has been accepted yet' in text)).code == 0
+
+
+def test_a_program_gets_the_reason():
+    """The class raises the error of the description."""
+    context = Context()
+    context.init()
+    with pytest.raises(DescriptionError, match='the robot has no link'):
+        RobotStatePublisher('<robot name="r"/>', context=context)
+    context.shutdown()
+
+
+def test_a_process_publishes_until_a_signal(ros, start, tmp_path):
+    """A real process answers to another one, in a namespace, and ends with exit code 0."""
+    case = CASES['chain']
+    file = tmp_path / 'robot.urdf'
+    file.write_text(case['urdf'])
+    process = start(*tool(NAME, str(file)))
+    process.line_with('Robot initialized')
+    peer = Peer(ros)
+    assert_equal(transforms_of(peer.static[-1]), fixed(case, -1))
+    assert peer.texts == [case['urdf']]
+    second = 0
+
+    def is_answered():
+        nonlocal second
+        second += 1
+        peer.states.publish(joint_states(
+            [1_600_000_000 + second, 0], *(case['joint_states'][1][key]
+                                           for key in ('name', 'position'))))
+        return peer.tf
+
+    ros.until(is_answered)
+    assert_equal(transforms_of(peer.tf[-1]), answer(case, 1))
+    process.end(signal.SIGINT)
+    assert process.exit_code() == 0

@@ -1,0 +1,391 @@
+"""Descriptions of robots: forward kinematics, shapes, what is refused."""
+
+import os
+import re
+import subprocess
+import sys
+from typing import Any
+from xml.etree import ElementTree
+
+from environment import code_without
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+
+from dummy_arm.robot.description import DescriptionError, MAX_SIZE, Mimic, parse, read
+
+pytest.importorskip('urdf_parser_py')
+
+LIMIT = '<limit lower="-2" upper="1.5" effort="1" velocity="1"/>'
+
+
+def link(name, content=''):
+    """Return the text of a link."""
+    return f'<link name="{name}">{content}</link>'
+
+
+def joint(name, kind, parent, child, xyz='0 0 0', rpy='0 0 0', axis='1 0 0', more=''):
+    """Return the text of a joint."""
+    return (f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="{xyz}" rpy="{rpy}"/><axis xyz="{axis}"/>{more}{LIMIT}</joint>')
+
+
+def robot(*parts, links=()):
+    """Return the text of a robot, with links of the given names."""
+    return f'<robot name="r">{"".join(map(link, links))}{"".join(parts)}</robot>'
+
+
+def tree(*joints):
+    """Return the text of a robot with the links of its joints."""
+    names = dict.fromkeys(name for _, _, parent, child, *_ in joints for name in (parent, child))
+    return robot(*(joint(*numbers) for numbers in joints), links=names)
+
+
+ROBOTS = {
+    'two links': tree(
+        ('shoulder', 'revolute', 'base', 'upper', '0 0 0.5', '0 0 0', '0 0 1'),
+        ('elbow', 'revolute', 'upper', 'lower', '0.4 0 0', '0 0 0', '0 1 0')),
+    'scara': tree(
+        ('j1', 'revolute', 'base', 'a', '0 0 0.8', '0 0 0', '0 0 1'),
+        ('j2', 'revolute', 'a', 'b', '0.35 0 0', '3.141592653589793 0 0', '0 0 1'),
+        ('j3', 'prismatic', 'b', 'c', '0.25 0 0.1', '0 0 0.3', '0 0 1'),
+        ('j4', 'continuous', 'c', 'tool', '0 0 0.05', '0 0 0', '0 0 -1')),
+    'six axes': tree(
+        ('j1', 'revolute', 'base', 'l1', '0 0 0.4', '0 0 0', '0 0 1'),
+        ('j2', 'revolute', 'l1', 'l2', '0.025 0 0', '-1.5707963 0 0', '0 0 1'),
+        ('j3', 'revolute', 'l2', 'l3', '0.455 0 0', '0 0 0.1', '0 0 1'),
+        ('j4', 'revolute', 'l3', 'l4', '0.035 0 0', '-1.5707963 0 0', '0 0 -1'),
+        ('j5', 'revolute', 'l4', 'l5', '0 0 -0.42', '1.5707963 0 0', '0 0 1'),
+        ('j6', 'revolute', 'l5', 'l6', '0 -0.08 0', '1.5707963 0 0.7', '0 0 -1')),
+    'gantry': tree(
+        ('x', 'prismatic', 'frame', 'bridge', '0 0 1', '0 0 0', '1 0 0'),
+        ('y', 'prismatic', 'bridge', 'cart', '0 0.1 0', '0 0 1.2', '0 1 0'),
+        ('z', 'prismatic', 'cart', 'head', '0 0 0', '0.2 -0.3 0', '0 0 -1')),
+    'car': tree(
+        ('fl', 'continuous', 'body', 'wheel_fl', '1 0.5 0', '-1.5707963 0 0', '0 0 1'),
+        ('fr', 'continuous', 'body', 'wheel_fr', '1 -0.5 0', '1.5707963 0 0', '0 0 1'),
+        ('rl', 'continuous', 'body', 'wheel_rl', '-1 0.5 0', '-1.5707963 0 0', '0 0 1'),
+        ('rr', 'continuous', 'body', 'wheel_rr', '-1 -0.5 0', '1.5707963 0 0', '0 0 1')),
+    'camera head': tree(
+        ('mount', 'fixed', 'base', 'neck', '0 0 1.1', '0 0.2 0'),
+        ('pan', 'revolute', 'neck', 'head', '0 0 0.1', '0 0 0', '0 0 1'),
+        ('tilt', 'revolute', 'head', 'eye', '0.05 0 0', '0 0 0', '0 1 0'),
+        ('optical', 'fixed', 'eye', 'camera', '0 0 0', '-1.5707963 0 -1.5707963')),
+    'gripper': tree(
+        ('wrist', 'continuous', 'hand', 'palm', '0 0 0.02', '1 2 3', '0 0 1'),
+        ('left', 'prismatic', 'palm', 'left_finger', '0 0.01 0.1', '0 0 0', '0 1 0'),
+        ('right', 'prismatic', 'palm', 'right_finger', '0 -0.01 0.1', '0 0 3.1415926', '0 1 0')),
+    'skew axes': tree(
+        ('a', 'revolute', 'base', 'l1', '0.1 0.2 0.3', '0.4 0.5 0.6', '1 2 3'),
+        ('b', 'prismatic', 'l1', 'l2', '-1 0 2', '-0.7 0.8 2.9', '-3 0.5 0.25'),
+        ('c', 'continuous', 'l2', 'l3', '0 0 0', '3 -1.5 -3', '1e-9 1e-9 0'),
+        ('d', 'revolute', 'l3', 'l4', '5 6 7', '10 20 30', '0 -200 100')),
+    'legs': tree(
+        ('hip_l', 'revolute', 'pelvis', 'thigh_l', '0 0.1 -0.1', '0.1 0 0', '0 1 0'),
+        ('knee_l', 'revolute', 'thigh_l', 'shin_l', '0 0 -0.4', '0 0.2 0', '0 1 0'),
+        ('ankle_l', 'revolute', 'shin_l', 'foot_l', '0 0 -0.4', '0 0 0.1', '1 0 0'),
+        ('hip_r', 'revolute', 'pelvis', 'thigh_r', '0 -0.1 -0.1', '-0.1 0 0', '0 1 0'),
+        ('knee_r', 'revolute', 'thigh_r', 'shin_r', '0 0 -0.4', '0 0.2 0', '0 1 0'),
+        ('ankle_r', 'revolute', 'shin_r', 'foot_r', '0 0 -0.4', '0 0 -0.1', '1 0 0')),
+    'ship': tree(
+        ('deck', 'planar', 'sea', 'hull', '1 2 0', '0 0 0.5', '0 0 1'),
+        ('crane', 'revolute', 'hull', 'boom', '4 0 2', '0 -0.5 0', '0 0 1'),
+        ('buoy', 'floating', 'sea', 'float', '9 9 0', '0.1 0.1 0.1')),
+}
+
+
+def rotation(axis, angle):
+    """Return the (4, 4) matrix of a rotation, by Rodrigues' formula."""
+    x, y, z = np.array(axis) / np.linalg.norm(axis)
+    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    result = np.eye(4)
+    result[:3, :3] += np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return result
+
+
+def translation(vector):
+    """Return the (4, 4) matrix of a translation."""
+    result = np.eye(4)
+    result[:3, 3] = vector
+    return result
+
+
+def oracle(text, positions):
+    """Return the (4, 4) matrix of each child link in its parent, from the XML itself."""
+    matrices = {}
+    element: Any
+    for element in ElementTree.fromstring(text).findall('joint'):
+        vectors = {(tag, name): [float(number) for number in element.find(tag).get(name).split()]
+                   for tag, name in (('origin', 'xyz'), ('origin', 'rpy'), ('axis', 'xyz'))}
+        roll, pitch, yaw = vectors['origin', 'rpy']
+        axis = vectors['axis', 'xyz']
+        matrix = (translation(vectors['origin', 'xyz']) @ rotation((0, 0, 1), yaw)
+                  @ rotation((0, 1, 0), pitch) @ rotation((1, 0, 0), roll))
+        position = positions[element.get('name')]
+        if element.get('type') in ('revolute', 'continuous'):
+            matrix = matrix @ rotation(axis, position)
+        elif element.get('type') == 'prismatic':
+            matrix = matrix @ translation(np.array(axis) / np.linalg.norm(axis) * position)
+        matrices[element.find('child').get('link')] = element.find('parent').get('link'), matrix
+    return matrices
+
+
+def matrix_of(pose):
+    """Return the (4, 4) matrix of a pose, whose quaternion must have length 1."""
+    x, y, z, *quaternion = pose
+    *vector, w = quaternion
+    assert np.linalg.norm(quaternion) == pytest.approx(1, abs=1e-12)
+    angle = 2 * np.arctan2(np.linalg.norm(vector), w)
+    return translation((x, y, z)) @ rotation(vector if any(vector) else (1, 0, 0), angle)
+
+
+def in_root(matrices, name):
+    """Return the (4, 4) matrix of a link in the root."""
+    result = np.eye(4)
+    while name in matrices:
+        name, matrix = matrices[name]
+        result = matrix @ result
+    return result
+
+
+@pytest.mark.parametrize('name', ROBOTS)
+def test_forward_kinematics(name):
+    """The pose of each link in the root is that of an independent computation by matrices."""
+    description = parse(ROBOTS[name])
+    generator = np.random.default_rng(42)
+    for _ in range(20):
+        positions = {joint.name: generator.uniform(-4, 4) for joint in description.joints}
+        expected = oracle(ROBOTS[name], positions)
+        actual = {joint.child: (joint.parent, matrix_of(joint.pose_at(positions[joint.name])))
+                  for joint in description.joints}
+        for frame in description.links:
+            np.testing.assert_allclose(
+                in_root(actual, frame), in_root(expected, frame), atol=1e-9)
+
+
+angles = st.floats(-20, 20)
+lengths = st.floats(-100, 100)
+
+
+@given(st.tuples(lengths, lengths, lengths), st.tuples(angles, angles, angles),
+       st.tuples(lengths, lengths, lengths).filter(lambda axis: np.linalg.norm(axis) > 1e-3),
+       angles, st.sampled_from(['revolute', 'continuous', 'prismatic', 'fixed']))
+def test_any_joint(xyz, rpy, axis, position, kind):
+    """A joint moves its child as the matrices do."""
+    texts = [' '.join(map(repr, vector)) for vector in (xyz, rpy, axis)]
+    text = tree(('j', kind, 'a', 'b', *texts))
+    (_, expected), = oracle(text, {'j': position}).values()
+    np.testing.assert_allclose(matrix_of(parse(text).joints[0].pose_at(position)), expected,
+                               atol=1e-9)
+
+
+def test_links_joints_and_root():
+    """Names are in the order of the text; limits and mimic are read, or have defaults."""
+    description = parse(robot(
+        joint('a', 'revolute', 'x', 'base', more='<mimic joint="b" multiplier="-2"/>'),
+        joint('b', 'continuous', 'world', 'x'), links=['base', 'world', 'x']))
+    assert description.links == ('base', 'world', 'x')
+    assert description.root == 'world'
+    a, b = description.joints
+    assert a.limits == (-2.0, 1.5)
+    assert a.mimic == Mimic('b', -2.0, 0.0)
+    assert (b.limits, b.mimic) == (None, None)
+    assert a.is_movable
+    assert b.is_movable
+
+
+def test_shapes_and_their_colors():
+    """Colors come from the robot, from the shape, or from an earlier link; textures are none."""
+    description = parse(robot(
+        link('a', '<visual><origin xyz="1 2 3"/><geometry><box size="1 2 3"/></geometry>'
+                  '<material name="red"/></visual>'
+                  '<visual><geometry><cylinder radius="0.1" length="2"/></geometry>'
+                  '<material name="own"><color rgba="0 1 0 0.5"/></material></visual>'
+                  '<collision><geometry><sphere radius="3"/></geometry></collision>'),
+        link('b', '<visual><geometry><mesh filename="package://p/m.stl"/></geometry>'
+                  '<material name="own"/></visual>'
+                  '<visual><geometry><mesh filename="m.dae" scale="1 1 -2"/></geometry>'
+                  '<material name="wood"><texture filename="wood.png"/></material></visual>'),
+        joint('j', 'fixed', 'a', 'b'),
+        '<material name="red"><color rgba="1 0 0 1"/></material>'))
+    assert [(shape.link, shape.kind, shape.size, shape.file, shape.rgba)
+            for shape in description.visuals] == [
+        ('a', 'box', (1.0, 2.0, 3.0), '', (1.0, 0.0, 0.0, 1.0)),
+        ('a', 'cylinder', (0.1, 2.0), '', (0.0, 1.0, 0.0, 0.5)),
+        ('b', 'mesh', (1.0, 1.0, 1.0), 'package://p/m.stl', (0.0, 1.0, 0.0, 0.5)),
+        ('b', 'mesh', (1.0, 1.0, -2.0), 'm.dae', None)]
+    assert description.visuals[0].pose == (1.0, 2.0, 3.0, 0.0, 0.0, 0.0, 1.0)
+    assert [(shape.link, shape.kind, shape.size) for shape in description.collisions] == [
+        ('a', 'sphere', (3.0,))]
+    assert not description.warnings
+
+
+@pytest.mark.parametrize(('geometry', 'reason'), [
+    ('<torus/>', 'torus'), ('', '<geometry> must contain'),
+    ('<box size="1 2"/>', "size of <box> must be three numbers .*, got '1 2'"),
+    ('<box/>', 'size'), ('<cylinder radius="1"/>', 'length'), ('<sphere radius="nan"/>', "'nan'"),
+    ('<mesh/>', 'filename'), ('<box size="1 1 1"/><sphere radius="1"/>', 'one of')])
+def test_a_broken_shape_is_left_out(geometry, reason):
+    """The robot is accepted, with a warning that names the link."""
+    description = parse(robot(link('tip', f'<visual><geometry>{geometry}</geometry></visual>')))
+    assert not description.visuals
+    warning, = description.warnings
+    assert re.fullmatch(f"link 'tip': a visual is left out: .*{reason}.*", warning)
+
+
+def test_nothing_is_printed(capfd):
+    """Neither unknown attributes nor unknown elements nor broken shapes make output."""
+    parse(robot(link('tip', '<visual/><inertial/><x/>'), '<gazebo/><transmission/><nonsense/>'))
+    parse(tree(('j', 'fixed', 'a', 'b')).replace('<origin', '<origin unknown="1"'))
+    assert capfd.readouterr() == ('', '')
+
+
+BOMB = ('<!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa">'
+        + ''.join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in zip('abcdefgh', 'bcdefghi'))
+        + ']><robot name="&i;"><link name="base"/></robot>')
+BAD = {
+    'empty': (' \n', 'is empty'),
+    'not XML': ('base_link', 'not valid XML: syntax error: line 1'),
+    'cut off': ('<robot name="r"><link', 'not valid XML: .*line 1'),
+    'NUL': ('<robot name="r\0"/>', 'not valid XML'),
+    'surrogate': ('<robot name="\udcff"/>', 'not valid XML'),
+    'bomb': (BOMB, 'declares an XML entity'),
+    'external entity': ('<!DOCTYPE r [<!ENTITY e SYSTEM "file:///etc/passwd">]><robot name="r">'
+                        '<link name="&e;"/></robot>', 'declares an XML entity'),
+    'unknown entity': ('<robot name="&e;"/>', 'undefined entity'),
+    '10 MB': (robot(link('base', ' ' * MAX_SIZE)), 'too long: at most 10000000 characters'),
+    'other element': ('<sdf/>', 'must be <robot>, got <sdf>'),
+    'no name': ('<robot/>', 'the robot has no name'),
+    'version': ('<robot name="r" version="2.0"/>', "must be 1.0, got '2.0'"),
+    'no link': (robot(), 'the robot has no link'),
+    'no root': (robot(joint('j', 'fixed', 'a', 'b'), joint('k', 'fixed', 'b', 'a'), links='ab'),
+                'no root: .* loop'),
+    'two roots': (robot(links=('left', 'right')), "2 roots, 'left', 'right': connect them"),
+    'loop': (robot(joint('j', 'fixed', 'x', 'y'), joint('k', 'fixed', 'y', 'x'), links='axy'),
+             "loop, .* not below the root 'a': 'x', 'y'"),
+    'to itself': (robot(joint('j', 'fixed', 'a', 'a'), links='ab'), "'a' with itself"),
+    'unknown parent': (robot(joint('j', 'fixed', 'z', 'a'), links='a'),
+                       "joint 'j': the parent 'z' is not a link"),
+    'unknown child': (robot(joint('j', 'fixed', 'a', 'z'), links='a'),
+                      "joint 'j': the child 'z' is not a link"),
+    'no parent': (tree(('j', 'fixed', 'a', 'b')).replace('<parent link="a"/>', '<parent/>'),
+                  "joint 'j' has no parent"),
+    'link twice': (robot(links='aa'), "two links have the name 'a'"),
+    'joint twice': (robot(joint('j', 'fixed', 'a', 'b'), joint('j', 'fixed', 'b', 'c'),
+                          links='abc'), "two joints have the name 'j'"),
+    'type': (tree(('j', 'ball', 'a', 'b')), "joint 'j': the type must be .*, got 'ball'"),
+    'no limit': (tree(('j', 'revolute', 'a', 'b')).replace(LIMIT, ''),
+                 "joint 'j' has no limit: a revolute joint needs <limit lower"),
+    'limit without effort': (tree(('j', 'revolute', 'a', 'b')).replace('effort="1"', ''),
+                             "joint 'j': .*effort .in <limit>"),
+    'zero axis': (tree(('j', 'revolute', 'a', 'b', '0 0 0', '0 0 0', '0 0 0')),
+                  "joint 'j': the axis 0 0 0 has no direction"),
+    'two numbers': (tree(('j', 'fixed', 'a', 'b', '1 2')),
+                    "joint 'j': xyz of <origin> must be three numbers .*, got '1 2'"),
+    'nan': (tree(('j', 'fixed', 'a', 'b', '1 2 nan')), "got '1 2 nan'"),
+    'xacro': (tree(('j', 'fixed', 'a', 'b', '${x} 0 0')), r'it is xacro: put it into a file'),
+    'name with newlines': (tree(('j\n\x85k', 'ball', 'a', 'b')), 'the type must be'),
+}
+
+
+@pytest.mark.parametrize('name', BAD)
+def test_bad_input_is_one_clear_error(name):
+    """The error names the offender and is one printable line."""
+    text, message = BAD[name]
+    with pytest.raises(DescriptionError, match=message) as caught:
+        parse(text)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 400
+
+
+def test_bad_input_is_refused_without_assertions():
+    """`python -O` removes the assertions with which urdf_parser_py checks."""
+    texts = [text for name, (text, _) in BAD.items() if name in ('two numbers', 'type')]
+    code = ('import sys\nfrom dummy_arm.robot.description import DescriptionError, parse\n'
+            'for text in sys.argv[1:]:\n    try:\n        parse(text)\n'
+            '    except DescriptionError:\n        print("refused")\n')
+    done = subprocess.run([sys.executable, '-O', '-c', code, *texts], text=True, timeout=60,
+                          capture_output=True, check=True)
+    assert done.stdout.split() == ['refused'] * 2
+
+
+@given(st.text(max_size=40), st.integers(0, 400), st.integers(0, 40))
+def test_any_text_is_parsed_or_refused(insertion, begin, length):
+    """No text makes another error than DescriptionError."""
+    text, message = ROBOTS['two links'], ''
+    try:
+        parse(text[:begin] + insertion + text[begin + length:])
+    except DescriptionError as error:
+        message = str(error)
+    assert message.isprintable()
+
+
+def test_a_default_namespace_is_ignored():
+    """Urdfdom does not know namespaces."""
+    text = robot(links=['base']).replace('<robot', '<robot xmlns="http://example.org"')
+    assert parse(text).links == ('base',)
+
+
+def test_of_two_parents_the_last_one_counts():
+    """As in urdfdom, the joints are sorted by name."""
+    description = parse(robot(joint('k', 'fixed', 'b', 'c'), joint('j', 'fixed', 'a', 'c'),
+                              joint('l', 'fixed', 'a', 'b'), links='abc'))
+    assert [joint.name for joint in description.joints] == ['k', 'l']
+    assert description.warnings == ("the link 'c' has two parents: joint 'j' is ignored",)
+
+
+XACRO = ('<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
+         '<xacro:property name="length" value="${2 * 0.2}"/>'
+         '<xacro:macro name="part" params="name"><link name="${name}"/></xacro:macro>'
+         '<xacro:part name="a"/><xacro:part name="b"/>'
+         '<joint name="j" type="fixed"><parent link="a"/><child link="b"/>'
+         '<origin xyz="${length} 0 0"/></joint></robot>')
+
+
+def test_files(tmp_path):
+    """A URDF file is read unchanged; a .xacro file is expanded."""
+    (tmp_path / 'r.urdf').write_text(ROBOTS['car'])
+    assert read(tmp_path / 'r.urdf') == ROBOTS['car']
+    pytest.importorskip('xacro')
+    (tmp_path / 'r.urdf.xacro').write_text(XACRO)
+    description = parse(read(str(tmp_path / 'r.urdf.xacro')))
+    assert description.links == ('a', 'b')
+    assert description.joints[0].pose[0] == 0.4
+
+
+@pytest.mark.parametrize(('name', 'content', 'message'), [
+    ('missing.urdf', None, 'No such file'), ('missing.xacro', None, 'No such file'),
+    ('r.urdf', b'\xff', 'not text in UTF-8'),
+    ('r.xacro', b'<robot', 'xacro cannot expand'),
+    ('r.xacro', XACRO.replace('2 *', 'two *').encode(), "'two' is not defined"),
+    ('r.xacro', XACRO.replace('"r"', '"$(find nothing)"').encode(),
+     r'[$]\(find|package .nothing. not found')])
+def test_bad_files_are_one_clear_error(tmp_path, name, content, message):
+    """The error names the file."""
+    if name.endswith('.xacro'):
+        pytest.importorskip('xacro')
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(DescriptionError, match=message) as caught:
+        read(tmp_path / name)
+    assert str(caught.value).isprintable()
+    assert name in str(caught.value)
+
+
+@pytest.mark.parametrize(('module', 'call', 'remedy'), [
+    ('urdf_parser_py', 'parse(sys.argv[1])', 'apt install ros-jazzy-urdfdom-py'),
+    ('xacro', 'read("x.xacro")', 'apt install ros-jazzy-xacro'),
+    ('ament_index_python', 'read(sys.argv[2])', 'write [$]\\(dirname\\) instead')])
+def test_a_missing_package_is_named(tmp_path, module, call, remedy):
+    """The error says how to install it, or what to write instead."""
+    if module != 'urdf_parser_py':
+        pytest.importorskip('xacro')
+    file = tmp_path / 'r.xacro'
+    file.write_text(XACRO.replace('"r"', '"$(find nothing)"'))
+    code = code_without([module]) + (
+        'from dummy_arm.robot.description import DescriptionError, parse, read\n'
+        f'try:\n    {call}\nexcept DescriptionError as error:\n    print(error)\n')
+    done = subprocess.run([sys.executable, '-c', code, ROBOTS['car'], os.fspath(file)], text=True,
+                          timeout=60, capture_output=True, check=True)
+    assert re.fullmatch(f'.*{module}.*{remedy}\n', done.stdout)
