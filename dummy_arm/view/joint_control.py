@@ -59,6 +59,7 @@ class JointControls(Protocol):
 
     controls: list[JointControl]
     why_none: str  #: why there is no control, and what to do
+    come_first: bool  #: whether the sliders are in the first tab
 
     def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         """Look which robots there are; `descriptions`: those in the network, by topic."""
@@ -66,6 +67,8 @@ class JointControls(Protocol):
 
 class JointStatePublisher:
     """Publishes the positions of all movable joints of one robot on joint_states."""
+
+    come_first = True
 
     def __init__(self, node: 'Node', description: Optional[Description] = None) -> None:
         """
@@ -91,6 +94,9 @@ class JointStatePublisher:
         self.why_none = (
             f'No robot description has arrived on {in_log(self._source)}: start '
             'robot_state_publisher FILE, or pass FILE to joint_state_publisher, too.')
+        if not description:
+            node.get_logger().info(
+                f'waiting for a robot description on {in_log(self._source)}')
         self._next, self._warned = 0.0, ''
         node.create_timer(1.0 / rate, self._publish)
 
@@ -186,6 +192,7 @@ class JointCommander(JointControl):
 class JointCommanders:
     """The nodes that listen to a topic joint_command."""
 
+    come_first = False
     why_none = ('No node listens to a topic joint_command. To move the joints of a robot, start '
                 'joint_state_publisher FILE.')
 

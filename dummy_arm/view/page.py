@@ -1,5 +1,6 @@
 """Serve the page until a signal ends the command."""
 
+from collections.abc import Sequence
 from threading import Thread
 from time import monotonic
 from typing import Optional
@@ -17,10 +18,11 @@ _UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
 _REST = 2.0
 
 
-def show(feed: Feed, host: str, port: Optional[int], examination: Optional[Thread] = None) -> None:
+def show(feed: Feed, host: str, port: Optional[int], meshes: Sequence[str] = (),
+         examination: Optional[Thread] = None) -> None:
     """Serve the page of a feed; start a thread when the page is there."""
     with serve(host, port) as server:
-        view = View(feed, server)
+        view = View(feed, server, meshes=meshes)
         if examination:
             examination.start()
         while True:

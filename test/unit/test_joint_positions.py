@@ -10,7 +10,7 @@ from dummy_arm.robot.joint_positions import bounds, JointPositions
 
 
 def robot(*joints):
-    """Return a robot with a chain of joints: the name, the type, the limits, and what it mimics."""
+    """Return a robot with a chain of joints: name, type, limits, and what it mimics."""
     text = '<link name="0"/>'
     for i, (name, kind, limits, *mimic) in enumerate(joints):
         text += (f'<link name="{i + 1}"/><joint name="{name}" type="{kind}"><parent link="{i}"/>'
