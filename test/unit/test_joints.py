@@ -198,6 +198,6 @@ def test_a_new_description_changes_the_sliders():
         page.viewer.set('turn (°)', 30.0)
         page.until(lambda: control.positions['turn'] > 0.5)
         control.set_description(robot(joint('turn', 'revolute', (-1, 1)),
-                                      joint('<b>', 'continuous', None)))
+                                      joint('&lt;b>', 'continuous', None)))
         page.until(lambda: {*sliders(page.viewer)} == {'turn (°)', '<b> (°)'})
         assert sliders(page.viewer)['turn (°)']['value'] == 30.0
