@@ -199,15 +199,18 @@ def prefix(description: Description, topic: str, frames: Collection[str]) -> tup
     """
     Return what stands before the names of a robot's links in those of its frames.
 
-    It is '', the namespace of the topic, or what stands before the root in a frame: that with
-    which most links are found. The second value is the number of these links.
+    It is the namespace of the topic, if a link is found with it; else '', or what stands before
+    the root in a frame: that with which most links are found. The second value is the number of
+    the links that are found, at most `_MOST_LINKS`.
     """
     namespace = topic.rpartition('/')[0].strip('/')
     root, links = description.root, description.links[:_MOST_LINKS]
     found = sorted(frame.removesuffix(root) for frame in frames if frame.endswith(root))
     counts = {each: sum(each + link in frames for link in links) for each in (
         f'{namespace}/' if namespace else '', '', *found[:_MOST_PREFIXES])}
-    return max(counts.items(), key=lambda item: item[1])  # of several, the first
+    own, count = next(iter(counts.items()))
+    # Of several, the first.
+    return (own, count) if namespace and count else max(counts.items(), key=lambda item: item[1])
 
 
 def mesh_files(descriptions: Iterable[DescriptionOrWhy]) -> set[str]:

@@ -1,5 +1,6 @@
 """A viewer of the page of web_view, without a browser: it sends and receives messages."""
 
+import base64
 from collections.abc import Callable
 from contextlib import suppress
 import re
@@ -68,6 +69,9 @@ class Viewer:
             if message['type'] == 'GuiRemoveMessage':
                 self.gui.pop(message['uuid'], None)
                 continue
+            if message['type'] == 'RemoveSceneNodeMessage':
+                self.nodes.pop(message['name'], None)
+                continue
             place = (self.gui.setdefault(message['uuid'], {}) if 'uuid' in message else
                      self.nodes.setdefault(message['name'], {}) if 'name' in message else
                      self.last.setdefault(message['type'], {}))
@@ -131,3 +135,49 @@ class Viewer:
     def close(self) -> None:
         """Disconnect."""
         self._connection.close()
+
+
+def recorded(page):
+    """Return the scene that is in a page: the time and the properties of each message."""
+    scene = page.split('window.__VISER_EMBED_DATA__="')[1].split('"')[0]
+    content = zstandard.ZstdDecompressor().decompress(base64.b64decode(scene)[8:])
+    return msgspec.msgpack.decode(content[8:8 + int.from_bytes(content[:8], 'little')])
+
+
+class Page:
+    """The page of a feed, a viewer of it, and the clock of both."""
+
+    def __init__(self, feed, clock, stack, meshes=()):
+        """Serve and update the page, and connect the viewer; `clock[0]`: the time (s)."""
+        from dummy_arm.view.server import serve
+        from dummy_arm.view.view import View
+        self.clock = clock
+        self.server = stack.enter_context(serve('127.0.0.1'))
+        self.view = View(feed, self.server, lambda: clock[0], meshes)
+        self.view.update()
+        self.viewer = Viewer(self.server.get_port())
+        stack.callback(self.viewer.close)
+        self.viewer.send(CAMERA)
+        self.until(lambda: any(
+            props.get('label') == 'Focus on all frames' for props in self.viewer.gui.values()))
+
+    def update(self):
+        """Update the page as time passes: enough for the texts, not for a frame to fade."""
+        self.clock[0] += 0.01
+        self.view.update()
+
+    def set(self, label, value):
+        """
+        Change a control, and wait until the server has handled this.
+
+        Meanwhile the page is not updated: an update could overwrite the value before it is read.
+        """
+        self.viewer.last.clear()
+        self.viewer.set(label, value)
+        self.viewer.send(CAMERA)
+        self.viewer.set('Focus on all frames', True)
+        self.viewer.until(lambda: 'SetCameraLookAtMessage' in self.viewer.last)
+
+    def until(self, condition):
+        """Update the page until a condition holds."""
+        self.viewer.until(condition, self.update)

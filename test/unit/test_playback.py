@@ -1,6 +1,5 @@
 """The controls of a bag in the page of web_view, and the page that plays without a server."""
 
-import base64
 from contextlib import ExitStack
 import os
 import signal
@@ -15,7 +14,7 @@ from dummy_arm.view import feed as feed_module
 from dummy_arm.view.feed import BagFeed, Player
 
 pytest.importorskip('viser')
-from viewer import CAMERA, msgspec, update, Viewer, zstandard
+from viewer import CAMERA, recorded, update, Viewer
 
 from dummy_arm.view.export import Recording
 from dummy_arm.view.playback import Playback
@@ -153,13 +152,6 @@ def test_nonsense_from_a_viewer(controls):
     shown.set('Speed', '1e9')
     assert (shown.after(1.0), shown.player.speed) == (10.0, 1.0)
     assert shown.viewer.value('Speed') == '1'
-
-
-def recorded(page):
-    """Return the scene that is in a page: the time and the properties of each message."""
-    scene = page.split('window.__VISER_EMBED_DATA__="')[1].split('"')[0]
-    data = zstandard.ZstdDecompressor().decompress(base64.b64decode(scene)[8:])
-    return msgspec.msgpack.decode(data[8:8 + int.from_bytes(data[:8], 'little')])
 
 
 def test_a_recording(buffer):

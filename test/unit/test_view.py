@@ -347,6 +347,10 @@ class StubFeed:
         self.buffer, self._publication = buffer, publication
         self.findings: list[tuple[str, int]] = []
 
+    def descriptions(self):
+        """Return no description of a robot."""
+        return {}
+
     def publication(self, frame):
         """Return the facts, whatever the frame is."""
         return self._publication
@@ -434,52 +438,9 @@ def test_a_stray_stamp_does_not_stretch_a_bag():
 def page(clock):
     """A function that creates the page of a feed and a viewer of it: `page(feed)`."""
     pytest.importorskip('viser')
-    from viewer import CAMERA, Viewer
-
-    from dummy_arm.view.server import serve
-    from dummy_arm.view.view import View
+    from viewer import Page
     with ExitStack() as stack:
-        def create(feed):
-            server = stack.enter_context(serve('127.0.0.1'))
-            return Page(View(feed, server, lambda: clock[0]), server, clock, stack, Viewer,
-                        CAMERA)
-
-        yield create
-
-
-class Page:
-    """The page of a feed, a viewer of it, and the clock of both."""
-
-    def __init__(self, view, server, clock, stack, viewer, camera):
-        """Update the page, and connect the viewer."""
-        self.view, self.server, self.clock, self.camera = view, server, clock, camera
-        view.update()
-        self.viewer = viewer(server.get_port())
-        stack.callback(self.viewer.close)
-        self.viewer.send(camera)
-        self.until(lambda: any(
-            props.get('label') == 'Focus on all frames' for props in self.viewer.gui.values()))
-
-    def update(self):
-        """Update the page as time passes: enough for the texts, not for a frame to fade."""
-        self.clock[0] += 0.01
-        self.view.update()
-
-    def set(self, label, value):
-        """
-        Change a control, and wait until the server has handled this.
-
-        Meanwhile the page is not updated: an update could overwrite the value before it is read.
-        """
-        self.viewer.last.clear()
-        self.viewer.set(label, value)
-        self.viewer.send(self.camera)
-        self.viewer.set('Focus on all frames', True)
-        self.viewer.until(lambda: 'SetCameraLookAtMessage' in self.viewer.last)
-
-    def until(self, condition):
-        """Update the page until a condition holds."""
-        self.viewer.until(condition, self.update)
+        yield lambda feed: Page(feed, clock, stack)
 
 
 def live(buffer):

@@ -1,0 +1,417 @@
+"""The bodies of robots in the page, as a viewer gets them, and the meshes that are loaded."""
+
+from contextlib import ExitStack
+import os
+import struct
+
+import numpy as np
+import pytest
+
+from dummy_arm.tf import TransformBuffer
+
+pytest.importorskip('viser')
+pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
+from viewer import CLICK, Page, recorded
+
+from dummy_arm.robot.descriptions import parsed
+from dummy_arm.view import meshes as meshes_module
+from dummy_arm.view.body import MAX_SHAPES, prefix
+from dummy_arm.view.export import Recording
+from dummy_arm.view.feed import BagFeed
+from dummy_arm.view.meshes import load, MeshError, Meshes
+
+S = 10**9
+T = 1_700_000_000 * S
+HALF = 0.5 ** 0.5
+TRIANGLE = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]
+
+
+def link(name, *shapes, kind='visual'):
+    """Return a link; shapes: geometry, and optionally attributes of its origin and a color."""
+    parts = ''.join(
+        f'<{kind}><origin {origin}/><geometry>{geometry}</geometry>'
+        + f'<material name=""><color rgba="{rgba}"/></material>' * bool(rgba) + f'</{kind}>'
+        for geometry, origin, rgba in ((*shape, '', '')[:3] for shape in shapes))
+    return f'<link name="{name}">{parts}</link>'
+
+
+def robot(*links, name='robot'):
+    """Parse a robot whose links, without the first one, are children of the first one."""
+    names = [each.split('"')[1] for each in links]
+    joints = ''.join(
+        f'<joint name="to {child}" type="fixed"><parent link="{names[0]}"/>'
+        f'<child link="{child}"/></joint>' for child in names[1:])
+    return parsed(f'<robot name="{name}">{"".join(links)}{joints}</robot>')
+
+
+def buffer_of(*edges, x=1.0):
+    """Return a buffer with static frames, each x m before its parent."""
+    buffer = TransformBuffer(10**18)
+    for edge in edges:
+        buffer.insert(T, *edge.split(' '), (x, 0.0, 0.0, 0.0, 0.0, HALF, HALF), is_static=True)
+    return buffer
+
+
+def stl(*triangles):
+    """Return triangles as a binary STL file."""
+    return bytes(80) + struct.pack('<I', len(triangles)) + b''.join(
+        struct.pack('<12fH', 0, 0, 1, *np.ravel(triangle), 0) for triangle in triangles)
+
+
+@pytest.fixture
+def page():
+    """A function that creates the page of descriptions by topic, and a viewer of it."""
+    with ExitStack() as stack:
+        def create(buffer, descriptions, meshes=()):
+            feed = BagFeed(buffer, 'bag')
+            feed.robots = descriptions
+            shown = Page(feed, [1000.0], stack, meshes)
+            shown.feed = feed
+            return shown
+
+        yield create
+
+
+def parts(shown):
+    """Return the nodes that move with links, each with its shapes."""
+    nodes = shown.viewer.nodes
+    return {name: [nodes[each] for each in nodes if each.startswith(f'{name}/')]
+            for name in nodes if name.startswith('/robots/') and name.count('/') == 2}
+
+
+def drawn(shown):
+    """Return the shapes that are drawn."""
+    return [shape for name, shapes in parts(shown).items()
+            if shown.viewer.nodes[name].get('visible') for shape in shapes]
+
+
+def test_the_shapes_of_a_link(page):
+    """Each has its size, color and pose in the link; the link moves with its frame."""
+    body = robot(link('base'), link(
+        'a/b', ('<box size="1 2 3"/>', 'xyz="4 5 6"', '1 0.5 0 1'),
+        ('<cylinder radius="0.5" length="2"/>', 'rpy="1.5707963267948966 0 0"', '0 0 1 0.5'),
+        ('<sphere radius="0.25"/>',)))
+    shown = page(buffer_of('map base', 'base a/b'), {'/robot_description': body})
+    shown.until(lambda: len(drawn(shown)) == 3)
+    box, cylinder, sphere = drawn(shown)
+    assert [*box['dimensions']] == [1, 2, 3]
+    assert [*box['position']] == [4, 5, 6]
+    assert [*box['color']] == [255, pytest.approx(127, abs=1), 0]
+    assert box['opacity'] is None
+    assert (cylinder['radius'], cylinder['height'], cylinder['opacity']) == (0.5, 2.0, 0.5)
+    assert cylinder['wxyz'] == pytest.approx([HALF, HALF, 0, 0])
+    assert sphere['radius'] == 0.25
+    (name,) = parts(shown)
+    node = shown.viewer.nodes[name]
+    # Two turns of 90 degrees about z.
+    assert [*node['position']] == pytest.approx([1, 1, 0])
+    assert [*node['wxyz']] == pytest.approx([0, 0, 0, 1])
+    shown.until(lambda: 'robot on /robot_description: 2 of 2 links have a frame' in
+                shown.viewer.text('robot'))
+
+
+def test_a_body_moves(page):
+    """Only what has changed is sent."""
+    buffer = TransformBuffer()
+    buffer.insert(T, 'map', 'base', (1.0, 0, 0, 0, 0, 0, 1), is_static=True)
+    buffer.insert(T, 'base', 'arm', (1.0, 0, 0, 0, 0, 0, 1))
+    buffer.insert(T + 9 * S, 'base', 'arm', (10.0, 0, 0, 0, 0, 0, 1))
+    body = robot(*(link(name, ('<sphere radius="1"/>',)) for name in ('base', 'arm')))
+    shown = page(buffer, {'/robot_description': body})
+    shown.until(lambda: len(drawn(shown)) == 2)
+    base, arm = (shown.viewer.nodes[name] for name in parts(shown))
+    base.pop('position')
+    shown.set('Time (s)', 9.0)
+    shown.until(lambda: arm['position'][0] > 10.9)
+    assert 'position' not in base
+
+
+def test_collision_shapes_and_opacity(page):
+    """They are off at first, in one color; the slider makes all shapes translucent."""
+    box = '<box size="1 1 1"/>'
+    body = robot(link('base', (box, '', '1 0 0 0.5')),
+                 link('arm', (box, '', '1 0 0 1'), kind='collision'))
+    shown = page(buffer_of('map base', 'base arm'), {'/robot_description': body})
+    shown.until(lambda: len(drawn(shown)) == 1 and shown.viewer.text('robot'))
+    shown.set('Collision', True)
+    shown.until(lambda: len(drawn(shown)) == 2)
+    visual, collision = drawn(shown)
+    assert [*collision['color']] != [255, 0, 0]
+    translucent = collision['opacity']
+    assert 0.0 < translucent < 1.0
+    shown.set('Opacity', 0.5)
+    shown.until(lambda: visual['opacity'] == 0.25 and collision['opacity'] == translucent / 2)
+    shown.set('Visual', False)
+    shown.until(lambda: drawn(shown) == [collision])
+    shown.set('Opacity', 1.0)
+    shown.until(lambda: visual['opacity'] == 0.5)
+    shown.set('Visual', True)
+    shown.until(lambda: len(drawn(shown)) == 2)
+
+
+def test_a_link_is_drawn_where_its_frame_is(page):
+    """It is not drawn if its frame is hidden, too old, or not there."""
+    buffer = buffer_of('map base')
+    buffer.insert(T, 'base', 'arm', (1.0, 0, 0, 0, 0, 0, 1))
+    buffer.insert(T + 60 * S, 'base', 'other', (1.0, 0, 0, 0, 0, 0, 1))
+    body = robot(*(link(name, ('<sphere radius="1"/>',)) for name in ('base', 'arm', 'lost')))
+    shown = page(buffer, {'/robot_description': body})
+    shown.until(lambda: len(drawn(shown)) == 2)
+    shown.until(lambda: '2 of 3 links have a frame' in shown.viewer.text('robot'))
+    shown.set('Exclude', 'base')
+    shown.until(lambda: len(drawn(shown)) == 1)
+    shown.set('Exclude', '')
+    shown.until(lambda: len(drawn(shown)) == 2)
+    shown.set('Time (s)', 20)
+    shown.until(lambda: len(drawn(shown)) == 1)
+    shown.set('Frame timeout (s)', 60)
+    shown.until(lambda: len(drawn(shown)) == 2)
+
+
+def test_a_click_on_a_body_selects_the_frame(page):
+    """As a click on the axes does."""
+    body = robot(*(link(name, ('<sphere radius="1"/>',)) for name in ('base', 'arm')))
+    shown = page(buffer_of('map r/base', 'r/base r/arm'), {'/r/robot_description': body})
+    shown.until(lambda: len(drawn(shown)) == 2)
+    shown.until(lambda: shown.viewer.detail('parent') == 'r/base')
+    base, _ = parts(shown)
+    shown.viewer.send({**CLICK, 'name': f'{base}/0', 'instance_index': None,
+                       'owner': shown.viewer.nodes[f'{base}/0']['owner']})
+    shown.until(lambda: shown.viewer.detail('parent') == 'map')
+
+
+def test_two_robots(page):
+    """Each is drawn at the frames of its namespace."""
+    sphere = ('<sphere radius="1"/>',)
+    shown = page(buffer_of('map r1/base', 'r1/base r1/arm', 'r1/arm r2/base'), {
+        f'/{name}/robot_description': robot(link('base', sphere), link('arm'), name=name)
+        for name in ('r1', 'r2')})
+    shown.until(lambda: len(drawn(shown)) == 2)
+    places = [tuple(np.round(shown.viewer.nodes[name]['position'], 6)) for name in parts(shown)]
+    assert places == [(1, 0, 0), (0, 1, 0)]
+    for name, count in ('r1', 2), ('r2', 1):
+        line = (f'{name} on /{name}/robot_description: {count} of 2 links have a frame, with the '
+                f'prefix {name}/')
+        shown.until(lambda line=line: line in shown.viewer.text('robot'))
+
+
+@pytest.mark.parametrize(('topic', 'frames', 'expected'), [
+    ('/robot_description', 'map base arm', ('', 2)),
+    ('/robot_description', 'map r1base r1arm', ('r1', 2)),
+    ('/robot_description', 'x/y/base x/y/arm', ('x/y/', 2)),
+    ('/r1/robot_description', 'base arm', ('', 2)),
+    ('/r1/robot_description', 'base arm r1/base r1/arm', ('r1/', 2)),
+    ('/r1/robot_description', 'r1/base r2/base r2/arm', ('r1/', 1)),
+    ('/a/b/robot_description', 'a/b/arm', ('a/b/', 1)),
+    ('/r1/robot_description', 'r2/base r2/arm', ('r2/', 2)),
+    ('/robot_description', 'map', ('', 0))])
+def test_the_prefix_of_the_frames(topic, frames, expected):
+    """It is that with which most links are found; that of the namespace comes first."""
+    assert prefix(robot(link('base'), link('arm')), topic, {*frames.split()}) == expected
+
+
+def test_descriptions_change(page):
+    """A new one replaces the old one; a refused one is a line; without any, there is no tab."""
+    shown = page(buffer_of('map base', 'base arm'), {})
+    shown.until(lambda: 'bag: 3 frames' in shown.viewer.text('overview'))
+
+    def labels():
+        return {props.get('label') for props in shown.viewer.gui.values()}
+
+    assert 'Collision' not in labels()
+    sphere = ('<sphere radius="1"/>',)
+    shown.feed.robots = {'/robot_description': robot(link('base', sphere))}
+    shown.until(lambda: len(drawn(shown)) == 1 and 'Collision' in labels())
+    before = {*parts(shown)}
+    shown.feed.robots = {
+        '/robot_description': robot(link('arm', sphere, sphere), name='&lt;new&gt;')}
+    shown.until(lambda: len(drawn(shown)) == 2)
+    assert before.isdisjoint(parts(shown))
+    shown.until(lambda: '&lt;new&gt; on /robot_description' in shown.viewer.text('robot'))
+    shown.feed.robots = {'/robot_description': parsed('<robot name="a"/>')}
+    shown.until(lambda: not parts(shown))
+    shown.until(lambda: '/robot_description: the robot has no link' in shown.viewer.text('robot'))
+
+
+def test_odd_sizes_are_drawn(page):
+    """A browser gets no number that would be infinite in float32, and not too many shapes."""
+    body = robot(link('base', *[('<box size="1e300 -1 0"/>', 'xyz="1e300 0 0"')] * (
+        MAX_SHAPES + 1)))
+    shown = page(buffer_of('map base'), {'/robot_description': body})
+    shown.until(lambda: len(drawn(shown)) == MAX_SHAPES)
+    assert np.isfinite(np.float32([*drawn(shown)[0]['dimensions'], *drawn(shown)[0]['position']])
+                       ).all()
+    shown.until(lambda: f'only {MAX_SHAPES} of {MAX_SHAPES + 1} shapes are drawn' in
+                shown.viewer.text('robot'))
+
+
+def test_a_mesh(page, tmp_path):
+    """It has the scale and the color of the description."""
+    (tmp_path / 'pkg').mkdir()
+    (tmp_path / 'pkg' / 'a b.STL').write_bytes(stl(TRIANGLE))
+    body = robot(link('base', ('<mesh filename="package://pkg/a%20b.STL" scale="1 -2 3"/>', '',
+                               '0 1 0 1')))
+    shown = page(buffer_of('map base'), {'/robot_description': body}, [str(tmp_path)])
+    shown.until(lambda: len(drawn(shown)) == 1)
+    (mesh,) = drawn(shown)
+    assert sorted(mesh['vertices'].reshape(-1, 3).tolist()) == sorted(TRIANGLE)
+    assert mesh['faces'].size == 3
+    assert [*mesh['scale']] == [1, -2, 3]
+    assert [*mesh['color']] == [0, 255, 0]
+
+
+def test_missing_meshes(page, tmp_path):
+    """Each is a grey box of 0.1 m, and a line that says what to do."""
+    body = robot(link('base', ('<mesh filename="package://pkg/a.stl" scale="9 9 9"/>',),
+                      ('<mesh filename="http://localhost/&lt;a&gt;.stl"/>',)),
+                 link('arm', ('<sphere radius="1"/>',)))
+    shown = page(buffer_of('map base', 'base arm'), {'/robot_description': body}, [str(tmp_path)])
+    shown.until(lambda: len(drawn(shown)) == 3)
+    boxes = [shape for shape in drawn(shown) if 'dimensions' in shape]
+    for box in boxes:
+        assert [*box['dimensions']] == [0.1] * 3
+        assert len({*box['color']}) == 1
+    shown.until(lambda: (
+        f'link base: package://pkg/a.stl: there is no such file below {tmp_path}: pass the '
+        'directory above it: web_view --meshes DIR<br>' in shown.viewer.text('robot')))
+    shown.until(lambda: (
+        'link base: http://localhost/&lt;a&gt;.stl: only package://PACKAGE/PATH and '
+        'file:///PATH are read<' in shown.viewer.text('robot')))
+
+
+FOUND = 'inside'
+FILES = {
+    'package://pkg/a.stl': FOUND, 'package://pkg/./b/../a.stl': FOUND,
+    'package://pkg//a.stl': FOUND,
+    'package://pkg%2Fa.stl': FOUND, 'file://{inside}/pkg/a.stl': FOUND,
+    'file://{outside}/../inside/pkg/a.stl': FOUND, 'package://pkg/%61.stl': FOUND,
+    'package://pkg/link.stl': FOUND,  # it belongs to the user
+    'package://../outside/secret.stl': 'not below', 'package://pkg/../../outside/secret.stl':
+    'not below', 'package://pkg/%2e%2e/%2E%2E/outside/secret.stl': 'not below',
+    'package://..%2Foutside%2Fsecret.stl': 'not below', 'package://': 'not below',
+    'package://pkg/..': 'not below', 'file:///etc/passwd': 'not below',
+    'file://{outside}/secret.stl': 'not below', 'file://{inside}/../outside/secret.stl':
+    'not below', 'file://{inside}x/secret.stl': 'not below', 'file://{inside}': 'not below',
+    'package://pkg': 'no such file', 'package://pkg/%252e%252e/a.stl': 'no such file',
+    'package://pkg/fifo.stl': 'no such file', 'package://pkg/b.stl': 'no such file',
+    'package://{outside}/secret.stl': 'are read', 'package://%2Fetc/passwd': 'are read',
+    'package:///etc/passwd': 'are read', 'file://localhost{inside}/pkg/a.stl': 'are read',
+    'file://pkg/a.stl': 'are read', 'file:{inside}/pkg/a.stl': 'are read',
+    '{inside}/pkg/a.stl': 'are read', 'pkg/a.stl': 'are read', '../pkg/a.stl': 'are read',
+    'http://127.0.0.1/a.stl': 'are read', 'https://example.org/a.stl': 'are read',
+    'ftp://127.0.0.1/a.stl': 'are read', 'data:,x': 'are read', '': 'are read',
+    'FILE://{inside}/pkg/a.stl': 'are read', 'package://pkg/a.stl%00': 'are read',
+    r'package://pkg\..\..\outside\secret.stl': 'no such file', '//etc/passwd': 'are read',
+    'model://pkg/a.stl': 'are read'}
+
+
+@pytest.mark.parametrize('file', FILES)
+def test_only_files_below_the_search_path_are_read(tmp_path, monkeypatch, file):
+    """The check is lexical, after percent escapes and '..'."""
+    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
+    inside, outside = tmp_path / 'inside', tmp_path / 'outside'
+    (inside / 'pkg').mkdir(parents=True)
+    outside.mkdir()
+    for path in inside / 'pkg' / 'a.stl', outside / 'secret.stl':
+        path.write_bytes(stl(TRIANGLE))
+    (inside / 'pkg' / 'link.stl').symlink_to(outside / 'secret.stl')
+    os.mkfifo(inside / 'pkg' / 'fifo.stl')
+    meshes = Meshes([str(inside)])
+    name = file.format(inside=inside, outside=outside)
+    if FILES[file] == FOUND:
+        assert inside in meshes.find(name).parents
+    else:
+        with pytest.raises(MeshError, match=FILES[file]):
+            meshes.find(name)
+
+
+def test_the_search_path(tmp_path, monkeypatch):
+    """The directories come in their order, then the packages of a ROS environment."""
+    for name in 'one/pkg', 'two/pkg', 'ros/share/pkg':
+        (tmp_path / name).mkdir(parents=True)
+    for name in 'two/pkg/a.stl', 'two/pkg/b.stl', 'one/pkg/b.stl', 'ros/share/pkg/c.stl':
+        (tmp_path / name).write_bytes(b'')
+    monkeypatch.setenv('AMENT_PREFIX_PATH', f'{tmp_path}/none:{tmp_path}/ros:')
+    monkeypatch.chdir(tmp_path)
+    meshes = Meshes(['one', 'two/'])
+    assert meshes.find('package://pkg/a.stl') == tmp_path / 'two/pkg/a.stl'
+    assert meshes.find('package://pkg/b.stl') == tmp_path / 'one/pkg/b.stl'
+    assert meshes.find('package://pkg/c.stl') == tmp_path / 'ros/share/pkg/c.stl'
+    monkeypatch.delenv('AMENT_PREFIX_PATH')
+    with pytest.raises(MeshError, match='no directory to search'):
+        Meshes().find('package://pkg/a.stl')
+
+
+def test_a_mesh_of_several_parts(tmp_path):
+    """Their poses are those of the file; a single color is kept."""
+    import trimesh
+    box = trimesh.creation.box((2, 2, 2))
+    box.visual = trimesh.visual.TextureVisuals(
+        material=trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 0, 51, 255]))
+    scene = trimesh.Scene()
+    for x in 0, 10:
+        scene.add_geometry(box.copy(), transform=trimesh.transformations.translation_matrix(
+            [x, 0, 0]))
+    scene.export(tmp_path / 'boxes.glb')
+    mesh = load(tmp_path / 'boxes.glb')
+    assert mesh.faces.shape == (24, 3)
+    assert mesh.vertices.min(axis=0).tolist() == [-1, -1, -1]
+    assert mesh.vertices.max(axis=0).tolist() == [11, 1, 1]
+    assert mesh.rgba == (1.0, 0.0, 0.2, 1.0)
+
+
+def test_a_mesh_reads_no_other_file(tmp_path):
+    """The materials and textures that it names are not opened."""
+    (tmp_path / 'a.obj').write_text('mtllib a.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\n'
+                                    'f 1 2 3\n')
+    os.mkfifo(tmp_path / 'a.mtl')  # who opened it would wait for ever
+    assert load(tmp_path / 'a.obj').rgba is None
+
+
+@pytest.mark.parametrize(('name', 'content', 'why'), [
+    ('a.stl', b'', 'no triangles'), ('a.stl', b'solid x\nendsolid x\n', 'no triangles'),
+    ('a.stl', stl([[float('nan')] * 3] * 3), 'not finite'),
+    ('a.obj', b'f 1 2 3\n', 'cannot be loaded|no triangles'),
+    ('a.glb', b'glTF', 'cannot be loaded'), ('a.ply', b'ply\n', 'cannot be loaded|no triangles'),
+    ('a.xyz', b'0 0 0', r"the format '\.xyz' is not read: convert it to one of \.stl"),
+    ('a', b'', 'the format'), ('a.zip', b'PK', 'the format'), ('a.gltf', b'{}', 'the format')])
+def test_a_mesh_that_cannot_be_loaded(tmp_path, name, content, why):
+    """The error says why, in one line."""
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(MeshError, match=why) as error:
+        load(tmp_path / name)
+    assert '\n' not in str(error.value)
+
+
+def test_a_collada_mesh_needs_pycollada(tmp_path, monkeypatch):
+    """The error names it."""
+    import trimesh
+    if 'dae' in trimesh.available_formats():
+        pytest.skip('pycollada is installed')
+    (tmp_path / 'a.dae').write_bytes(b'<COLLADA/>')
+    with pytest.raises(MeshError, match='pip install pycollada'):
+        load(tmp_path / 'a.dae')
+
+
+def test_a_mesh_that_is_too_large(tmp_path, monkeypatch):
+    """It is refused before it is read to the end."""
+    with (tmp_path / 'a.stl').open('wb') as file:
+        file.truncate(meshes_module.MAX_BYTES + 1)
+    with pytest.raises(MeshError, match='more than 50 MB'):
+        load(tmp_path / 'a.stl')
+
+
+def test_a_page_that_is_exported_has_the_body(tmp_path):
+    """Its meshes are loaded before the scene is recorded."""
+    (tmp_path / 'pkg').mkdir()
+    (tmp_path / 'pkg' / 'a.stl').write_bytes(stl(TRIANGLE))
+    pages = []
+    for links in [], [link('base', ('<mesh filename="package://pkg/a.stl"/>',))]:
+        feed = BagFeed(buffer_of('map base'), 'bag')
+        feed.robots = {'/robot_description': robot(*links)} if links else {}
+        recording = Recording(feed, [str(tmp_path)])
+        recording.add(0.0, T)
+        pages.append([message for _, message in recorded(recording.as_html())['messages']])
+    without, with_body = pages
+    assert not [each for each in without if 'robots' in str(each.get('name'))]
+    assert [each['name'] for each in with_body if each['type'] == 'MeshMessage'] == ['/robots/0/0']
