@@ -6,7 +6,7 @@ from typing import Any
 
 from sphinx.util.logging import getLogger
 
-from dummy_arm import doctor, tf
+from dummy_arm import doctor, robot, tf
 from dummy_arm.tf import bag, formatting
 
 _metadata = metadata('dummy_arm')
@@ -72,7 +72,7 @@ def _link_to_name(match: re.Match[str]) -> str:
 def _find_missing_names(_app: Any, environment: Any) -> None:
     """Warn of public names that the reference lacks."""
     found = environment.domains.python_domain.objects
-    for module in doctor, tf, bag, formatting:
+    for module in doctor, robot, tf, bag, formatting:
         for name in module.__all__:
             if f'{module.__name__}.{name}' not in found:
                 getLogger(__name__).warning('%s.%s is not in the reference', module.__name__, name)

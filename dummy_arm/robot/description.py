@@ -136,9 +136,9 @@ def read(path: Union[str, os.PathLike[str]]) -> str:
     :raises DescriptionError: if the file cannot be read or expanded.
     """
     try:
-        if Path(path).suffix == '.xacro':
-            return _expand(path)
         with Path(path).open('rb') as file:
+            if Path(path).suffix == '.xacro':
+                return _expand(path)
             return file.read(MAX_SIZE + 1).decode()
     except OSError as error:
         _refuse(f'cannot read {os.fspath(path)}: {error.strerror or error}')
@@ -294,8 +294,9 @@ def _joint(element: ElementTree.Element, urdf: Any) -> Joint:
     joint = _from_xml(urdf.Joint, element, what)
     axis = joint.axis or (1.0, 0.0, 0.0)
     length = hypot(*axis)
-    if length == 0.0:
-        _refuse(f'{what}: the axis 0 0 0 has no direction: write for example <axis xyz="0 0 1"/>')
+    if length == 0.0 or not isfinite(length):
+        _refuse(f'{what}: the axis must have a finite length that is not 0, got '
+                f'{" ".join(map(str, axis))}: write for example <axis xyz="0 0 1"/>')
     return Joint(
         name, kind, joint.parent, joint.child, _origin(joint.origin),
         (axis[0] / length, axis[1] / length, axis[2] / length),

@@ -41,7 +41,7 @@ class RobotStatePublisher(Node):
         :param robot_description: the URDF text; the parameter of this name takes precedence.
         :param kwargs: the arguments of `rclpy.node.Node` except the name.
         :raises DescriptionError: if the description is not valid.
-        :raises ValueError: if a parameter is not valid.
+        :raises ValueError: if publish_frequency is not valid.
         """
         super().__init__('robot_state_publisher', **kwargs)
         text = self.declare_parameter('robot_description', robot_description).value

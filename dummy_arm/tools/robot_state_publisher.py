@@ -5,16 +5,21 @@ from typing import Optional
 
 from dummy_arm.cli.node import run_node
 from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
-from dummy_arm.robot.description import read
+from dummy_arm.robot import DescriptionError, read
 from dummy_arm.robot.state_publisher import RobotStatePublisher
 
 
 def command(file: Optional[str] = None, namespace: str = '', *, ros_args: Sequence[str] = ()
             ) -> int:
     """Publish the robot of a file, or of the parameter robot_description, until a signal."""
+    try:
+        text = '' if file is None else read(file)
+    except DescriptionError as error:
+        raise UsageError(str(error)) from None
+
     def make_node() -> RobotStatePublisher:
         try:
-            return RobotStatePublisher('' if file is None else read(file))
+            return RobotStatePublisher(text)
         except ValueError as error:
             raise UsageError(str(error)) from None
 

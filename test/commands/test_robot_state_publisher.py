@@ -157,7 +157,7 @@ def test_arguments_and_parameters(domain_id, tmp_path, name):
     ('', 'robot_description parameter must not be empty: set it to the URDF text, or name'),
     ('<robot name="r"><link name="a"/><link name="b"/></robot>', "has 2 roots, 'a', 'b'")])
 def test_a_bad_description_is_one_line_and_exit_code_2(domain_id, tmp_path, content, message):
-    """The text and its length are all that matters, as in test_description.py."""
+    """The line says what is wrong; test_description.py has more such texts."""
     file = tmp_path / 'robot.urdf'
     file.write_text(content)
     code, output, error = call(main, str(file), domain=domain_id)
@@ -194,6 +194,16 @@ def test_topics_qos_and_parameters_are_those_of_the_real_one(domain_id):
                     ('/tf_static', 'publisher'))
                 for policy in ('depth', 'history', 'reliability'))):
             assert node.has_parameter(name), name
+
+
+def test_topics_in_a_namespace(ros, start, tmp_path):
+    """The option puts all four topics there."""
+    file = tmp_path / 'robot.urdf'
+    file.write_text(CASES['one_link']['urdf'])
+    start(*tool(NAME, str(file), '--namespace', 'left'))
+    ros.until(lambda: all(ros.node.count_publishers(f'/left/{topic}') for topic in (
+        'tf', 'tf_static', 'robot_description')) and (
+            ros.node.count_subscribers('/left/joint_states')))
 
 
 def test_a_changed_prefix_applies_to_fixed_joints_at_once(domain_id):

@@ -280,7 +280,9 @@ BAD = {
     'limit without effort': (tree(('j', 'revolute', 'a', 'b')).replace('effort="1"', ''),
                              "joint 'j': .*effort .in <limit>"),
     'zero axis': (tree(('j', 'revolute', 'a', 'b', '0 0 0', '0 0 0', '0 0 0')),
-                  "joint 'j': the axis 0 0 0 has no direction"),
+                  "joint 'j': the axis must have a finite length"),
+    'endless axis': (tree(('j', 'revolute', 'a', 'b', '0 0 0', '0 0 0', '1.7e308 1.7e308 0')),
+                     "joint 'j': the axis must have a finite length"),
     'two numbers': (tree(('j', 'fixed', 'a', 'b', '1 2')),
                     "joint 'j': xyz of <origin> must be three numbers .*, got '1 2'"),
     'nan': (tree(('j', 'fixed', 'a', 'b', '1 2 nan')), "got '1 2 nan'"),
@@ -375,7 +377,7 @@ def test_bad_files_are_one_clear_error(tmp_path, name, content, message):
 
 @pytest.mark.parametrize(('module', 'call', 'remedy'), [
     ('urdf_parser_py', 'parse(sys.argv[1])', 'apt install ros-jazzy-urdfdom-py'),
-    ('xacro', 'read("x.xacro")', 'apt install ros-jazzy-xacro'),
+    ('xacro', 'read(sys.argv[2])', 'apt install ros-jazzy-xacro'),
     ('ament_index_python', 'read(sys.argv[2])', 'write [$]\\(dirname\\) instead')])
 def test_a_missing_package_is_named(tmp_path, module, call, remedy):
     """The error says how to install it, or what to write instead."""
