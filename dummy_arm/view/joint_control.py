@@ -141,6 +141,7 @@ class JointCommander(JointControl):
     can_wave = True
 
     def __init__(self, node: 'Node', topic: str, namespace: str, description: Description) -> None:
+        from rclpy.qos import QoSProfile, ReliabilityPolicy
         from sensor_msgs.msg import JointState
         super().__init__(topic, description)
         self._node = node
@@ -150,7 +151,8 @@ class JointCommander(JointControl):
         self._next: dict[str, float] = {}
         self._publisher = node.create_publisher(JointState, topic, 10)
         self._subscription = node.create_subscription(
-            JointState, full_name(namespace, 'joint_states'), self._on_state, 1, raw=True)
+            JointState, full_name(namespace, 'joint_states'), self._on_state,
+            QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT), raw=True)
 
     def close(self) -> None:
         self._node.destroy_publisher(self._publisher)
@@ -164,11 +166,16 @@ class JointCommander(JointControl):
         from rclpy.serialization import deserialize_message
         from sensor_msgs.msg import JointState
         data, self._state = self._state, None
-        if data is not None:
-            now, state = monotonic(), deserialize_message(data, JointState)
-            for name, position in zip(state.name, state.position):
-                if now >= self._next.get(name, 0.0):
-                    self.positions.set(name, position)
+        if data is None:
+            return
+        try:
+            state = deserialize_message(data, JointState)
+        except RuntimeError:  # it is malformed
+            return
+        now = monotonic()
+        for name, position in zip(state.name, state.position):
+            if now >= self._next.get(name, 0.0):
+                self.positions.set(name, position)
 
     def set(self, name: str, position: float) -> None:
         if name in self.positions.free:
@@ -221,7 +228,7 @@ class JointCommanders:
 
     def _listening(self) -> Iterator[tuple[str, str]]:
         """Yield each topic joint_command, and the namespace of a node that listens to it."""
-        for topic, types in self._node.get_topic_names_and_types():
+        for topic, types in sorted(self._node.get_topic_names_and_types()):
             if topic.endswith(_COMMAND) and _TYPE in types:
                 for info in self._node.get_subscriptions_info_by_topic(topic):
                     if info.topic_type == _TYPE and info.node_name != _UNKNOWN_NODE:

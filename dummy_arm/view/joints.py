@@ -101,12 +101,14 @@ class Joints:
         _set_visible(self._choice, len(controls) > 1)
         _set_visible(self._centre, control is not None)
         _set_visible(self._wave, control is not None and control.can_wave)
+        self._show(control.positions if control else None)
         text = self._source.why_none
         if control:
             text = control.warning or f'The positions are sent on {control.topic}.'
+        if self._pages > 1:
+            text += f' Page {self._page + 1} of {self._pages}.'
         if self._status.content != (content := html(text, 'joints')):
             self._status.content = content
-        self._show(control.positions if control else None)
 
     def _act(self) -> None:
         while self._actions:

@@ -83,7 +83,7 @@ def robot(ros):
 
 
 def test_another_robot_in_a_namespace(ros, robot, open_viewer):
-    """It gets what the viewer moves, and nothing else; its sliders follow its joint states."""
+    """It gets what the viewer moves, and nothing else; its sliders follow valid joint states."""
     commands = []
     subscription = robot.create_subscription(
         JointState, 'arm/joint_command', commands.append, 10)
@@ -93,6 +93,7 @@ def test_another_robot_in_a_namespace(ros, robot, open_viewer):
     states = robot.create_publisher(JointState, 'joint_states', 10)
     robot.create_timer(0.05, lambda: states.publish(
         JointState(name=['axle', 'other', 'axle'], position=[-pi / 2, 7.0])))
+    robot.create_timer(0.05, lambda: states.publish(b'\0\1\0\0' + b'\xff' * 40))
     viewer = open_viewer()
     with ros.spinning():
         viewer.until(lambda: 'axle (°)' in labels(viewer))

@@ -152,6 +152,7 @@ def test_many_joints_are_shown_in_pages():
         page.until(lambda: len(sliders(page.viewer)) == 50)
         page.viewer.set('Page', 'next')
         page.until(lambda: {*sliders(page.viewer)} == {f'joint_{i} (°)' for i in range(50, 80)})
+        page.until(lambda: page.text() == 'The positions are sent on /joint_states. Page 2 of 2.')
         page.viewer.set('joint_79 (°)', 10.0)
         page.until(lambda: control.positions['joint_79'] == pytest.approx(pi / 18))
         page.viewer.set('Page', 'next')  # there is no third one
