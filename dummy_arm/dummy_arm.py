@@ -36,7 +36,7 @@ PREFIX = 'frame_prefix'
 PREFIX_DESCRIPTION = f'prefix for the name of every frame except {MAP}; read-only'
 #: The parameters that are true or false; they are true by default.
 SWITCHES = {
-    'publish_tf': f'send the transforms on /tf; {MAP} -> base_link is always sent; read-only',
+    'publish_tf': 'send all frames but base_link on /tf; read-only',
     'publish_joint_states': 'send the joint angles on joint_states; read-only',
     'publish_description': 'send the URDF of the arm on robot_description; read-only'}
 
@@ -272,7 +272,8 @@ def make_parser() -> Parser:
             f'  {PREFIX:20} {PREFIX_DESCRIPTION}',
             '  use_sim_time         take the time from /clock (default false)',
             '', 'example: dummy_arm --ros-args -p rate:=100 -p joint_1.speed:=1.0')))
-    add_namespace_option(parser, 'publish on')
+    add_namespace_option(parser, 'publish on', 'tf', 'tf_static', 'joint_states',
+                         'robot_description')
     return parser
 
 

@@ -1,6 +1,7 @@
 """The descriptions of robots by the topics on which they are published, from a bag or a text."""
 
-from typing import Union
+from collections.abc import Callable
+from typing import Optional, Union
 
 from dummy_arm.robot.description import Description, DescriptionError, parse
 from dummy_arm.tf.bag import last_strings, Paths
@@ -19,7 +20,8 @@ def parsed(text: str) -> DescriptionOrWhy:
         return str(error)
 
 
-def in_bag(path: Paths, partial: bool = False) -> dict[str, DescriptionOrWhy]:
-    """Return the last description on each topic of a bag; the errors are those of `bag.read`."""
-    return {topic: parsed(text)
-            for topic, text in last_strings(path, TOPIC, partial=partial).items()}
+def in_bag(path: Paths, partial: bool = False,
+           on_progress: Optional[Callable[[float], object]] = None) -> dict[str, DescriptionOrWhy]:
+    """Return the last description on each topic of a bag; see `bag.last_strings`."""
+    texts = last_strings(path, TOPIC, partial=partial, on_progress=on_progress)
+    return {topic: parsed(text) for topic, text in texts.items()}

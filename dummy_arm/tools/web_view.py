@@ -55,7 +55,8 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
 
 
 def _examine(feed: 'BagFeed', bag: Sequence[str], namespace: str, partial: bool) -> None:
-    read_descriptions(feed, bag, partial)
+    with suppress(KeyboardInterrupt):  # the command ends
+        read_descriptions(feed, bag, partial)
     find_faults(feed.findings, bag, namespace, partial)
 
 
@@ -63,7 +64,7 @@ def read_descriptions(feed: 'BagFeed', bag: Optional[Sequence[str]], partial: bo
     """Give a feed the descriptions of robots in a bag."""
     from dummy_arm.robot.descriptions import in_bag
     with suppress(BagError, OSError):  # `read_bag` or `find_faults` reports them
-        feed.robots = in_bag(bag or (), partial)
+        feed.robots = in_bag(bag or (), partial, lambda done: check_signals())
 
 
 def find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: str,

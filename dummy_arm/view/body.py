@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from itertools import islice
 from typing import Any, NamedTuple, Optional
 
+import numpy as np
 import viser
 
 from dummy_arm.robot.description import Description, Shape
@@ -40,6 +41,7 @@ class _Part:
     is_collision: bool
     shapes: list[Shape]  #: those that are not drawn yet
     node: Optional[viser.FrameHandle] = None  #: moves with the link; None: it was never visible
+    pose: Optional[list[float]] = None  #: of the node: x, y, z (m), quaternion x, y, z, w
     drawn: list[tuple[Any, float]] = field(default_factory=list)  #: handles, and their opacity
 
 
@@ -97,8 +99,9 @@ class Body:
         if not self._robots and not has_changed:
             return
         self._set_opacity(body.opacity)
-        index = {name: i for i, (name, age) in enumerate(zip(
-            placement.names, placement.ages.tolist())) if age < display.timeout}
+        rows = np.column_stack([placement.points, placement.poses[:, 3:]]).tolist()
+        poses = {name: row for name, row, age in zip(
+            placement.names, rows, placement.ages.tolist()) if age < display.timeout}
         for robot in self._robots.values():
             if robot.names != placement.names:
                 robot.names = placement.names
@@ -108,9 +111,9 @@ class Body:
             for part in robot.parts:
                 frame = robot.prefix + part.link
                 is_on = body.with_collisions if part.is_collision else body.with_visuals
-                if is_on and frame in index and frame not in display.hidden:
-                    has_changed |= self._draw(robot, part, placement, index[frame])
-                elif part.node is not None:
+                if is_on and frame in poses and frame not in display.hidden:
+                    has_changed |= self._draw(robot, part, poses[frame])
+                elif part.node is not None and part.node.visible:
                     part.node.visible = False
         if has_changed:
             self.lines = [line for topic, each in descriptions.items() for line in (
@@ -139,15 +142,18 @@ class Body:
                     for handle, own in part.drawn:
                         handle.opacity = _opacity(own * opacity)
 
-    def _draw(self, robot: _Robot, part: _Part, placement: Placement, i: int) -> bool:
-        """Draw a part at a frame; return True if a mesh is found to be missing."""
-        x, y, z, w = placement.poses[i, 3:]
+    def _draw(self, robot: _Robot, part: _Part, pose: list[float]) -> bool:
+        """Draw a part at a pose; return True if a mesh is found to be missing."""
         if part.node is None:
             part.node = self._scene.add_frame(
                 f'/robots/{self._next_node}', show_axes=False, visible=False)
             self._next_node += 1
-        part.node.position, part.node.wxyz = placement.points[i], (w, x, y, z)
-        part.node.visible = True
+        if pose != part.pose:  # viser compares, too, but takes much longer
+            part.pose = pose
+            x, y, z, w = pose[3:]
+            part.node.position, part.node.wxyz = (pose[0], pose[1], pose[2]), (w, x, y, z)
+        if not part.node.visible:
+            part.node.visible = True
         if not part.shapes:
             return False
         count = len(robot.problems)

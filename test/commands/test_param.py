@@ -73,7 +73,7 @@ def test_set(ros):
     (['frame_prefix', 'left/'], '/dummy_arm refuses the value: .*read-only'),
     (['joint_1.sped'], "/dummy_arm has no parameter 'joint_1.sped'. Nearest known: "
                        "'joint_1.speed'"),
-    (['colour', 'red'], "/dummy_arm has no parameter 'colour'. Known parameters: .*and 8 more"),
+    (['colour', 'red'], "/dummy_arm has no parameter 'colour'. Known parameters: .*and 11 more"),
 ])
 def test_what_cannot_be_done_is_exit_code_1_with_the_reason(arm_domain, arguments, reason):
     """The line has the reason that the node gives, or the names of existing parameters."""

@@ -38,10 +38,14 @@ def test_a_port_that_is_given(start, ros, monkeypatch):
 
 
 def test_a_bag_without_ros(start, tmp_path):
-    """It is played; its transforms name no publisher."""
+    """It is played, with the body of its robot; its transforms name no publisher."""
     bags = pytest.importorskip('bags')
     from viewer import CAMERA, Viewer
-    path = bags.make(tmp_path / 'robot', 'mcap', bags.walk())
+    pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
+    urdf = ('<robot name="box"><link name="base_link"><visual><geometry><box size="1 2 3"/>'
+            '</geometry></visual></link></robot>')
+    path = bags.make(tmp_path / 'robot', 'mcap', [*bags.walk(), (
+        '/robot_description', 100 * bags.S, bags.string(urdf), bags.STRING)])
     process = start(*tool_without_ros('web_view', '--bag', str(path)))
     viewer = Viewer(int(process.line_with('look at http').rsplit(':', 1)[1]))
     viewer.send(CAMERA)
@@ -51,6 +55,9 @@ def test_a_bag_without_ros(start, tmp_path):
     assert viewer.detail('publisher') == 'not recorded'
     viewer.until(lambda: any('102 transforms of 3 frames' in props.get('content', '')
                              for props in viewer.gui.values()))  # the verdict of tf_doctor
+    viewer.until(lambda: any('dimensions' in node for node in viewer.nodes.values()))
+    viewer.until(lambda: 'box on /robot_description: 1 of 1 links have a frame' in
+                 viewer.text('robot'))
     viewer.close()
     process.end(signal.SIGINT)
     assert process.exit_code() == 0
@@ -113,6 +120,35 @@ def test_the_waving_arm_in_a_browser(start, ros, open_page, request, tmp_path):
     page.tick('Pause', False)
     page.until(lambda: page.value('rate').endswith(' Hz') and page.value('delay').endswith(' ms'))
     listener.unregister()
+
+
+def test_the_body_of_the_arm_in_a_browser(start, open_page, request, tmp_path):
+    """Its links are drawn at their frames, and move; the checkbox hides them."""
+    import imageio.v3 as iio
+    pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
+    start(*ARM)
+    page = open_page(start(*tool('web_view')))
+    scene = page.until(lambda: len((scene := page.scene_with(*FRAMES)).bodies) == 5 and scene)
+    hand = scene.bodies[-1]
+    page.until(lambda: np.linalg.norm(page.scene().bodies[-1] - hand) > 0.05)
+    page.tick('Pause', True)
+    page.until(lambda: np.allclose((scene := page.scene()).bodies, [
+        scene.begins[0, scene.index(name)] for name in FRAMES], atol=1e-4))
+    page.open_tab('Robot')
+    page.until(lambda: 'dummy_arm on /robot_description: 5 of 5 links have a frame' in
+               page.page.inner_text('[data-text="robot"]'))
+
+    def orange():
+        """Return the number of orange pixels, as the beams have, below the warning of viser."""
+        picture = artefact(request, tmp_path, 'web_view_body.png')
+        page.page.screenshot(path=picture)
+        red, green, blue = np.moveaxis(iio.imread(picture)[200:, :, :3].astype(int), -1, 0)
+        return ((red > 150) & (red - green > 60) & (green - blue > 30)).sum()
+
+    page.until(lambda: orange() > 1000)
+    shown = orange()
+    page.tick('Visual', False)
+    page.until(lambda: not len(page.scene().bodies) and orange() < shown - 800)
 
 
 @pytest.mark.parametrize('size', [(1400, 900), (390, 800)], ids=str)

@@ -1,11 +1,13 @@
-"""The launch file of ROS 2 and the configuration of rviz2."""
+"""The launch file of ROS 2, the configuration of rviz2, and the description of the arm."""
 
 import json
 from math import cos, sin, tan
 from pathlib import Path
+import runpy
 import shutil
 import subprocess
 import sys
+from types import ModuleType
 
 from environment import ROOT
 import numpy as np
@@ -16,22 +18,24 @@ from dummy_arm.arm import Arm
 from dummy_arm.tf import TransformBuffer
 
 LAUNCH, RVIZ = 'launch/dummy_arm.launch.py', 'rviz/dummy_arm.rviz'
+URDF = 'dummy_arm/urdf/dummy_arm.urdf'
 #: The classes of rviz_default_plugins and rviz_common of Jazzy that the configuration uses.
 CLASSES = {
     f'rviz_default_plugins/{name}' for name in (
-        'FocusCamera', 'Grid', 'Interact', 'Measure', 'MoveCamera', 'Orbit', 'Select', 'TF')
+        'FocusCamera', 'Grid', 'Interact', 'Measure', 'MoveCamera', 'Orbit', 'RobotModel',
+        'Select', 'TF')
 } | {'rviz_common/Displays', 'rviz_common/Views'}
 
 
 def test_they_are_installed():
-    """Both are in the share directory of the package, where ros2 and rviz2 look for them."""
+    """They are in the share directory of the package, where ros2 and rviz2 look for them."""
     code = ('import json, setuptools\nfrom distutils.core import run_setup\n'
             'print(json.dumps(run_setup("setup.py", stop_after="init").data_files))')
     output = subprocess.run([sys.executable, '-c', code], cwd=ROOT, check=True, text=True,
                             stdout=subprocess.PIPE).stdout
     data_files = dict(json.loads(output))
-    for file in LAUNCH, RVIZ:
-        assert data_files[f'share/dummy_arm/{Path(file).parent}'] == [file]
+    for file in LAUNCH, RVIZ, URDF:
+        assert data_files[f'share/dummy_arm/{Path(file).parent.name}'] == [file]
         assert (ROOT / file).is_file()
 
 
@@ -46,13 +50,18 @@ def classes_in(config):
 
 
 def test_rviz_has_the_classes_of_jazzy():
-    """The configuration uses no other classes, and shows the frames with their names in map."""
+    """It uses no other classes, and shows the arm, and the frames with their names, in map."""
     config = yaml.safe_load((ROOT / RVIZ).read_text())
     assert set(classes_in(config)) == CLASSES
     manager = config['Visualization Manager']
     assert manager['Global Options']['Fixed Frame'] == 'map'
-    tf = {display['Class']: display for display in manager['Displays']}['rviz_default_plugins/TF']
+    displays = {display['Class']: display for display in manager['Displays']}
+    tf, model = (displays[f'rviz_default_plugins/{name}'] for name in ('TF', 'RobotModel'))
     assert all(tf[shown] is True for shown in ('Enabled', 'Show Axes', 'Show Names'))
+    assert model['Enabled'] is model['Visual Enabled'] is True
+    topic = model['Description Topic']
+    assert (model['Description Source'], topic['Value'], topic['Durability Policy']) == (
+        'Topic', '/robot_description', 'Transient Local')
 
 
 def test_the_camera_of_rviz_sees_the_whole_arm():
@@ -79,9 +88,36 @@ def test_the_camera_of_rviz_sees_the_whole_arm():
     assert 0.5 < max(heights.max(), widths.max()) < 0.95
 
 
+def test_each_frame_has_one_publisher(monkeypatch):
+    """The arm leaves its transforms and the description to robot_state_publisher."""
+    def stand_in(name, **contents):
+        monkeypatch.setitem(sys.modules, name, ModuleType(name))
+        vars(sys.modules[name]).update(contents)
+
+    stand_in('ament_index_python.packages', get_package_share_path=lambda name: ROOT / name)
+    stand_in('launch', LaunchDescription=list)
+    stand_in('launch.actions', DeclareLaunchArgument=lambda name, **_: {})
+    stand_in('launch.conditions', IfCondition=str)
+    stand_in('launch.substitutions', LaunchConfiguration='value of {}'.format,
+             PathJoinSubstitution='/'.join)
+    stand_in('launch_ros.actions', Node=lambda **kwargs: kwargs)
+    stand_in('launch_ros.parameter_descriptions',
+             ParameterValue=lambda value, value_type: value_type(value))
+    stand_in('launch_ros.substitutions', FindPackageShare=str)
+    actions = runpy.run_path(str(ROOT / LAUNCH))['generate_launch_description']()
+    parameters = {action['executable']: {
+        name: value for group in action['parameters'] for name, value in group.items()}
+        for action in actions if action}
+    common = {'use_sim_time': 'value of use_sim_time', 'frame_prefix': 'value of frame_prefix'}
+    assert parameters['dummy_arm'] == {**common, 'rate': 'value of rate', 'publish_tf': False,
+                                       'publish_description': False}
+    assert parameters['robot_state_publisher'] == {
+        **common, 'ignore_timestamp': True, 'robot_description': (ROOT / URDF).read_text()}
+
+
 @pytest.mark.skipif(shutil.which('ros2') is None, reason='the command ros2 is not installed')
 def test_launched(start):
-    """The arm runs with the arguments of the launch file until Ctrl-C, and not longer."""
+    """Both nodes run with the arguments of the launch file until Ctrl-C, and not longer."""
     process = start('-c', 'import os, sys; os.execvp("ros2", ["ros2", *sys.argv[1:]])', 'launch',
                     str(ROOT / LAUNCH), 'rviz:=false', 'rate:=20', 'frame_prefix:=a/')
     line = process.line_with('publishing map -> a/base_link')

@@ -15,8 +15,9 @@ def test_python_runs(start, bag_of_a_walk, block, request):  # noqa: F811
     for name in re.findall(r'^(?:import|from) (tf\w+)', block.code, re.MULTILINE):
         pytest.importorskip(name)
     begin = 'recorded at most 0.001 s' if 'recorded at most' in block.code else ''
-    if 'end_effector' in block.code:
+    if 'end_effector' in block.code or 'joint_command' in block.code:
         start(*ARM).line_with('t = 0')
+    if 'end_effector' in block.code:
         begin = 'geometry_msgs.msg.Vector3('
     if 'dummy_arm.grading' in block.code:
         begin = 'lab/dummy_arm.py: ok'

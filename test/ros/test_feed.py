@@ -2,7 +2,9 @@
 
 import pytest
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_node import stamped
+from std_msgs.msg import Empty, String
 
 from dummy_arm.tf import TransformBroadcaster
 from dummy_arm.view.feed import LiveFeed, Publication
@@ -63,3 +65,54 @@ def test_a_middleware_that_does_not_report_gids(handles, publication):
     assert found.publisher == 'one of /a, /b'
     assert found.rate is not None
     assert found.delay is not None
+
+
+@pytest.fixture
+def offer(ros):
+    """A function that publishes a latched text, and returns its publisher."""
+    pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
+
+    def offer(topic, text):
+        publisher = ros.node.create_publisher(
+            String, topic, QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        publisher.publish(String(data=text))
+        return publisher
+
+    return offer
+
+
+def urdf(name):
+    """Return the description of a robot of one link."""
+    return f'<robot name="{name}"><link name="base"/></robot>'
+
+
+def test_descriptions(ros, offer):
+    """They are found in all namespaces, also late ones; a new text replaces the old one."""
+    feed = LiveFeed(ros.node)
+    assert feed.descriptions() == {}
+
+    def names():
+        return {topic: getattr(found, 'name', found)
+                for topic, found in feed.descriptions().items()}
+
+    offer('/robot_description', urdf('one'))
+    offer('/not_robot_description', urdf('no'))
+    ros.until(lambda: names() == {'/robot_description': 'one'})
+    before = feed.descriptions()
+    publisher = offer('/a/b/robot_description', urdf('two'))
+    ros.until(lambda: names() == {'/robot_description': 'one', '/a/b/robot_description': 'two'})
+    assert feed.descriptions()['/robot_description'] is before['/robot_description']
+    assert feed.descriptions() is feed.descriptions()
+    publisher.publish(String(data=urdf('new')))
+    ros.until(lambda: names()['/a/b/robot_description'] == 'new')
+    publisher.publish(String(data='<robot'))
+    ros.until(lambda: 'not valid XML' in str(names()['/a/b/robot_description']))
+
+
+def test_a_description_of_another_type(ros, offer):
+    """It is ignored."""
+    feed = LiveFeed(ros.node)
+    ros.node.create_publisher(Empty, '/other/robot_description', 1)
+    offer('/robot_description', urdf('one'))
+    ros.until(feed.descriptions)
+    assert feed.descriptions().keys() == {'/robot_description'}

@@ -27,6 +27,7 @@ S = 10**9
 ROS2 = ('db3', 'mcap', 'db3 file', 'db3 message', 'mcap file', 'mcap message', 'mcap storage')
 ROS1 = ('bag', 'bag bz2', 'bag lz4')
 TF = 'tf2_msgs/msg/TFMessage'
+STRING = 'std_msgs/msg/String'
 STILL = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
@@ -94,6 +95,13 @@ def point(frame, stamp=S, version=2):
         types.types['geometry_msgs/msg/Point'](1.0, 2.0, 3.0))
     serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
     return bytes(serialize(message, 'geometry_msgs/msg/PointStamped'))
+
+
+def string(text, version=2):
+    """Serialize a String, which has no header."""
+    types = _types(version)
+    serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
+    return bytes(serialize(types.types[STRING](text), STRING))
 
 
 def ros1(rows):

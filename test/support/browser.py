@@ -30,17 +30,19 @@ _NOTHING_BEYOND_LOOPBACK = (
 _IN_SOFTWARE = '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader'
 _SCENE = """() => {
     const mutable = window.__viserMutable, tree = window.__viserSceneTree.getState();
-    const names = {};
+    const names = {}, bodies = [];
     for (const [key, node] of Object.entries(tree))
         if (key.startsWith('/names/') && node.effectiveVisibility)
             names[node.message.props.text] = mutable.nodePoseData[key].position;
+        else if (/^\\/robots\\/\\d+$/.test(key) && node.effectiveVisibility)
+            bodies.push(mutable.nodePoseData[key].position);
     let mesh = null;
     mutable.nodeRefFromName['/frames']?.traverse(o => { if (o.isInstancedMesh2) mesh = o; });
     const rods = [];
     for (let i = 0; i < (mesh?.instancesCount ?? 0); i++)
         rods.push([...mesh.getMatrixAt(i).elements, ...mesh.getColorAt(i).toArray()]);
     const trail = tree['/trail'];
-    return {names, rods,
+    return {names, rods, bodies,
             trail: trail?.effectiveVisibility ? Array.from(trail.message.props.points) : []};
 }"""
 
@@ -64,6 +66,8 @@ class Scene:
         """Create a scene from the result of _SCENE."""
         #: The names that are shown, and their positions (m).
         self.names = {name: np.array(place) for name, place in drawn['names'].items()}
+        #: (k, 3): the positions of the links whose shapes are drawn (m).
+        self.bodies = np.array(drawn['bodies']).reshape(-1, 3)
         rods = np.array(drawn['rods']).reshape(5, -1, 19)
         #: (5, n, 3): the beginnings of x, y and z axes, lines to parents and their heads (m).
         self.begins = rods[..., 12:15]

@@ -103,7 +103,7 @@ SECTIONS = list(dict.fromkeys(
 
 @pytest.fixture
 def bag_of_a_walk(tmp_path: Path) -> Path:
-    """Return a directory dummy_arm with the files of the project, and the bags of bags.md."""
+    """Return a directory dummy_arm with the files of the project, the bags of bags.md and more."""
     bags = pytest.importorskip('bags')
     directory = tmp_path / 'dummy_arm'
     directory.mkdir()
@@ -111,6 +111,7 @@ def bag_of_a_walk(tmp_path: Path) -> Path:
         if path.name[0] != '.' and path.name not in ('build', 'install', 'log'):
             (directory / path.name).symlink_to(path)
     (directory / '.venv').symlink_to(sys.prefix)
+    (directory / 'my_robots').mkdir()
     (file,) = bags.make(directory / 'robot_bag', 'mcap', bags.walk()).glob('*.mcap')
     shutil.copyfile(file, directory / 'robot.mcap')
     for name in 'split/robot_0.mcap', 'recordings/a.mcap', 'recordings/b.mcap':

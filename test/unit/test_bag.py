@@ -74,6 +74,36 @@ def test_every_kind_gives_the_same(tmp_path, logs, kind):
     assert not logs
 
 
+@pytest.mark.parametrize('kind', KINDS)
+def test_the_last_strings(tmp_path, kind):
+    """Each topic with the name has its last text, whole; damaged messages are left out."""
+    long, version = 'ü<robot>' * 1000, 1 if kind.startswith('bag') else 2
+    strings = [('/robot_description', 'old'), ('/r1/robot_description', 'other'),
+               ('/robot_description', long), ('/my_robot_description', 'no'),
+               ('/robot_description/x', 'no')]
+    data = [(topic, (100 + i) * S, bags.string(text, version), bags.STRING)
+            for i, (topic, text) in enumerate(strings)]
+    damaged = bags.string('damaged', version)[:-3]
+    path = bags.make(tmp_path, kind, [
+        *bags.walk(), *data, ('/robot_description', 200 * S, damaged, bags.STRING),
+        ('/r2/robot_description', S, bags.point('map', version=version), POINT)])
+    assert bag.last_strings(path, 'robot_description') == {
+        '/robot_description': long, '/r1/robot_description': 'other'}
+    assert bag.last_strings(path, 'none') == {}
+
+
+def test_the_last_strings_of_a_bag_that_is_cut_off(tmp_path):
+    """With `partial`, those that can be read."""
+    path = bags.mcap(
+        tmp_path / 'a.mcap', bags.mcap_channel('/robot_description', msgtype=bags.STRING),
+        bags.mcap_message(bags.string('robot')), bags.mcap_message(bags.string('later')))
+    path.write_bytes(path.read_bytes()[:-60])
+    assert bag.last_strings(path, 'robot_description', partial=True) == {
+        '/robot_description': 'robot'}
+    with pytest.raises(BagError, match='partial'):
+        bag.last_strings(path, 'robot_description')
+
+
 @pytest.mark.parametrize('kind', PLAIN)
 def test_messages_of_odd_bags(tmp_path, kind):
     """What `read` refuses, `messages` refuses, too; a damaged message is left to the caller."""

@@ -217,6 +217,26 @@ def test_the_options_of_an_export(failed, tmp_path):
         assert text in error
 
 
+def test_an_export_of_a_robot(capsys, tmp_path):
+    """The last description in the bag is drawn, with its meshes."""
+    bags = pytest.importorskip('bags')
+    pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
+    (tmp_path / 'meshes' / 'pkg').mkdir(parents=True)
+    (tmp_path / 'meshes' / 'pkg' / 'a.obj').write_text('v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n')
+    texts = '<robot/>', ('<robot name="r"><link name="base_link"><visual><geometry><mesh '
+                         'filename="package://pkg/a.obj"/></geometry></visual></link></robot>')
+    bag = bags.make(tmp_path / 'bag', 'mcap', [*bags.walk(1), *(
+        ('/robot_description', 100 * S, bags.string(text), bags.STRING) for text in texts)])
+    path = tmp_path / 'walk.html'
+    assert main(['--bag', str(bag), '--export', str(path), '--meshes', str(tmp_path),
+                 '--meshes', str(tmp_path / 'meshes')]) == 0
+    messages = recorded(path.read_text())['messages']
+    (mesh,) = [message['name'] for _, message in messages if message['type'] == 'MeshMessage']
+    moves = [time for time, message in messages if message['type'] == 'SetPositionMessage'
+             and message['name'] == mesh.rpartition('/')[0]]
+    assert len(moves) > 5  # base_link moves ten times
+
+
 def test_an_export_of_a_bag(capsys, tmp_path):
     """The file has all of the bag, or as many seconds as are asked for."""
     bags = pytest.importorskip('bags')

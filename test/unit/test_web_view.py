@@ -47,6 +47,14 @@ def test_a_port_that_is_none(failed, text):
     assert 'from 1 to 65535' in error
 
 
+def test_a_directory_of_meshes_that_does_not_exist(failed):
+    """It is refused."""
+    code, error = failed(main, '--meshes', '.', '--meshes', 'no/where')
+    assert code == 2
+    assert len(error.splitlines()) == 1
+    assert "there is no directory 'no/where'" in error
+
+
 def test_a_port_that_needs_root(failed, monkeypatch, bag):
     """The error blames the port, not the address."""
     def refuse(*_):
