@@ -82,7 +82,7 @@ setup(
     entry_points={
         'console_scripts': [
             f'{command} = dummy_arm.cli.entry_points:{command}' for command in (
-                'check_arm', 'dummy_arm', 'dynamic_tf_publisher', 'param',
+                'check_arm', 'dummy_arm', 'dynamic_tf_publisher', 'joint_state_publisher', 'param',
                 'robot_state_publisher', 'static_transform_publisher', 'tf2_echo', 'tf2_monitor',
                 'tf_doctor', 'tf_trajectory', 'view_frames', 'web_view')
         ],

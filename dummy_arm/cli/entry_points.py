@@ -61,6 +61,7 @@ def _command(module: str, interrupted: int = 0,
 check_arm = _command('dummy_arm.tools.check_arm', interrupted=1, context=signals_blocked)
 dummy_arm = _command('dummy_arm.dummy_arm')
 dynamic_tf_publisher = _command('dummy_arm.tools.dynamic_tf_publisher')
+joint_state_publisher = _command('dummy_arm.tools.joint_state_publisher')
 param = _command('dummy_arm.tools.param')
 robot_state_publisher = _command('dummy_arm.tools.robot_state_publisher')
 static_transform_publisher = _command('dummy_arm.tools.static_transform_publisher')

@@ -1,20 +1,19 @@
 """The command `web_view`: show the frames, live or from a bag, in the browser."""
 
-from argparse import ArgumentTypeError
 from collections.abc import Sequence
 from contextlib import suppress
 from math import ceil
 from pathlib import Path
-import re
 from threading import Thread
 from time import monotonic
 from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.cli.bag_options import add_bag_options, read_bag
 from dummy_arm.cli.files import check_writable, whole_file
+from dummy_arm.cli.page_options import add_page_options, HOST
 from dummy_arm.cli.parser import CommandError, listening_time, number, Parser, run, UsageError
 from dummy_arm.cli.progress import BAR, listen, progress
-from dummy_arm.cli.signals import check_signals, forget_signals, sleep
+from dummy_arm.cli.signals import check_signals, forget_signals
 from dummy_arm.tf.bag import BagError
 from dummy_arm.tf.formatting import visible
 
@@ -22,15 +21,7 @@ if TYPE_CHECKING:
     from dummy_arm.view.export import Recording
     from dummy_arm.view.feed import BagFeed, Feed
 
-HOST = '127.0.0.1'
-_LAST_PORT = 65535
 _EXPORTED_TIME = 10.0
-#: The interval between two updates of the page (s): `_UPDATE_PERIOD` while a browser shows the
-#: page, `_IDLE_PERIOD` while no browser shows it.
-_UPDATE_PERIOD, _IDLE_PERIOD = 1 / 30, 0.5
-#: After an update that took long, since there are many frames, the page rests for this many times
-#: as long. Meanwhile viser sends the changes to the viewers.
-_REST = 2.0
 
 
 def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence[str]] = None,
@@ -143,32 +134,8 @@ def _html_path(export: str) -> Path:
 
 def _show(feed: 'Feed', host: str, port: Optional[int], meshes: Sequence[str],
           examination: Optional[Thread] = None) -> None:
-    from dummy_arm.view.server import serve
-    from dummy_arm.view.view import View
-    with serve(host, port) as server:
-        view = View(feed, server, meshes=meshes)
-        if examination:
-            examination.start()
-        while True:
-            start = monotonic()
-            view.update()
-            spent = monotonic() - start
-            pause = _UPDATE_PERIOD if server.get_clients() else _IDLE_PERIOD
-            sleep(max(pause - spent, _REST * spent))
-
-
-def port_number(text: str) -> int:
-    """Convert a command-line argument to a port."""
-    if not (re.fullmatch('[0-9]{1,5}', text) and 1 <= int(text) <= _LAST_PORT):
-        raise ArgumentTypeError(f'a port must be a number from 1 to {_LAST_PORT}, got {text!r}')
-    return int(text)
-
-
-def directory(text: str) -> str:
-    """Convert a command-line argument to a directory."""
-    if not Path(text).is_dir():
-        raise ArgumentTypeError(f'there is no directory {text!r}')
-    return text
+    from dummy_arm.view.page import show
+    show(feed, host, port, meshes, examination)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:
@@ -178,16 +145,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'browser.',
         'examples: web_view\n          web_view --port 8090\n          web_view --bag robot.mcap\n'
         '          web_view --export robot.html')
-    parser.add_argument('--host', default=HOST, metavar='ADDRESS',
-                        help='serve the page at this address of the machine; 0.0.0.0: at all its '
-                             'addresses (default: %(default)s, for this machine only)')
-    parser.add_argument('--port', type=port_number, metavar='N',
-                        help='serve the page at this port, from 1 to 65535 (default: 8080, or the '
-                             'next free one)')
-    parser.add_argument('--meshes', type=directory, action='append', default=[], metavar='DIR',
-                        help='search for the meshes of robots below this directory: '
-                             'package://PKG/a.stl is DIR/PKG/a.stl; can be given several times. '
-                             'In a ROS environment, its packages are searched, too')
+    add_page_options(parser)
     add_bag_options(parser)
     parser.add_argument('--export', metavar='FILE.html',
                         help='write a page that plays without a server, and end')

@@ -10,6 +10,7 @@ from dummy_arm.robot.descriptions import DescriptionOrWhy
 from dummy_arm.tf import Frame, TransformBuffer
 from dummy_arm.tf.formatting import SECOND
 from dummy_arm.view.hand_publisher import HandPublisher
+from dummy_arm.view.joint_control import JointCommanders, JointControls
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -95,6 +96,7 @@ class Feed(Protocol):
     buffer: AnyBuffer
     player: Optional[Player]  #: the playback clock of a bag; None if the frames are live
     hand_publisher: Optional[HandPublisher]  #: None for a bag, where nothing can be published
+    joint_controls: Optional[JointControls]  #: None for a bag
     #: What `tf_doctor` finds in a bag: a line of text, and its time (ns; 0: none). The list is
     #: empty until the bag is examined.
     findings: list[tuple[str, int]]
@@ -120,6 +122,7 @@ class BagFeed:
         self.name = name
         self.player: Optional[Player] = Player(buffer.frames())
         self.hand_publisher: Optional[HandPublisher] = None
+        self.joint_controls: Optional[JointControls] = None
         self.findings: list[tuple[str, int]] = []
         #: Empty until the command has read them.
         self.robots: Mapping[str, DescriptionOrWhy] = {}
@@ -140,7 +143,8 @@ class BagFeed:
 class LiveFeed:
     """The frames on /tf and /tf_static."""
 
-    def __init__(self, node: 'Node') -> None:
+    def __init__(self, node: 'Node', joint_controls: Optional[JointControls] = None) -> None:
+        """Listen; `joint_controls`: None: those of the nodes in the network."""
         from dummy_arm.inspection.frame_listener import FrameListener
         from dummy_arm.robot.description_listener import DescriptionListener
         self.player: Optional[Player] = None
@@ -152,6 +156,7 @@ class LiveFeed:
         self.name = ' and '.join(reversed(self._frame_listener.topics))
         self.buffer: AnyBuffer = self._frame_listener.buffer
         self.hand_publisher: Optional[HandPublisher] = HandPublisher(self._frame_listener)
+        self.joint_controls: Optional[JointControls] = joint_controls or JointCommanders(node)
 
     def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
         return self._description_listener.descriptions()

@@ -10,6 +10,7 @@ from dummy_arm.view.controls import FrameChoice, within
 from dummy_arm.view.display import configure, DisplayPanel
 from dummy_arm.view.feed import Feed, LENGTH
 from dummy_arm.view.hand_frame import HandFrame
+from dummy_arm.view.joints import Joints
 from dummy_arm.view.pair import Pair
 from dummy_arm.view.placement import Placement
 from dummy_arm.view.robot_panel import RobotPanel
@@ -42,15 +43,18 @@ class Panel:
         button.on_click(self._on_look_at_all)
         self._look_from = look_from
         tabs = gui.add_tab_group()
+        self._gui, self._tabs, self._joint_controls = gui, tabs, feed.joint_controls
+        #: None until there is a description of a robot.
+        self._robot: Optional[RobotPanel] = None
+        self._joints: Optional[Joints] = None
+        if feed.joint_controls and feed.joint_controls.come_first:
+            self._add_robot_tab()
         with tabs.add_tab('Frame'):
             self.selected = FrameChoice(
                 gui, 'Frame', 'the frame whose details are shown; to select a frame, you can also '
                 'click on its axes or in the tree')
             self.trail = FrameChoice(gui, 'Trail of', 'the frame whose recent path is drawn')
             self._details = gui.add_html('')
-        self._gui, self._tabs = gui, tabs
-        #: None until there is a description of a robot.
-        self._robot: Optional[RobotPanel] = None
         self.tree = Tree(gui, tabs.add_tab('Tree'))
         with tabs.add_tab('Display'):
             self.display = DisplayPanel(gui, look_from)
@@ -94,13 +98,21 @@ class Panel:
         """What is drawn of the bodies of robots."""
         return self._robot.display if self._robot else BodyDisplay()
 
-    def show_robots(self, lines: Sequence[str]) -> None:
-        """Show lines about the descriptions of robots; the first ones add a tab."""
+    def _add_robot_tab(self) -> None:
+        tab = self._tabs.add_tab('Robot')
+        with tab:
+            self._robot = RobotPanel(self._gui)
+        if self._joint_controls:
+            self._joints = Joints(self._gui, tab, self._joint_controls)
+
+    def update_robots(self, lines: Sequence[str], now: float) -> None:
+        """Show lines about the descriptions of robots, and the sliders of their joints."""
         if lines and self._robot is None:
-            with self._tabs.add_tab('Robot'):
-                self._robot = RobotPanel(self._gui)
+            self._add_robot_tab()
         if self._robot:
             self._robot.show(lines)
+        if self._joints:
+            self._joints.update(now)
 
     def show_texts(self, overview: str, details: str) -> None:
         """Show two texts in HTML."""

@@ -106,6 +106,8 @@ class View:
         if now >= self._next_hint:
             self._hint, self._next_hint = self._feed.topics_hint(), now + _HINT_PERIOD
         descriptions = self._feed.descriptions()
+        if self._feed.joint_controls:
+            self._feed.joint_controls.update(descriptions)
         clients = self._server.get_clients()
         for gone in self._viewers.keys() - clients.keys():
             self._viewers.pop(gone).close()
@@ -196,7 +198,7 @@ class Viewer:
         self._scene.show(placement, display, panel.selected.name,
                          self._trail.lines(placement, panel.trail.name, display), descriptions,
                          panel.body)
-        panel.show_robots(self._scene.body.lines)
+        panel.update_robots(self._scene.body.lines, now)
         panel.pair.update(request[1] or self._paused_at, now)
         panel.hand_frame.update(placement)
         self._update_texts(placement, now, hint, display.timeout)

@@ -11,6 +11,7 @@ from processes import ARM, TIMEOUT, tool
 COMMANDS = {
     'dummy_arm': (ARM, 't = 0'),
     'dynamic_tf_publisher': (tool('dynamic_tf_publisher'), 'publishing'),
+    'joint_state_publisher': (tool('joint_state_publisher'), 'http'),
     'static_transform_publisher': (tool(
         'static_transform_publisher', '--frame-id', 'a', '--child-frame-id', 'b'), 'Spinning'),
     'tf2_echo': (tool('tf2_echo', 'map', 'end_effector'), 'At time'),
@@ -46,7 +47,7 @@ def is_of_fast_dds(port: int, domain: int) -> bool:
     return 7000 <= port < 7100 or 10 <= port - 7400 - 250 * domain < 250 or port >= 32768
 
 
-def test_only_web_view_opens_a_tcp_port_and_on_loopback(start, domain_id):
+def test_only_pages_open_a_tcp_port_and_on_loopback(start, domain_id):
     """Other commands open UDP ports of Fast DDS; discovery by multicast is off with LOCALHOST."""
     processes = {name: start(*arguments) for name, (arguments, _) in COMMANDS.items()}
     for name, (_, text) in COMMANDS.items():
@@ -55,7 +56,7 @@ def test_only_web_view_opens_a_tcp_port_and_on_loopback(start, domain_id):
         opened = [*sockets(process.pid)]
         tcp = [(address, port) for protocol, address, port in opened if protocol == 'tcp']
         udp = [port for protocol, _, port in opened if protocol == 'udp']
-        if name == 'web_view':
+        if name in ('joint_state_publisher', 'web_view'):
             assert [address for address, _ in tcp] == ['127.0.0.1'], opened
         else:
             assert not tcp, (name, opened)

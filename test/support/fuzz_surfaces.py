@@ -588,7 +588,7 @@ def seeds_of_websocket() -> Iterator[bytes]:
 # Command lines
 
 
-_COMMANDS = ('check_arm', 'dummy_arm', 'dynamic_tf_publisher', 'param',
+_COMMANDS = ('check_arm', 'dummy_arm', 'dynamic_tf_publisher', 'joint_state_publisher', 'param',
              'robot_state_publisher', 'static_transform_publisher', 'tf2_echo',
              'tf2_monitor', 'tf_doctor', 'tf_trajectory', 'view_frames', 'web_view')
 _WORDS = ('map', 'odom', 'base_link', 'walk.mcap', '', '0', '1', '-1', '2.5', '-1e-3', 'nan',

@@ -25,6 +25,7 @@ PAGES = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').g
 #: The commands that run until Ctrl-C, and a text that each prints when it works.
 ENDLESS = {re.compile(rf'(\.venv/bin/)?{command}\b'): text for command, text in {
     'dummy_arm': 't = 0', 'dynamic_tf_publisher': 'publishing map -> moving_frame',
+    'joint_state_publisher': 'look at http://',
     'python docs/examples/record.py': 'recording',
     r'python (dynamic_tf_publisher|dummy_arm)\.py': 'publishing',
     r'python wave\.py': 'waving', 'robot_state_publisher': 'Robot initialized',

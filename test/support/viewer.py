@@ -66,6 +66,9 @@ class Viewer:
             return [*map(filled, value)] if isinstance(value, list) else value
 
         for message in content['messages']:
+            if message['type'] == 'GuiRemoveMessage':
+                self.gui.pop(message['uuid'], None)
+                continue
             if message['type'] == 'RemoveSceneNodeMessage':
                 self.nodes.pop(message['name'], None)
                 continue

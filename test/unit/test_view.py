@@ -11,6 +11,7 @@ from dummy_arm.tf import TransformBuffer
 from dummy_arm.view import feed as feed_module
 from dummy_arm.view.feed import BagFeed, Player, Publication
 from dummy_arm.view.hand_publisher import HandPublisher
+from dummy_arm.view.joint_control import JointControls
 from dummy_arm.view.placement import FrameWatcher
 from dummy_arm.view.rods import Display, fading, rods
 
@@ -341,6 +342,7 @@ class StubFeed:
     name = '/tf'
     player: Optional[Player] = None
     hand_publisher: Optional[HandPublisher] = None
+    joint_controls: Optional[JointControls] = None
 
     def __init__(self, buffer, publication):
         """Create a feed of a buffer, with the facts about its frames."""

@@ -1,0 +1,146 @@
+"""The sliders of web_view, for nodes that listen to a topic joint_command."""
+
+from contextlib import closing, ExitStack
+from math import pi, radians
+import signal
+
+import numpy as np
+from processes import ARM, tool
+import pytest
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.time import Time
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+from dummy_arm.tf import Buffer, TransformListener
+
+pytest.importorskip('urdf_parser_py')
+pytest.importorskip('viser')
+from viewer import CAMERA, Viewer
+
+URDF = """
+<robot name="robot">
+  <link name="base"/><link name="wheel"/>
+  <joint name="axle" type="continuous"><parent link="base"/><child link="wheel"/></joint>
+</robot>"""
+
+
+@pytest.fixture
+def open_viewer(start):
+    """A function that opens the page of a web_view."""
+    with ExitStack() as stack:
+        process = start(*tool('web_view'))
+        port = int(process.line_with('look at http').rsplit(':', 1)[1])
+
+        def open_page():
+            viewer = stack.enter_context(closing(Viewer(port)))
+            viewer.send(CAMERA)
+            return viewer
+
+        yield open_page
+        process.end(signal.SIGINT)
+        assert process.exit_code() == 0
+        assert process.output.count('\n') == 1
+
+
+def labels(viewer):
+    """Return the labels of the controls that are there."""
+    return {props.get('label') for props in viewer.gui.values()}
+
+
+def test_the_arm_holds_and_waves_again(start, ros, open_viewer):
+    """The joint that a viewer moves is held; the others wave; another viewer sees all of it."""
+    start(*ARM)
+    states = []
+    ros.node.create_subscription(
+        JointState, '/joint_states', lambda state: states.append([*state.position]), 10)
+    viewer, other = open_viewer(), open_viewer()
+    for each in viewer, other:
+        each.until(lambda each=each: 'joint_3 (°)' in labels(each))
+    assert '/dummy_arm/joint_command' in viewer.text('joints')
+    viewer.set('joint_2 (°)', -12.5)
+    ros.until(lambda: len(states) > 10 and {each[1] for each in states[-10:]} == {radians(-12.5)})
+    assert len({each[0] for each in states[-10:]}) == 10
+    other.until(lambda: other.value('joint_2 (°)') == -12.5)
+    other.set('Centre', True)
+    ros.until(lambda: states[-1] == [0.0] * 3)
+    viewer.until(lambda: viewer.value('joint_2 (°)') == 0.0)
+    viewer.set('Wave', True)
+    ros.until(lambda: 0.0 not in states[-1])
+    for each in viewer, other:
+        each.until(lambda each=each: each.value('joint_2 (°)') != 0.0)
+
+
+@pytest.fixture
+def robot(ros):
+    """A node in the namespace /left."""
+    node = Node('robot', namespace='left', context=ros.context)
+    ros.executor.add_node(node)
+    yield node
+    ros.executor.remove_node(node)
+    node.destroy_node()
+
+
+def test_another_robot_in_a_namespace(ros, robot, open_viewer):
+    """It gets what the viewer moves, and nothing else; its sliders follow valid joint states."""
+    commands = []
+    subscription = robot.create_subscription(
+        JointState, 'arm/joint_command', commands.append, 10)
+    description = robot.create_publisher(String, 'robot_description', QoSProfile(
+        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    description.publish(String(data=URDF))
+    states = robot.create_publisher(JointState, 'joint_states', 10)
+    robot.create_timer(0.05, lambda: states.publish(
+        JointState(name=['axle', 'other', 'axle'], position=[-pi / 2, 7.0])))
+    robot.create_timer(0.05, lambda: states.publish(b'\0\1\0\0' + b'\xff' * 40))
+    viewer = open_viewer()
+    with ros.spinning():
+        viewer.until(lambda: 'axle (°)' in labels(viewer))
+        viewer.until(lambda: viewer.value('axle (°)') == -90.0)
+        viewer.set('axle (°)', 45.0)
+        viewer.until(lambda: commands)
+        viewer.until(lambda: viewer.value('axle (°)') == -90.0)  # it has not obeyed
+        robot.destroy_subscription(subscription)
+        viewer.until(lambda: 'No node listens' in viewer.text('joints'))
+    assert [(command.name, [*command.position]) for command in commands] == [
+        (['axle'], [pytest.approx(pi / 4)])]
+
+
+@pytest.fixture
+def open_page():
+    """A function that opens the page of a process in a browser; it must have no faults."""
+    from browser import pages
+    with pages() as open_url:
+        yield lambda process: open_url(process.line_with('look at http').split()[-1])
+
+
+def test_a_slider_in_a_browser(start, ros, open_page):
+    """What is typed beside a slider, and where it is dragged to, moves the frames of the arm."""
+    start(*ARM)
+    buffer = Buffer(node=ros.node)
+    listener = TransformListener(buffer, ros.node)
+    page = open_page(start(*tool('web_view')))
+    page.scene_with('end_effector')
+    page.open_tab('Robot')
+
+    def angle():
+        rotation = buffer.lookup_transform('base_link', 'joint_1', Time()).transform.rotation
+        return 2.0 * np.arctan2(rotation.z, rotation.w)
+
+    # Behind the label come a hidden field, the handle and the field with the number.
+    behind = '//label[.="joint_1 (°)"]/following::'
+    page.page.locator(f'xpath={behind}input[2]').fill('30')
+    ros.until(lambda: angle() == pytest.approx(pi / 6))
+    page.button('Centre')
+    ros.until(lambda: angle() == 0.0)
+    box = page.page.locator(f'xpath={behind}*[@role="slider"][1]').bounding_box()
+    mouse = page.page.mouse
+    mouse.move(box['x'] + box['width'] / 2, box['y'] + box['height'] / 2)
+    mouse.down()
+    mouse.move(box['x'] + 500, box['y'])
+    mouse.up()
+    ros.until(lambda: angle() == pytest.approx(pi / 4))
+    page.button('Wave')
+    ros.until(lambda: angle() < 0.0)
+    listener.unregister()

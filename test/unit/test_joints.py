@@ -1,0 +1,204 @@
+"""The sliders for the joints of robots, as viewers of the page move them."""
+
+from contextlib import closing, ExitStack
+from html import unescape
+from math import nan, pi
+import re
+
+import pytest
+
+pytest.importorskip('viser')
+pytest.importorskip('urdf_parser_py')
+from viewer import CAMERA, Viewer
+
+from dummy_arm.robot.description import parse
+from dummy_arm.view.joint_control import JointControl
+from dummy_arm.view.joints import Joints
+from dummy_arm.view.server import serve
+
+
+def joint(name, kind, limits, more=''):
+    """Return a joint from the link `base` to one of its own, in URDF."""
+    limit = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'.format(*limits or (0, 0))
+    return (f'<link name="to_{name}"/><joint name="{name}" type="{kind}"><parent link="base"/>'
+            f'<child link="to_{name}"/>{limit}{more}</joint>')
+
+
+def robot(*joints):
+    """Return a robot."""
+    return parse(f'<robot name="robot"><link name="base"/>{"".join(joints)}</robot>')
+
+
+ARM = robot(
+    joint('turn', 'revolute', (-pi / 2, pi / 4)), joint('slide', 'prismatic', (0.1, 0.35)),
+    joint('wheel', 'continuous', None),
+    joint('copy', 'revolute', (-9, 9), '<mimic joint="turn" multiplier="2"/>'))
+
+
+class Arm(JointControl):
+    """A robot that can wave."""
+
+    can_wave, waves = True, 0
+
+    def wave(self):
+        """Count."""
+        self.waves += 1
+
+
+class Page:
+    """A page with sliders only, for one or two viewers who share the robots."""
+
+    why_none = 'start it'
+
+    def __init__(self, *controls):
+        """Serve the page, and open it twice."""
+        self._stack = ExitStack()
+        self.controls, self._now = [*controls], 0.0
+        self.server = self._stack.enter_context(serve('127.0.0.1'))
+        self._joints = {}
+        self.viewer, self.other = [self._stack.enter_context(closing(
+            Viewer(self.server.get_port()))) for _ in range(2)]
+        for viewer in self.viewer, self.other:
+            viewer.send(CAMERA)
+            viewer.until(lambda viewer=viewer: self.text(viewer), self.update)
+
+    def __enter__(self):
+        """Return the page."""
+        return self
+
+    def __exit__(self, *_):
+        """End the server."""
+        self._stack.close()
+
+    def update(self):
+        """Update the sliders of each viewer, as the page does."""
+        self._now += 1.0
+        for number, client in self.server.get_clients().items():
+            if number not in self._joints:
+                self._joints[number] = Joints(
+                    client.gui, client.gui.add_folder('Robot'), self)
+            self._joints[number].update(self._now)
+
+    def until(self, condition, viewer=None):
+        """Update until a condition holds, which `viewer` sees."""
+        (viewer or self.viewer).until(condition, self.update)
+
+    def text(self, viewer=None):
+        """Return the text above the sliders."""
+        found = (viewer or self.viewer).text('joints')
+        return unescape(re.sub('<[^>]*>', '', found))
+
+
+def sliders(viewer):
+    """Return the properties of the sliders that are there, by label."""
+    return {props['label']: props for props in viewer.gui.values() if 'precision' in props}
+
+
+def test_a_slider_for_each_joint_that_can_be_set():
+    """In degrees or m, between the limits; a joint that follows another one has none."""
+    with Page(JointControl('/joint_states', ARM)) as page:
+        page.until(lambda: len(sliders(page.viewer)) == 3)
+        assert {label: [props[key] for key in ('min', 'max', 'step', 'value')]
+                for label, props in sliders(page.viewer).items()} == {
+            'turn (°)': [-90, 45, 0.1, 0], 'slide (m)': [0.1, 0.35, 1e-4, 0.225],
+            'wheel (°)': [-180, 180, 0.1, 0]}
+        assert page.text() == 'The positions are sent on /joint_states.'
+
+
+def test_what_one_viewer_moves_the_other_sees():
+    """Degrees become rad; 'Centre' moves all joints back."""
+    control = JointControl('/joint_states', ARM)
+    with Page(control) as page:
+        page.until(lambda: sliders(page.viewer))
+        page.viewer.set('turn (°)', -90.0)
+        page.viewer.set('slide (m)', 0.3)
+        page.until(lambda: sliders(page.other)['slide (m)']['value'] == 0.3, page.other)
+        assert sliders(page.other)['turn (°)']['value'] == -90.0
+        assert control.positions.all() == {
+            'turn': pytest.approx(-pi / 2), 'slide': 0.3, 'wheel': 0.0,
+            'copy': pytest.approx(-pi)}
+        page.other.set('Centre', True)
+        page.until(lambda: sliders(page.viewer)['turn (°)']['value'] == 0.0)
+        page.until(lambda: sliders(page.viewer)['slide (m)']['value'] == 0.225)
+
+
+def test_wrong_numbers_of_a_viewer():
+    """They are clamped, or have no effect, and the slider shows what counts."""
+    with Page(JointControl('/joint_states', ARM)) as page:
+        page.until(lambda: sliders(page.viewer))
+        for value, shown in (1e9, 45.0), (nan, 45.0), (-1e300, -90.0), (12.34, 12.3):
+            page.viewer.set('turn (°)', value)
+            page.until(lambda shown=shown: page.viewer.value('turn (°)') == shown)
+
+
+def test_a_robot_that_moves_by_itself():
+    """Its sliders follow; only a robot that can wave has the button."""
+    control = Arm('/arm/joint_command', ARM)
+    with Page(control) as page:
+        page.until(lambda: sliders(page.viewer))
+        control.positions.set('wheel', -pi / 2)
+        page.until(lambda: page.viewer.value('wheel (°)') == -90.0)
+        page.viewer.set('Wave', True)
+        page.until(lambda: control.waves == 1)
+        page.controls[:] = [JointControl('/joint_states', ARM)]
+        page.until(lambda: page.viewer.gui[page.viewer.uuid('Wave')]['visible'] is False)
+
+
+def test_many_joints_are_shown_in_pages():
+    """A robot of 80 joints has 50 sliders on the first page."""
+    hand = robot(*(joint(f'joint_{i}', 'revolute', (-1, 1)) for i in range(80)))
+    control = JointControl('/joint_states', hand)
+    with Page(control) as page:
+        page.until(lambda: len(sliders(page.viewer)) == 50)
+        page.viewer.set('Page', 'next')
+        page.until(lambda: {*sliders(page.viewer)} == {f'joint_{i} (°)' for i in range(50, 80)})
+        page.until(lambda: page.text() == 'The positions are sent on /joint_states. Page 2 of 2.')
+        page.viewer.set('joint_79 (°)', 10.0)
+        page.until(lambda: control.positions['joint_79'] == pytest.approx(pi / 18))
+        page.viewer.set('Page', 'next')  # there is no third one
+        page.viewer.set('Page', 'previous')
+        page.until(lambda: len(sliders(page.viewer)) == 50)
+        assert len(sliders(page.other)) == 50
+
+
+def test_the_viewer_chooses_one_of_two_robots():
+    """The sliders are those of the chosen one; the other one stays where it is."""
+    arm = robot(joint('turn', 'revolute', (-1, 1)))
+    one, two = (JointControl(f'/{name}/joint_command', arm) for name in ('one', 'two'))
+    with Page(one, two) as page:
+        page.until(lambda: sliders(page.viewer))
+        page.viewer.set('Joints of', two.topic)
+        page.until(lambda: two.topic in page.text())
+        page.viewer.set('turn (°)', 10.0)
+        page.until(lambda: two.positions['turn'] == pytest.approx(pi / 18))
+        assert one.positions['turn'] == 0.0
+        page.controls.remove(two)
+        page.until(lambda: one.topic in page.text())
+        page.until(lambda: page.viewer.value('turn (°)') == 0.0)
+
+
+def test_a_page_without_robots_says_what_to_do():
+    """As it does when the last robot has left, or when another node publishes joint states."""
+    control = JointControl('/joint_states', ARM)
+    with Page() as page:
+        assert page.text() == 'start it'
+        page.controls.append(control)
+        page.until(lambda: sliders(page.viewer))
+        control.warning = '/other publishes, <too>'
+        page.until(lambda: page.text() == control.warning)
+        page.controls.clear()
+        page.until(lambda: page.text() == 'start it')
+        page.until(lambda: not sliders(page.viewer))
+
+
+def test_a_new_description_changes_the_sliders():
+    """The joints stay where they are."""
+    control = JointControl('/joint_states', ARM)
+    with Page(control) as page:
+        page.until(lambda: sliders(page.viewer))
+        page.viewer.set('turn (°)', 30.0)
+        page.until(lambda: control.positions['turn'] > 0.5)
+        control.set_description(robot(joint('turn', 'revolute', (-1, 1)),
+                                      joint('&lt;b>', 'continuous', None)))
+        page.until(lambda: {*sliders(page.viewer)} == {'turn (°)', '<b> (°)'})
+        assert sliders(page.viewer)['turn (°)']['value'] == 30.0
