@@ -17,6 +17,11 @@ class TreeLine(NamedTuple):
     name: str
     frame: Optional[Frame]  #: None for a root
 
+    @property
+    def level(self) -> int:
+        """The number of frames above this one."""
+        return len(self.branches) // 4
+
 
 class Forest:
     """Frames arranged by their parents: trees, and loops."""

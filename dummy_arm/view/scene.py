@@ -12,7 +12,7 @@ import trimesh
 import viser
 
 from dummy_arm.robot.descriptions import DescriptionOrWhy
-from dummy_arm.tf.formatting import visible
+from dummy_arm.tf.formatting import comma_list, visible
 from dummy_arm.view.body import Body, BodyDisplay
 from dummy_arm.view.display import VIEWS
 from dummy_arm.view.meshes import Meshes
@@ -22,7 +22,10 @@ from dummy_arm.view.rods import Display, Rods, rods, TIMEOUT
 #: One update moves at most this many names; the next update moves the next ones.
 NAMES_AT_ONCE = 50
 _LONGEST_NAME = 40  # characters
-_LETTER, _LINE = 8.0, 18.0  # the width and the height of a letter of a label (pixels)
+#: The width of a letter of a label, and half the height of a label (pixels).
+_LETTER, _HALF_LINE = 7.0, 10.0
+#: The number of names in the text of a label that several frames at one place share.
+_SHARED_NAMES = 3
 _SIDES = 8  # of a cylinder
 _CELLS = 20  # the number of cells along each side of the grid
 _GRID_COLOUR = (215, 215, 215)
@@ -58,10 +61,10 @@ class Scene:
         self._cell = 0.0  # of the grid that is shown (m)
         self._rods: Optional[viser.BatchedMeshHandle] = None
         self._trail: Optional[viser.LineSegmentsHandle] = None
-        #: The labels that are shown, by the name of their frame, and those that are not used.
+        #: By the name of their frame: the labels, of which some are not visible. None is used for
+        #: another frame: a slow browser would show it with the old text for a moment.
         self._labels: dict[str, viser.LabelHandle] = {}
-        self._free_labels: list[viser.LabelHandle] = []
-        self._next_label = 0
+        self._label_count = self._next_label = 0
         #: In the order of the rods, so that `_click` finds the frame of a rod.
         self._frame_names: list[str] = []
         self._clicked = ''
@@ -131,20 +134,24 @@ class Scene:
         shown = {name: (text, position) for name, text, position in zip(
             placement.names, texts, placement.points) if text}
         if isinstance(self._owner, viser.ClientHandle):
-            first = {selected: shown[selected]} if selected in shown else {}
-            shown = _without_overlap({**first, **shown}, self._owner.camera)
+            # Names that are shown stay, so that they do not flicker.
+            first = [selected, *(name for name, label in self._labels.items() if label.visible)]
+            shown = _without_overlap(
+                {**{name: shown[name] for name in first if name in shown}, **shown},
+                self._owner.camera)
         for name in self._labels.keys() - shown.keys():
-            label = self._labels.pop(name)
-            label.visible = False
-            self._free_labels.append(label)
+            self._labels[name].visible = False
+        for name in self._labels.keys() - {*placement.names}:
+            self._labels.pop(name).remove()
         for name, (text, position) in shown.items():
-            label = self._labels.get(name)
-            if label is None:
-                label = self._free_labels.pop() if self._free_labels else self._scene.add_label(
-                    f'/names/{len(self._labels)}', '', visible=False, anchor='bottom-left')
-                self._labels[name] = label
-                label.position, label.visible = position, True
+            if name not in self._labels:
+                self._labels[name] = self._scene.add_label(
+                    f'/names/{self._label_count}', text, visible=False, anchor='bottom-left')
+                self._label_count += 1
+            label = self._labels[name]
             label.text = text
+            if not label.visible:
+                label.position, label.visible = position, True
         begin = self._next_label % max(1, len(shown))
         for name in islice([*shown, *shown], begin, begin + min(NAMES_AT_ONCE, len(shown))):
             self._labels[name].position = shown[name][1]
@@ -205,12 +212,16 @@ def _texts(placement: Placement, display: Display) -> list[str]:
                 and np.linalg.norm(placement.points[i] - placement.points[parent])
                 < _NEAR * display.size):
             label_of[i] = parent
+    shared: dict[int, list[str]] = {}
     for i, text in enumerate(texts):
         if label_of[i] != i:
             first = label_of[i]
             while label_of[first] != first:
                 first = label_of[first]
-            texts[first], texts[i] = f'{texts[first]}, {text}', ''
+            shared.setdefault(first, [texts[first]]).append(text)
+            texts[i] = ''
+    for i, names in shared.items():
+        texts[i] = comma_list(names, _SHARED_NAMES)
     return texts
 
 
@@ -225,14 +236,14 @@ def _without_overlap(labels: dict[str, _Label], camera: viser.CameraHandle) -> d
         focal = camera.image_height / 2 / np.tan(camera.fov / 2)
         with np.errstate(all='ignore'):
             columns, rows = (np.floor(focal * each / z / side) for each, side in (
-                (x, _LETTER), (y, _LINE)))
+                (x, _LETTER), (y, _HALF_LINE)))
     except Exception:  # the camera is not known yet, or the client has sent nonsense
         return labels
     taken: set[tuple[float, float]] = set()
     kept = {}
     for (name, label), column, row, depth in zip(
             labels.items(), columns.tolist(), rows.tolist(), z.tolist()):
-        cells = {(column + i, row) for i in range(len(label[0]) + 1)}
+        cells = {(column + i, row - j) for i in range(len(label[0]) + 2) for j in range(3)}
         if depth <= 0.0:  # behind the camera
             kept[name] = label
         elif taken.isdisjoint(cells):

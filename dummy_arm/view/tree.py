@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, Optional
 
 import viser
 
-from dummy_arm.inspection.forest import Forest, frequency
-from dummy_arm.tf.formatting import abbreviated, visible
+from dummy_arm.inspection.forest import Forest, frequency, self_and_ancestors
+from dummy_arm.tf.formatting import visible
 from dummy_arm.view.details import html
 from dummy_arm.view.placement import descend, Placement
 
@@ -17,10 +17,12 @@ _ROWS, _PERIOD = 50, 0.5
 #: The colour of a row by its age: the colour, and the largest age (s).
 _COLOURS = ('green', 1.0), ('yellow', 5.0), ('orange', 15.0), ('gray', float('inf'))
 _STATIC, _HIDDEN = 'blue', 'dark'
-_SELECTED = '▶ '
-_LONGEST_NAME, _LONGEST_FILTER = 40, 200  # characters
-#: The width of a button, in multiples of the size of its font, and its narrow characters.
-_WIDTH, _NARROW = 19.0, " .,:;'|!()[]/iljtfrI1-"
+_SELECTED = ' ◀'
+_LONGEST_FILTER = 200  # characters
+#: The number of characters in a row; the number of levels that are indented, each by `_INDENT`.
+_WIDTH, _DEEPEST, _INDENT = 36, 8, 2
+#: Blanks that HTML does not drop. A text that is too long for a button begins at its left side.
+_FILL = '\u00a0' * 100
 
 
 class _Row(NamedTuple):
@@ -152,28 +154,39 @@ class Tree:
         self._page = min(self._page, pages - 1)
         self._turn.visible = pages > 1
         self._rows = rows[self._page * _ROWS:(self._page + 1) * _ROWS]
-        self._status.content = html(self._problem or (
-            f'{len(rows)} of {len(placement.names)} frames'
-            + f', page {self._page + 1} of {pages}' * (pages > 1)), 'tree')
+        text = self._problem or (f'{len(rows)} of {len(placement.names)} frames'
+                                 + f', page {self._page + 1} of {pages}' * (pages > 1))
+        if selected:
+            text += f'. Selected: {selected}{self._why_hidden(placement, selected)}'
+        self._status.content = html(text, 'tree')
         with self._container:
             while len(self._buttons) < len(self._rows):
                 button = self._gui.add_button('')
                 button.on_click(self._on_click)
                 self._buttons.append(button)
         for button, row in zip(self._buttons, self._rows):
-            for attribute, value in (
-                    ('label', row.text), ('color', row.colour), ('visible', True)):
+            for attribute, value in (('label', row.text), ('color', row.colour),
+                                     ('hint', visible(row.name)), ('visible', True)):
                 if getattr(button, attribute) != value:
                     setattr(button, attribute, value)
         for button in self._buttons[len(self._rows):]:
             if button.visible:
                 button.visible = False
 
+    def _why_hidden(self, placement: Placement, name: str) -> str:
+        """Return why a frame is hidden although its own checkboxes are ticked, or ''."""
+        if not self._passes(name):
+            return ', hidden by the filters'
+        branch = next((each for each in self_and_ancestors(name, placement.frames)
+                       if each in self._hidden_branches and each != name), '')
+        return f', hidden with the branch of {branch}' if branch else ''
+
     def _tree(self, placement: Placement, selected: str, hidden: frozenset[str]
               ) -> Iterator[_Row]:
-        for line in Forest(placement.frames.values()).lines():
-            if not self._passes(line.name):
-                continue
+        lines = [line for line in Forest(placement.frames.values()).lines()
+                 if self._passes(line.name)]
+        top = min((line.level for line in lines), default=0)
+        for line in lines:
             frame = line.frame
             rate = '' if frame is None else 'static' if frame.is_static else (
                 '-' if (hertz := frequency(frame)) is None else f'{hertz:.1f} Hz')
@@ -181,15 +194,17 @@ class Tree:
             colour = (_HIDDEN if line.name in hidden else _STATIC if frame is None
                       or frame.is_static else next(
                           colour for colour, age in _COLOURS if silence <= age))
-            name = visible(abbreviated(line.name, _LONGEST_NAME))
-            mark = _SELECTED if line.name == selected else ''
-            yield _Row(line.name, _left(f'{mark}{line.branches}{name}  {rate}'), colour)
+            text = _row_text(min(line.level - top, _DEEPEST), visible(line.name), rate,
+                             _SELECTED if line.name == selected else '')
+            yield _Row(line.name, text, colour)
 
 
-def _left(text: str) -> str:
-    """Append blanks, because the text of a button is centred; blanks that HTML does not drop."""
-    width = sum(0.32 if each in _NARROW else 0.6 for each in text)
-    return (text + ' ' * round((_WIDTH - width) / 0.32)).replace(' ', '\u00a0')
+def _row_text(level: int, name: str, rate: str, mark: str) -> str:
+    """Return the text of a row, with the end of a name that is too long."""
+    room = _WIDTH - level * _INDENT // 2 - len(rate) - 2 * len(mark)  # a blank is half as wide
+    if len(name) > room:
+        name = f'…{name[-room + 1:]}'
+    return f'{" " * level * _INDENT}{name}  {rate}{mark}'.replace(' ', '\u00a0') + _FILL
 
 
 def _pattern(text: str) -> 'Optional[re.Pattern[str]]':
@@ -199,4 +214,4 @@ def _pattern(text: str) -> 'Optional[re.Pattern[str]]':
     try:
         return re.compile(text) if text else None
     except (re.error, RecursionError, OverflowError) as error:
-        raise ValueError(f'no regular expression: {error}') from None
+        raise ValueError(f'not a regular expression: {error}') from None

@@ -13,6 +13,7 @@ pytest.importorskip('viser')
 pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
 from viewer import CLICK, Page, recorded
 
+from dummy_arm.inspection.robots import prefix
 from dummy_arm.robot.descriptions import parsed
 from dummy_arm.view import meshes as meshes_module
 from dummy_arm.view.body import MAX_SHAPES
