@@ -18,7 +18,7 @@ import trimesh
 FORMATS = '.stl', '.dae', '.obj', '.ply', '.glb', '.off'
 #: The largest size of a file (bytes).
 MAX_BYTES = 50_000_000
-_REMEDY = 'pass the directory above it: web_view --meshes DIR'
+_REMEDY = 'pass --meshes DIR, where DIR has the package or the file'
 
 Rgba = tuple[float, float, float, float]
 
@@ -93,7 +93,7 @@ class Meshes:
         if paths and not allowed:
             raise MeshError(f'it is not below a directory of the search path: {_REMEDY}')
         for path in allowed:
-            if path.is_file():
+            if os.path.isfile(path):  # Path.is_file raises an error for a name that is too long
                 return path
         searched = ', '.join(map(str, self._directories))
         raise MeshError(f'there is no such file below {searched}: {_REMEDY}' if searched else

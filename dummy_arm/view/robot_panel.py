@@ -5,13 +5,13 @@ from html import escape
 
 import viser
 
-from dummy_arm.tf.formatting import visible
+from dummy_arm.tf.formatting import abbreviated, visible
 from dummy_arm.view.body import BodyDisplay
 from dummy_arm.view.controls import within
 from dummy_arm.view.details import STYLE
 
 _OPACITIES = 0.1, 1.0
-_MOST_LINES = 30
+_MOST_LINES, _LONGEST_LINE = 30, 500
 
 
 class RobotPanel:
@@ -39,4 +39,8 @@ class RobotPanel:
             shown = [*lines[:_MOST_LINES], *[f'and {len(lines) - _MOST_LINES} more lines'] * (
                 len(lines) > _MOST_LINES)]
             self._text.content = (f'<div style="{STYLE}" data-text="robot">'
-                                  f'{"<br>".join(escape(visible(line)) for line in shown)}</div>')
+                                  f'{"<br>".join(map(_text, shown))}</div>')
+
+
+def _text(line: str) -> str:
+    return escape(visible(abbreviated(line, _LONGEST_LINE)))

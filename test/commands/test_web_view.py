@@ -1,5 +1,6 @@
 """The page of web_view: as a process, and in a real browser."""
 
+from importlib.util import find_spec
 from math import degrees
 from pathlib import Path
 import signal
@@ -247,6 +248,8 @@ def test_a_file_that_plays_without_a_server(start, open_file, request, tmp_path)
     page.until(lambda: np.linalg.norm(
         page.scene_with(hand).names[hand] - scene.names[hand]) > 0.05)
     page.until(lambda: len(page.scene().trail) > 20)
+    if find_spec('urdf_parser_py'):
+        page.until(lambda: len(page.scene().bodies) == 5)
     picture = artefact(request, tmp_path, 'web_view_export.png')
     page.page.screenshot(path=picture)
     assert page.hosts <= {None, ''}

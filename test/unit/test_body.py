@@ -272,8 +272,8 @@ def test_missing_meshes(page, tmp_path):
         assert [*box['dimensions']] == [0.1] * 3
         assert len({*box['color']}) == 1
     shown.until(lambda: (
-        f'link base: package://pkg/a.stl: there is no such file below {tmp_path}: pass the '
-        'directory above it: web_view --meshes DIR<br>' in shown.viewer.text('robot')))
+        f'link base: package://pkg/a.stl: there is no such file below {tmp_path}: pass '
+        '--meshes DIR, where DIR has the package or the file<br>' in shown.viewer.text('robot')))
     shown.until(lambda: (
         'link base: http://localhost/&lt;a&gt;.stl: only package://PACKAGE/PATH and '
         'file:///PATH are read<' in shown.viewer.text('robot')))
@@ -302,10 +302,10 @@ FILES = {
     'ftp://127.0.0.1/a.stl': 'are read', 'data:,x': 'are read', '': 'are read',
     'FILE://{inside}/pkg/a.stl': 'are read', 'package://pkg/a.stl%00': 'are read',
     r'package://pkg\..\..\outside\secret.stl': 'no such file', '//etc/passwd': 'are read',
-    'model://pkg/a.stl': 'are read'}
+    'model://pkg/a.stl': 'are read', f'package://pkg/{"a" * 5000}.stl': 'no such file'}
 
 
-@pytest.mark.parametrize('file', FILES)
+@pytest.mark.parametrize('file', FILES, ids=lambda file: file[:60])
 def test_only_files_below_the_search_path_are_read(tmp_path, monkeypatch, file):
     """The check is lexical, after percent escapes and '..'."""
     monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
