@@ -6,7 +6,8 @@ from typing import Any, Optional
 
 import viser
 
-NONE = '(none)'
+#: The choice of no frame, and that of the frame that the program proposes.
+NONE, AUTOMATIC = '(none)', '(automatic)'
 
 
 class FrameChoice:
@@ -17,8 +18,10 @@ class FrameChoice:
     overwrite the value of the dropdown.
     """
 
-    def __init__(self, gui: viser.GuiApi, label: str, hint: str) -> None:
-        self._dropdown = gui.add_dropdown(label, (NONE,), hint=hint)
+    def __init__(self, gui: viser.GuiApi, label: str, hint: str, none: str = NONE) -> None:
+        """Add a dropdown, in which `none` stands before the frames."""
+        self._none = none
+        self._dropdown = gui.add_dropdown(label, (none,), hint=hint)
         self._dropdown.on_update(self._on_update)
         self._chosen: Optional[str] = None
         self._proposal = ''
@@ -39,18 +42,18 @@ class FrameChoice:
 
     def choose(self, name: str) -> None:
         """Choose a frame, as if a viewer had selected it in the dropdown."""
-        self._chosen = '' if name == NONE else name
+        self._chosen = None if name == AUTOMATIC else '' if name == NONE else name
 
     def set_options(self, names: Iterable[str]) -> None:
         """Set the frames; the chosen one stays, since it may be published again."""
-        options = (NONE, *sorted({*names, self.chosen} - {''}))
+        options = (self._none, *sorted({*names, self.chosen} - {''}))
         if options != self._dropdown.options:
             self._dropdown.options = options
 
     def propose(self, proposal: str) -> None:
         """Set the proposal, and show the frame that is chosen or proposed."""
         self._proposal = proposal
-        shown = self.name or NONE
+        shown = self.name or self._none
         if self._dropdown.value != shown and shown in self._dropdown.options:
             self._dropdown.value = shown
 

@@ -29,9 +29,8 @@ def overview(placement: Placement, feed: Feed, fixed: str = '', timeout: float =
     timed_out = [name for name, age in zip(placement.names, placement.ages.tolist())
                  if age >= timeout]
     alive = len(placement.names) - len(timed_out)
-    name = _text(feed.name)
-    lines = [f'{name}: {alive} frame{"" if alive == 1 else "s"}' if placement.names else
-             f'{name}: no frames yet. {_text(feed.why_no_frames())}']
+    lines = [f'{alive} frame{"" if alive == 1 else "s"}' if placement.names else
+             f'no frames yet. {_text(feed.why_no_frames())}']
     if placement.names and (hint := feed.topics_hint()):
         lines.append(_text(hint))
     if timed_out:
@@ -82,11 +81,12 @@ def details(placement: Placement, name: str, feed: Feed) -> str:
         rows += _title('fixed', target, 'pose in the fixed frame' if target == placement.fixed else
                        'pose in the root')
         rows += _pose('fixed', placement.stamps[i], placement.poses[i, :3], placement.poses[i, 3:])
-    if target != placement.fixed and (
-            why := feed.buffer.why_not(placement.fixed, name, 0)):
-        rows += _row('why', 'not in the fixed frame', why)
     if frame is not None:
         rows += _published(frame, placement.silences[name], feed)
+    if target != placement.fixed and (
+            why := feed.buffer.why_not(placement.fixed, name, 0)):
+        rows += ('<tr><td colspan="2" style="padding-top: .4em">not in the fixed frame: '
+                 f'<span data-value="why">{_text(why)}</span></td></tr>')
     return f'<table style="{STYLE}" data-text="details">{rows}</table>'
 
 

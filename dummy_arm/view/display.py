@@ -70,9 +70,10 @@ class DisplayPanel:
         return Display(
             size, bool(self._axes.value), bool(self._lines.value), bool(self._names.value),
             within(self._cell.value, *_CELLS) if self._grid.value else 0.0,
-            within(self._timeout.value, *_TIMEOUTS), hidden)
+            within(self._timeout.value, *_TIMEOUTS), hidden, bool(self._dark.value))
 
 
 def configure(gui: viser.GuiApi, is_dark: bool) -> None:
     """Set the theme of a viewer."""
-    gui.configure_theme(dark_mode=is_dark, show_logo=False, show_share_button=False)
+    gui.configure_theme(dark_mode=is_dark, show_logo=False, show_share_button=False,
+                        control_width='large')

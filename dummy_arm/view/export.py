@@ -70,7 +70,8 @@ class Recording:
                 self._meshes.load(file)
             scene = Scene(server, self._meshes)
             # Only the first position of the camera counts, and at the end most frames are known.
-            look_at(self._moments[-1].placement, [server.initial_camera])
+            placement = self._moments[-1].placement
+            look_at(placement, placement.names, [server.initial_camera])
             serializer, before = server.get_scene_serializer(), self._moments[0].time
             for time, placement, trail in self._moments:
                 on_progress(time - self._moments[0].time)

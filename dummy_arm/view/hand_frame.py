@@ -1,21 +1,19 @@
 """A static frame that a viewer places by hand: its controls, its handles, and texts to copy."""
 
 from collections.abc import Sequence
-from html import escape
 import json
 from math import degrees, isfinite, radians
-from shlex import quote
 from typing import Any, Optional
 
 import viser
 
 from dummy_arm.inspection.forest import self_and_ancestors
-from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import is_too_long
 from dummy_arm.tf.formatting import visible
 from dummy_arm.tf.rotations import euler_from_quaternion, quaternion_from_euler
 from dummy_arm.view.controls import FrameChoice
-from dummy_arm.view.details import html, STYLE
+from dummy_arm.view.copied import command_line, copied, decimal
+from dummy_arm.view.details import html
 from dummy_arm.view.hand_publisher import HandPublisher, StaticTransform
 from dummy_arm.view.placement import Placement, REACH
 from dummy_arm.view.viser_private import HANDLES
@@ -30,8 +28,6 @@ _DIGITS, _ANGLE_DIGITS = 3, 2
 _LARGEST_ANGLE = 360.0
 _LIMITS = ((-REACH, REACH),) * 3
 _ZERO: Vector = (0.0, 0.0, 0.0)
-#: A click selects the whole text.
-_COPIED = f'{STYLE}; white-space: pre-wrap; user-select: all; -webkit-user-select: all'
 
 
 class HandFrame:
@@ -132,9 +128,10 @@ class HandFrame:
         shown = (refused == [name, parent] and why) or (problem if name else '')
         texts = [html(shown, 'hand')] * bool(shown)
         if not problem:
-            texts += [f'<pre style="{_COPIED}" data-text="{key}">{escape(text)}</pre>'
-                      for key, text in (('command', command_line(transform, angles)),
-                                        ('yaml', yaml_text(transform)))]
+            numbers = zip(('x', 'y', 'z', 'roll', 'pitch', 'yaw'),
+                          (*position, *map(radians, angles)))
+            texts += [copied(command_line(parent, name, numbers), 'command'),
+                      copied(yaml_text(transform), 'yaml')]
         if self._text.content != (content := ''.join(texts)):
             self._text.content = content
 
@@ -179,32 +176,14 @@ def _problem(transform: StaticTransform, placement: Placement, can_be_published:
     return ''
 
 
-def command_line(transform: StaticTransform, angles: Vector) -> str:
-    """Return the command that publishes a transform; roll, pitch and yaw in degrees."""
-    numbers = zip(('x', 'y', 'z', 'roll', 'pitch', 'yaw'),
-                  (*transform.translation, *map(radians, angles)))
-    frames = ('frame-id', transform.parent), ('child-frame-id', transform.name)
-    return ' '.join(['static_transform_publisher', *(
-        f'--{option} {_number(value)}' for option, value in numbers if value), *(
-        # The parser takes a value that begins with a hyphen only after '='.
-        f'--{option}{"=" if frame.startswith("-") else " "}{quote(visible(frame))}'
-        for option, frame in frames)])
-
-
 def yaml_text(transform: StaticTransform) -> str:
     """Return a transform in YAML, with the fields of a TransformStamped."""
     translation, rotation = (
-        ', '.join(f'{axis}: {_number(value)}' for axis, value in zip('xyzw', values))
+        ', '.join(f'{axis}: {decimal(value)}' for axis, value in zip('xyzw', values))
         for values in (transform.translation, transform.rotation))
     return (f'header:\n  frame_id: {json.dumps(transform.parent)}\n'
             f'child_frame_id: {json.dumps(transform.name)}\ntransform:\n'
             f'  translation: {{{translation}}}\n  rotation: {{{rotation}}}\n')
-
-
-def _number(value: float) -> str:
-    """Write a number without an exponent, which YAML 1.1 reads as a text if there is no point."""
-    digits = fixed_point(value, 9).rstrip('0')
-    return f'{digits}0' if digits.endswith('.') else digits
 
 
 def _quaternion(angles: Vector) -> Vector:

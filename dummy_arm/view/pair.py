@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Sequence
 from html import escape
 from math import degrees
-import shlex
 from typing import Any, Optional
 
 import numpy as np
@@ -14,6 +13,7 @@ from dummy_arm.tf import Transform
 from dummy_arm.tf.formatting import SECOND, visible
 from dummy_arm.tf.rotations import euler_from_quaternion
 from dummy_arm.view.controls import FrameChoice
+from dummy_arm.view.copied import command_line, copied
 from dummy_arm.view.feed import AnyBuffer, LENGTH
 
 #: The shortest times between two updates of the numbers and of the plots (s).
@@ -149,19 +149,16 @@ def _as_table(transform: Transform) -> str:
 
 
 def _as_texts(transform: Transform) -> str:
-    """Return in HTML a command and a line of Python that describe a transform exactly."""
+    """Return in HTML a command, with nine digits, and a line of Python with all digits."""
     _, a, b, translation, rotation = transform
     if not np.isfinite(translation).all():
         return _paragraph('The translation is not finite.')
     texts = [f'from dummy_arm.tf import Transform; transform = {transform!r}']
     if (a + b).isprintable():  # other characters could control the terminal
-        numbers = zip(('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'), (*translation, *rotation))
-        options = [*(f'--{name}={value!r}' for name, value in numbers),
-                   f'--frame-id={a}', f'--child-frame-id={b}']
-        texts.insert(0, shlex.join(['static_transform_publisher', *options]))
+        texts.insert(0, command_line(a, b, zip(
+            ('x', 'y', 'z', 'qx', 'qy', 'qz', 'qw'), (*translation, *rotation))))
     return _paragraph('Click a text to select it.') + ''.join(
-        f'<pre style="{_STYLE}; white-space: pre-wrap; user-select: all">{escape(text)}</pre>'
-        for text in texts)
+        copied(text, 'pair') for text in texts)
 
 
 def _row(label: str, values: Iterable[float], precision: int) -> str:

@@ -1,12 +1,13 @@
 """The panel beside the scene: the controls and texts of one viewer."""
 
 from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from typing import Any, Optional
 
 import viser
 
 from dummy_arm.view.body import BodyDisplay
-from dummy_arm.view.controls import FrameChoice, within
+from dummy_arm.view.controls import AUTOMATIC, FrameChoice, within
 from dummy_arm.view.display import configure, DisplayPanel
 from dummy_arm.view.feed import Feed, LENGTH
 from dummy_arm.view.hand_frame import HandFrame
@@ -17,6 +18,8 @@ from dummy_arm.view.robot_panel import RobotPanel
 from dummy_arm.view.scene import NAMES_AT_ONCE
 from dummy_arm.view.tree import Tree
 
+#: This long (s) after the first frame has appeared, most others have.
+SETTLING = 1.0
 #: A change of the frames in a dropdown sends all names to all viewers. So after a change with n
 #: names, the next change waits for n times this (s).
 _OPTION_PERIOD = 0.5e-3
@@ -31,16 +34,21 @@ class Panel:
         gui = client.gui
         configure(gui, False)
         self._options: list[str] = []  # of the dropdowns
+        self._proposal = ''  # the frame with details and a trail, until the viewer chooses
+        self._settled: Optional[float] = None  # `SETTLING` after the first frame
         self._next_options = 0.0  # when they may change again (s, monotonic clock)
         self._overview = gui.add_html('')
         self._pause: Any = None
         if feed.player is None:
             self._pause = gui.add_checkbox('Pause', False)
             self._back = gui.add_slider('Back (s)', 0.0, LENGTH, 0.1, 0.0,
+                                        disabled=True,
                                         hint='shows an earlier time while the page is paused')
-        self.fixed = FrameChoice(gui, 'Fixed frame', 'the frame in which the others are shown')
+            self._pause.on_update(self._on_pause)
+        self.fixed = FrameChoice(
+            gui, 'Fixed frame', 'the frame in which the others are shown', AUTOMATIC)
         button = gui.add_button('Focus on all frames')
-        button.on_click(self._on_look_at_all)
+        button.on_click(partial(self._on_focus, 'all'))
         self._look_from = look_from
         tabs = gui.add_tab_group()
         self._gui, self._tabs, self._joint_controls = gui, tabs, feed.joint_controls
@@ -54,6 +62,8 @@ class Panel:
                 gui, 'Frame', 'the frame whose details are shown; to select a frame, you can also '
                 'click on its axes or in the tree')
             self.trail = FrameChoice(gui, 'Trail of', 'the frame whose recent path is drawn')
+            button = gui.add_button('Focus on the frame')
+            button.on_click(partial(self._on_focus, 'frame'))
             self._details = gui.add_html('')
         self.tree = Tree(gui, tabs.add_tab('Tree'))
         with tabs.add_tab('Display'):
@@ -63,12 +73,15 @@ class Panel:
         with tabs.add_tab('By hand'):
             self.hand_frame = HandFrame(gui, client.scene, feed.hand_publisher)
 
-    async def _on_look_at_all(self, event: 'viser.GuiEvent[Any]') -> None:
-        await self._look_from('all')
+    async def _on_focus(self, view: str, event: 'viser.GuiEvent[Any]') -> None:
+        await self._look_from(view)
 
     @property
     def is_paused(self) -> bool:
         return self._pause is not None and bool(self._pause.value)
+
+    async def _on_pause(self, event: 'viser.GuiEvent[Any]') -> None:
+        self._back.value, self._back.disabled = 0.0, not event.target.value
 
     @property
     def back(self) -> float:
@@ -82,15 +95,20 @@ class Panel:
         Until the viewer uses the checkbox, it is ticked if there are at most `NAMES_AT_ONCE`
         frames.
         """
-        choices = self.fixed, self.trail, self.selected
         if names != self._options and now >= self._next_options:
             self._options, self._next_options = names, now + len(names) * _OPTION_PERIOD
-            for choice in choices:
+            for choice in self.fixed, self.trail, self.selected:
                 choice.set_options(names)
             self.pair.set_frames(names)
             self.hand_frame.set_frames(names)
-        for choice, name in zip(choices, (placement.fixed, placement.deepest, placement.deepest)):
-            choice.propose(name)
+        self.fixed.propose(placement.fixed)
+        # While the first frames appear, the proposal follows the deepest one. Then it stays.
+        if self._settled is None and placement.names:
+            self._settled = now + SETTLING
+        if now <= (self._settled or now) or self._proposal not in placement.names:
+            self._proposal = placement.deepest
+        for choice in self.trail, self.selected:
+            choice.propose(self._proposal)
         self.display.show_names(len(placement.names) <= NAMES_AT_ONCE)
 
     @property

@@ -35,6 +35,7 @@ class Display(NamedTuple):
     cell: float = 0.5  #: the side of a cell of the grid (m); 0.0: there is no grid
     timeout: float = TIMEOUT  #: a frame of this age (s) is not drawn
     hidden: frozenset[str] = frozenset()  #: the names of frames that are not drawn
+    is_dark: bool = False  #: whether the page is dark
 
 
 class Rods(NamedTuple):

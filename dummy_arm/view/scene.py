@@ -1,6 +1,6 @@
 """The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
 from threading import Lock
@@ -25,10 +25,10 @@ _LONGEST_NAME = 40  # characters
 #: The width of a letter of a label, and half the height of a label (pixels).
 _LETTER, _HALF_LINE = 7.0, 10.0
 #: The number of names in the text of a label that several frames at one place share.
-_SHARED_NAMES = 3
+_SHARED_NAMES = 2
 _SIDES = 8  # of a cylinder
 _CELLS = 20  # the number of cells along each side of the grid
-_GRID_COLOUR = (215, 215, 215)
+_LIGHT_GRID, _DARK_GRID = (215, 215, 215), (70, 70, 70)
 _TRAIL_WIDTH = 3.0  # pixels
 _TRAIL_COLOUR, _TRAIL_FADED = (200, 60, 200), (235, 205, 235)
 #: If a static frame is closer to its parent than this (as a fraction of the length of an axis),
@@ -42,6 +42,9 @@ _FAR = 1000.0
 _ANGLE = 0.8
 #: The distance of the camera from the middle of the sphere, in radii of the sphere.
 _DISTANCE = 4.4
+#: As above, on a narrow page, where the panel covers the lower part: the distance, and by which
+#: fraction of the distance the camera looks below the middle.
+_FAR_DISTANCE, _BELOW = 7.0, 0.24
 #: The camera is shifted to the right by this fraction of its horizontal distance, because the
 #: panel covers the right side of the page.
 _ASIDE = 0.14
@@ -58,7 +61,7 @@ class Scene:
                  ) -> None:
         self._scene, self._owner = owner.scene, owner
         self._grid: Optional[viser.LineSegmentsHandle] = None
-        self._cell = 0.0  # of the grid that is shown (m)
+        self._shown_grid = 0.0, False  # its cell (m), and whether it is dark
         self._rods: Optional[viser.BatchedMeshHandle] = None
         self._trail: Optional[viser.LineSegmentsHandle] = None
         #: By the name of their frame: the labels, of which some are not visible. None is used for
@@ -78,7 +81,7 @@ class Scene:
         with self._owner.atomic():
             with self._lock:
                 self._frame_names = placement.names
-            self._show_grid(display.cell)
+            self._show_grid(display.cell, display.is_dark)
             self._show_rods(rods(placement, display, selected))
             self._show_names(placement, display, selected)
             self._show_trail(trail)
@@ -90,14 +93,14 @@ class Scene:
             clicked, self._clicked = self._clicked, ''
         return clicked
 
-    def _show_grid(self, cell: float) -> None:
-        if cell == self._cell:
+    def _show_grid(self, cell: float, is_dark: bool) -> None:
+        if (cell, is_dark) == self._shown_grid:
             return
-        self._cell = cell
+        self._shown_grid = cell, is_dark
         if self._grid is not None:
             self._grid.remove()
         self._grid = self._scene.add_line_segments(
-            '/grid', _grid(cell), _GRID_COLOUR, thickness=1.0,
+            '/grid', _grid(cell), _DARK_GRID if is_dark else _LIGHT_GRID, thickness=1.0,
             thickness_units='screen') if cell else None
 
     def _show_rods(self, new: Rods) -> None:
@@ -173,21 +176,36 @@ class Scene:
         self._trail.visible = True
 
 
-def look_at(placement: Placement, cameras: Iterable[Any],
+def look_at(placement: Placement, names: Collection[str], cameras: Sequence[Any],
             direction: Sequence[float] = VIEWS['all']) -> None:
-    """Move cameras so that all frames are visible, seen from a direction (x, y, z)."""
-    points = placement.points[placement.ages < TIMEOUT]
+    """Move cameras so that some frames are visible, seen from a direction (x, y, z)."""
+    wanted = {*names}
+    points = placement.points[(placement.ages < TIMEOUT) & [
+        name in wanted for name in placement.names]]
     if not len(points):
         return
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     radius = max(_SMALLEST_VIEW, np.linalg.norm(points - middle, axis=1).max())
-    away = np.array(direction) / np.linalg.norm(direction) * radius * _DISTANCE
-    middle += np.cross((0.0, 0.0, 1.0), away) * _ASIDE
+    away = np.array(direction) / np.linalg.norm(direction) * radius
+    if _is_narrow(cameras[0]):
+        away *= _FAR_DISTANCE
+        up = np.cross(away, np.cross((0.0, 0.0, 1.0), away))
+        middle -= up / np.linalg.norm(up) * np.linalg.norm(away) * _BELOW
+    else:
+        away *= _DISTANCE
+        middle += np.cross((0.0, 0.0, 1.0), away) * _ASIDE
     for each in cameras:
         # viser fails if the client has sent an invalid pose.
         with suppress(Exception), np.errstate(all='ignore'):
             each.position, each.look_at = middle + away, middle
             each.fov, each.far = _ANGLE, max(_FAR, _FAR * radius)
+
+
+def _is_narrow(camera: Any) -> bool:
+    try:
+        return bool(camera.image_width < camera.image_height)
+    except Exception:  # the camera is not known yet, or has no image
+        return False
 
 
 def _grid(cell: float) -> NDArray[np.float64]:

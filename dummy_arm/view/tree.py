@@ -20,7 +20,7 @@ _STATIC, _HIDDEN = 'blue', 'dark'
 _SELECTED = ' ◀'
 _LONGEST_FILTER = 200  # characters
 #: The number of characters in a row; the number of levels that are indented, each by `_INDENT`.
-_WIDTH, _DEEPEST, _INDENT = 36, 8, 2
+_WIDTH, _DEEPEST, _INDENT = 42, 8, 3
 #: Blanks that HTML does not drop. A text that is too long for a button begins at its left side.
 _FILL = '\u00a0' * 100
 

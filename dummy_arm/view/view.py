@@ -14,7 +14,7 @@ from dummy_arm.view.details import details, overview
 from dummy_arm.view.display import VIEWS
 from dummy_arm.view.feed import AnyBuffer, Feed, LENGTH
 from dummy_arm.view.meshes import Meshes
-from dummy_arm.view.panel import Panel
+from dummy_arm.view.panel import Panel, SETTLING
 from dummy_arm.view.placement import FrameWatcher, Placement, within_reach
 from dummy_arm.view.playback import Playback
 from dummy_arm.view.rods import Display
@@ -25,8 +25,6 @@ from dummy_arm.view.viser_private import Server
 _TEXT_PERIOD = 0.2
 #: The time between two updates of the hint at other topics (s).
 _HINT_PERIOD = 1.0
-#: A camera is moved this long (s) after the first frame has appeared, when most others have.
-_SETTLING = 1.0
 #: The time between two points of a trail (ns).
 _TRAIL_STEP = SECOND // 20
 #: If a gap in the trail is longer than this (ns), it is filled with points from the buffer.
@@ -215,15 +213,19 @@ class Viewer:
                                    details(placement, self._panel.selected.name, self._feed))
 
     async def _look_from(self, view: str) -> None:
-        """Move the cameras so that all frames are visible; `view`: one of `VIEWS`."""
-        if self._placement is not None:
-            look_at(self._placement, self._cameras, VIEWS[view])
+        """Move the cameras so that the frames that are drawn, or the selected one, are visible."""
+        if (placement := self._placement) is None:
+            return
+        hidden = self._panel.tree.hidden(placement)
+        names = {self._panel.selected.name} if view == 'frame' else {
+            *placement.names} - hidden
+        look_at(placement, names, self._cameras, VIEWS.get(view, VIEWS['all']))
 
     def _turn_camera(self, placement: Placement, now: float) -> None:
-        """Move the cameras at once, and once more `_SETTLING` seconds after the first frame."""
+        """Move the cameras at once, and once more `SETTLING` seconds after the first frame."""
         if self._turn_at is None and placement.names:
-            self._turn_at = now + _SETTLING
-            look_at(placement, self._cameras)
+            self._turn_at = now + SETTLING
+            look_at(placement, placement.names, self._cameras)
         if self._turn_at is not None and now >= self._turn_at:
             self._turn_at = np.inf
-            look_at(placement, self._cameras)
+            look_at(placement, placement.names, self._cameras)

@@ -50,7 +50,7 @@ def test_a_bag_without_ros(start, tmp_path):
     process = start(*tool_without_ros('web_view', '--bag', str(path)))
     viewer = Viewer(int(process.line_with('look at http').rsplit(':', 1)[1]))
     viewer.send(CAMERA)
-    viewer.until(lambda: 'robot: 3 frames' in viewer.text('overview'))
+    viewer.until(lambda: '3 frames' in viewer.text('overview'))
     viewer.until(lambda: viewer.names().get('base_link', [0.0])[0] > 1.5)
     viewer.until(lambda: viewer.detail('rate') == '10.0 Hz')
     assert viewer.detail('publisher') == 'not recorded'
@@ -168,7 +168,7 @@ def test_the_tabs_in_a_browser(start, ros, request, tmp_path, size):
         page.open_tab('Tree')
         page.until(lambda: '6 of 6 frames' in page.page.inner_text('[data-text="tree"]'))
         page.button('joint_2')
-        selected = page.page.get_by_role('button').filter(has_text='▶')
+        selected = page.page.get_by_role('button').filter(has_text='◀')
         page.until(lambda: selected.filter(has_text='joint_2').count())
         page.tick('Show its branch', False)
         page.until(lambda: page.scene().names.keys() == {'map, base_link', 'joint_1'})

@@ -1,6 +1,5 @@
 """The frame that is placed by hand, as the node of web_view publishes it."""
 
-from math import degrees
 import shlex
 
 import pytest
@@ -140,7 +139,7 @@ def test_what_is_not_valid_is_refused(publisher):
 def test_the_command_is_accepted(monkeypatch, parent, name):
     """It publishes the frame that the page publishes."""
     pytest.importorskip('viser')
-    from dummy_arm.view.hand_frame import command_line
+    from dummy_arm.view.copied import command_line
     sent = []
 
     def publish(*args, **kwargs):
@@ -149,8 +148,8 @@ def test_the_command_is_accepted(monkeypatch, parent, name):
 
     monkeypatch.setattr(static_transform_publisher, 'command', publish)
     command, *arguments = shlex.split(command_line(
-        HAND._replace(parent=parent, name=name),
-        (*map(degrees, euler_from_quaternion(HAND.rotation)),)))
+        parent, name, zip(('x', 'y', 'z', 'roll', 'pitch', 'yaw'), (
+            *HAND.translation, *euler_from_quaternion(HAND.rotation)))))
     assert command == 'static_transform_publisher'
     assert static_transform_publisher.main(arguments) == 0
     (translation, rotation, *frames, _), = sent

@@ -13,7 +13,8 @@ pytest.importorskip('viser')
 from viewer import CAMERA, Viewer
 from websockets.exceptions import ConnectionClosed
 
-from dummy_arm.view.hand_frame import command_line, HandFrame, yaml_text
+from dummy_arm.view.copied import command_line
+from dummy_arm.view.hand_frame import HandFrame, yaml_text
 from dummy_arm.view.hand_publisher import StaticTransform
 from dummy_arm.view.server import serve
 from dummy_arm.view.viser_private import HANDLES
@@ -228,9 +229,9 @@ def test_a_page_without_a_name_has_no_handles():
 def test_the_texts_that_are_copied():
     """The YAML has the fields of a TransformStamped; no number has an exponent."""
     yaml = pytest.importorskip('yaml')
-    angles = (0.0, 0.0, -90.0)
     transform = StaticTransform('map', "it's: é", (1.0, 1e-6, -0.0), (0.0, 0.0, -HALF, HALF))
-    assert command_line(transform, angles) == (
+    numbers = zip(('x', 'y', 'z', 'roll', 'yaw'), (*transform.translation, 0.0, -pi / 2))
+    assert command_line(transform.parent, transform.name, numbers) == (
         'static_transform_publisher --x 1.0 --y 0.000001 --yaw -1.570796327 --frame-id map '
         """--child-frame-id 'it'"'"'s: é'""")
     assert yaml.safe_load(yaml_text(transform)) == {

@@ -201,7 +201,7 @@ def test_no_transform(shown, buffer):
 
 @pytest.mark.parametrize('child', ['base', "it's a <b>", '-b', '$(x)'])
 def test_texts_to_copy(shown, buffer, child, monkeypatch):
-    """The command and the line of Python give the transform, to the last bit."""
+    """The command gives the transform to 1e-9, and the line of Python to the last bit."""
     pytest.importorskip('rclpy', reason='the command needs ROS')
     from dummy_arm.tools import static_transform_publisher
     pose = 1.0 / 3.0, -1e-7, -2e5 / 7.0, 0.5, -0.5, 0.5, -0.5
@@ -214,7 +214,9 @@ def test_texts_to_copy(shown, buffer, child, monkeypatch):
     name, *args = shlex.split(command)
     assert name == 'static_transform_publisher'
     static_transform_publisher.main(args)
-    assert given == [([*pose[:3]], [*pose[3:]], 'map', child)]
+    (translation, rotation, *frames), = given
+    assert [*translation, *rotation] == pytest.approx(pose, abs=1e-9)
+    assert frames == ['map', child]
     names: dict[str, Transform] = {}
     exec(python, names)
     assert names['transform'] == Transform(T, 'map', child, pose[:3], pose[3:])

@@ -166,7 +166,7 @@ def test_a_recording(buffer):
     assert content['durationSeconds'] == pytest.approx(5.05)
     assert not any(message['type'].startswith('Gui') for _, message in content['messages'])
     node = next(message['name'] for _, message in content['messages']
-                if message.get('updates', {}).get('text') == 'base')
+                if message.get('props', {}).get('text') == 'base')
     places = [(time, *message['position'][:1]) for time, message in content['messages']
               if message['type'] == 'SetPositionMessage' and message['name'] == node]
     assert places == [(i / 2, i / 2) for i in range(1, 11)]
