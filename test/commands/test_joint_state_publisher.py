@@ -46,7 +46,7 @@ def urdf(tmp_path):
 @pytest.fixture
 def positions(ros):
     """The positions that are received, by joint."""
-    found = {}
+    found: dict[str, float] = {}
     ros.node.create_subscription(
         JointState, '/joint_states',
         lambda state: found.update(zip(state.name, state.position, strict=True)), 10)
@@ -111,7 +111,7 @@ def test_a_namespace(start, ros, urdf):
     """The topics are in it."""
     start(*tool('robot_state_publisher', urdf, '--namespace', 'left'))
     start(*tool('joint_state_publisher', '--namespace', 'left'))
-    states = []
+    states: list[JointState] = []
     ros.node.create_subscription(JointState, '/left/joint_states', states.append, 10)
     ros.until(lambda: states)
     assert states[0].name == ['shoulder', 'grip', 'lift']

@@ -84,7 +84,7 @@ def robot(ros):
 
 def test_another_robot_in_a_namespace(ros, robot, open_viewer):
     """It gets what the viewer moves, and nothing else; its sliders follow valid joint states."""
-    commands = []
+    commands: list[JointState] = []
     subscription = robot.create_subscription(
         JointState, 'arm/joint_command', commands.append, 10)
     description = robot.create_publisher(String, 'robot_description', QoSProfile(

@@ -151,7 +151,7 @@ class Page:
         """Serve and update the page, and connect the viewer; `clock[0]`: the time (s)."""
         from dummy_arm.view.server import serve
         from dummy_arm.view.view import View
-        self.clock = clock
+        self.feed, self.clock = feed, clock
         self.server = stack.enter_context(serve('127.0.0.1'))
         self.view = View(feed, self.server, lambda: clock[0], meshes)
         self.view.update()

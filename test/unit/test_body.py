@@ -49,7 +49,8 @@ def buffer_of(*edges, x=1.0):
     """Return a buffer with static frames, each x m before its parent."""
     buffer = TransformBuffer(10**18)
     for edge in edges:
-        buffer.insert(T, *edge.split(' '), (x, 0.0, 0.0, 0.0, 0.0, HALF, HALF), is_static=True)
+        parent, child = edge.split(' ')
+        buffer.insert(T, parent, child, (x, 0.0, 0.0, 0.0, 0.0, HALF, HALF), is_static=True)
     return buffer
 
 
@@ -66,9 +67,7 @@ def page():
         def create(buffer, descriptions, meshes=()):
             feed = BagFeed(buffer, 'bag')
             feed.robots = descriptions
-            shown = Page(feed, [1000.0], stack, meshes)
-            shown.feed = feed
-            return shown
+            return Page(feed, [1000.0], stack, meshes)
 
         yield create
 
@@ -241,8 +240,8 @@ def test_odd_sizes_are_drawn(page):
         MAX_SHAPES + 1)))
     shown = page(buffer_of('map base'), {'/robot_description': body})
     shown.until(lambda: len(drawn(shown)) == MAX_SHAPES)
-    assert np.isfinite(np.float32([*drawn(shown)[0]['dimensions'], *drawn(shown)[0]['position']])
-                       ).all()
+    assert np.isfinite(np.array([*drawn(shown)[0]['dimensions'], *drawn(shown)[0]['position']],
+                                np.float32)).all()
     shown.until(lambda: f'only {MAX_SHAPES} of {MAX_SHAPES + 1} shapes are drawn' in
                 shown.viewer.text('robot'))
 

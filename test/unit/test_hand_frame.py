@@ -3,6 +3,7 @@
 from contextlib import closing, ExitStack
 from html import unescape
 from math import cos, pi, sin
+from typing import cast
 
 import pytest
 
@@ -15,7 +16,7 @@ from websockets.exceptions import ConnectionClosed
 
 from dummy_arm.view.copied import command_line
 from dummy_arm.view.hand_frame import HandFrame, yaml_text
-from dummy_arm.view.hand_publisher import StaticTransform
+from dummy_arm.view.hand_publisher import HandPublisher, StaticTransform
 from dummy_arm.view.server import serve
 from dummy_arm.view.viser_private import HANDLES
 
@@ -39,7 +40,7 @@ class Page:
         self._watcher = FrameWatcher(self.buffer)
         self.server = stack.enter_context(serve('127.0.0.1'))
         self.hand = HandFrame(self.server.gui, self.server.scene,
-                              self if can_publish else None)
+                              cast(HandPublisher, self) if can_publish else None)
         self.update()
         self.viewer = stack.enter_context(closing(Viewer(self.server.get_port())))
         self.viewer.send(CAMERA)

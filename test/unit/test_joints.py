@@ -1,9 +1,11 @@
 """The sliders for the joints of robots, as viewers of the page move them."""
 
 from contextlib import closing, ExitStack
+from functools import partial
 from html import unescape
 from math import nan, pi
 import re
+from typing import cast
 
 import pytest
 
@@ -12,7 +14,7 @@ pytest.importorskip('urdf_parser_py')
 from viewer import CAMERA, Viewer
 
 from dummy_arm.robot.description import parse
-from dummy_arm.view.joint_control import JointControl
+from dummy_arm.view.joint_control import JointControl, JointControls
 from dummy_arm.view.joints import Joints
 from dummy_arm.view.server import serve
 
@@ -60,7 +62,7 @@ class Page:
             Viewer(self.server.get_port()))) for _ in range(2)]
         for viewer in self.viewer, self.other:
             viewer.send(CAMERA)
-            viewer.until(lambda viewer=viewer: self.text(viewer), self.update)
+            viewer.until(partial(self.text, viewer), self.update)
 
     def __enter__(self):
         """Return the page."""
@@ -76,7 +78,7 @@ class Page:
         for number, client in self.server.get_clients().items():
             if number not in self._joints:
                 self._joints[number] = Joints(
-                    client.gui, client.gui.add_folder('Robot'), self)
+                    client.gui, client.gui.add_folder('Robot'), cast(JointControls, self))
             self._joints[number].update(self._now)
 
     def until(self, condition, viewer=None):
