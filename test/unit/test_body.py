@@ -261,8 +261,9 @@ def test_a_mesh(page, tmp_path):
     assert [*mesh['color']] == [0, 255, 0]
 
 
-def test_missing_meshes(page, tmp_path):
+def test_missing_meshes(page, tmp_path, monkeypatch):
     """Each is a grey box of 0.1 m, and a line that says what to do."""
+    monkeypatch.delenv('AMENT_PREFIX_PATH', raising=False)
     body = robot(link('base', ('<mesh filename="package://pkg/a.stl" scale="9 9 9"/>',),
                       ('<mesh filename="http://localhost/&lt;a&gt;.stl"/>',)),
                  link('arm', ('<sphere radius="1"/>',)))
