@@ -35,8 +35,8 @@ DATA = Path(__file__).parent.parent / 'data' / 'fuzz'
 #: The module of each target.
 MODULES = {
     'cdr': 'fuzz_messages', 'streams': 'fuzz_messages', 'ros1': 'fuzz_messages',
-    'type': 'fuzz_messages', 'bags': 'fuzz_messages', 'names': 'fuzz_surfaces',
-    'websocket': 'fuzz_surfaces', 'commands': 'fuzz_surfaces'}
+    'type': 'fuzz_messages', 'bags': 'fuzz_messages', 'description': 'fuzz_messages',
+    'names': 'fuzz_surfaces', 'websocket': 'fuzz_surfaces', 'commands': 'fuzz_surfaces'}
 _AT_A_TIME = 2
 #: One input may take this long (s), and the process may use this much memory (MB).
 _LONGEST, _MOST_MEMORY = 20, 2048

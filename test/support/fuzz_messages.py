@@ -11,6 +11,7 @@ from contextlib import closing, contextmanager, ExitStack, suppress
 from functools import cache
 import json
 import logging
+from math import isfinite
 from pathlib import Path
 import pickle
 import random
@@ -25,6 +26,7 @@ import bags
 from environment import DATA
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
 
+from dummy_arm.robot.descriptions import parsed
 from dummy_arm.tf import TransformBuffer, TransformException
 from dummy_arm.tf._core import insertion
 from dummy_arm.tf._core.engine import engine_of
@@ -227,6 +229,34 @@ def seeds_of_cdr() -> Iterator[bytes]:
         body = struct.pack('<IiII', 1, 5, 2**32 - 1, len(name)) + name
         body += bytes(-len(body) % 4) + b'\1\0\0\0\0'
         yield b'\0\1\0\0' + body + bytes(-len(body) % 8) + struct.pack('<7d', *range(7)) + b'end'
+
+
+def check_description(data: bytes) -> None:
+    """A URDF text is a tree of finite poses, or is refused with one line."""
+    robot = parsed(data.decode('utf-8', 'replace'))
+    if isinstance(robot, str):
+        assert robot.isprintable()
+        assert len(robot) < 2000
+        return
+    parents = {joint.child: joint.parent for joint in robot.joints}
+    assert {robot.root, *parents} == {*robot.links}
+    for link in robot.links:
+        seen = {link}
+        while link != robot.root:
+            link = parents[link]
+            assert link not in seen
+            seen.add(link)
+    poses = [joint.pose for joint in robot.joints]
+    poses += [shape.pose for shape in (*robot.visuals, *robot.collisions)]
+    poses += [joint.pose_at(0.5) for joint in robot.joints if joint.is_movable]
+    assert all(isfinite(value) for pose in poses for value in pose)
+
+
+def seeds_of_description() -> Iterator[bytes]:
+    """Yield the arm and the recorded descriptions."""
+    yield (DATA.parents[1] / 'dummy_arm/urdf/dummy_arm.urdf').read_bytes()
+    cases = json.loads((DATA / 'robot_state_publisher.json').read_text())['cases']
+    yield from {case['urdf'].encode('utf-8', 'surrogatepass'): None for case in cases}
 
 
 def check_ros1(data: bytes) -> None:
