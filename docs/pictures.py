@@ -74,12 +74,15 @@ def tree(browser: Browser, path: Path) -> None:
 
 
 def page_of_the_arm(browser: Browser, url: str) -> None:
-    """Take screenshots of the page, with three of its tabs."""
+    """Take screenshots of the page, with four of its tabs."""
     page = open_page(browser, url, 1200, 860)
     page.screenshot(path=DOCS / 'web_view.png')
     page.get_by_role('tab', name='Tree', exact=True).click()
     page.wait_for_timeout(3e3)
     page.screenshot(path=DOCS / 'web_tree.png')
+    page.get_by_role('tab', name='Robot', exact=True).click()
+    page.wait_for_timeout(3e3)
+    page.screenshot(path=DOCS / 'web_robot.png')
     page.get_by_role('tab', name='Pair', exact=True).click()
     for label, frame in ('A', 'map'), ('B', 'joint_3'):
         page.get_by_role('combobox', name=label, exact=True).click()

@@ -45,9 +45,9 @@ _DISTANCE = 4.4
 #: As above, on a narrow page, where the panel covers the lower part: the distance, and by which
 #: fraction of the distance the camera looks below the middle.
 _FAR_DISTANCE, _BELOW = 7.0, 0.24
-#: The camera is shifted to the right by this fraction of its horizontal distance, because the
-#: panel covers the right side of the page.
-_ASIDE = 0.14
+#: The camera is shifted to the right by half of this width, since the panel covers the right side
+#: of the page; and the height of a page that is not known (pixels).
+_PANEL, _HEIGHT = 390.0, 900.0
 
 
 #: The text of a label, and its position (x, y, z; m).
@@ -187,13 +187,16 @@ def look_at(placement: Placement, names: Collection[str], cameras: Sequence[Any]
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     radius = max(_SMALLEST_VIEW, np.linalg.norm(points - middle, axis=1).max())
     away = np.array(direction) / np.linalg.norm(direction) * radius
-    if _is_narrow(cameras[0]):
+    right = np.cross((0.0, 0.0, 1.0), away)
+    width, height = _image_size(cameras[0])
+    if width < height:
         away *= _FAR_DISTANCE
-        up = np.cross(away, np.cross((0.0, 0.0, 1.0), away))
+        up = np.cross(away, right)
         middle -= up / np.linalg.norm(up) * np.linalg.norm(away) * _BELOW
     else:
         away *= _DISTANCE
-        middle += np.cross((0.0, 0.0, 1.0), away) * _ASIDE
+        middle += (right / np.linalg.norm(right) * np.linalg.norm(away)
+                   * np.tan(_ANGLE / 2) * _PANEL / height)
     for each in cameras:
         # viser fails if the client has sent an invalid pose.
         with suppress(Exception), np.errstate(all='ignore'):
@@ -201,11 +204,13 @@ def look_at(placement: Placement, names: Collection[str], cameras: Sequence[Any]
             each.fov, each.far = _ANGLE, max(_FAR, _FAR * radius)
 
 
-def _is_narrow(camera: Any) -> bool:
-    try:
-        return bool(camera.image_width < camera.image_height)
-    except Exception:  # the camera is not known yet, or has no image
-        return False
+def _image_size(camera: Any) -> tuple[float, float]:
+    """Return the width and the height of the page of a camera (pixels)."""
+    with suppress(Exception):  # the camera is not known yet, or the client has sent nonsense
+        width, height = float(camera.image_width), float(camera.image_height)
+        if width > 0.0 and 1.0 <= height < 1e5:
+            return width, height
+    return 2 * _HEIGHT, _HEIGHT
 
 
 def _grid(cell: float) -> NDArray[np.float64]:

@@ -15,9 +15,10 @@ viser = pytest.importorskip('viser', reason='viser, which makes the page, is not
 msgspec, zstandard = map(pytest.importorskip, ('msgspec', 'zstandard'))
 connect = pytest.importorskip('websockets.sync.client').connect
 
-#: The message that makes viser call the program: "a client is there".
+#: The message that makes viser call the program: "a client is there". The page is so large that no
+#: name covers another one.
 CAMERA = {'type': 'ViewerCameraMessage', 'wxyz': [1.0, 0.0, 0.0, 0.0], 'position': [1, 2, 3],
-          'fov': 0.8, 'near': 0.01, 'far': 1000, 'image_height': 600, 'image_width': 800,
+          'fov': 0.8, 'near': 0.01, 'far': 1000, 'image_height': 6000, 'image_width': 8000,
           'look_at': [0, 0.0, 0], 'up_direction': [0.0, 0.0, 1.0]}
 CLICK = {'type': 'SceneNodeClickMessage', 'name': '/frames', 'instance_index': 1,
          'ray_origin': [0.0, 0.0, 1.0], 'ray_direction': [0, 0, 1], 'screen_pos': [0.5, 0.5],

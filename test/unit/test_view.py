@@ -665,6 +665,23 @@ def test_the_camera_moves_to_frames(page):
     shown.until(lambda: camera()[0][2] < height - 0.5 and 3.0 < camera()[1] < 4.0)
 
 
+def test_names_that_would_cover_others(page):
+    """They are left out on a small page, but not that of the selected frame."""
+    from viewer import CAMERA
+    buffer = TransformBuffer()
+    for i in range(4):
+        buffer.insert(T, 'map', f'post_{i}', pose(0.0, 0.1 + 0.06 * i), is_static=True)
+    shown = page(live(buffer))
+    shown.until(lambda: len(shown.viewer.names()) == 5)
+    shown.viewer.send({**CAMERA, 'position': [3.0, 0.0, 0.0], 'wxyz': [0.5, 0.5, -0.5, -0.5],
+                       'image_width': 800, 'image_height': 600})
+    shown.until(lambda: len(shown.viewer.names()) < 4)
+    for name in 'post_1', 'post_3':
+        shown.viewer.set('Frame', name)
+        shown.until(lambda: name in shown.viewer.names())  # noqa: B023
+        assert len(shown.viewer.names()) < 4
+
+
 def test_each_viewer_has_settings_of_its_own(page):
     """Another fixed frame, other sizes; the other viewer sees nothing of it."""
     from viewer import CAMERA, Viewer
