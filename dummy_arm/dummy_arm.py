@@ -140,6 +140,7 @@ class DummyArm(Node):
             self._description = self.create_publisher(String, 'robot_description', QoSProfile(
                 depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
             self._description.publish(String(data=description()))
+        self._refused = ''  # why the last message was refused, without numbers
         self._commands = self.create_subscription(
             JointState, '~/joint_command', self._obey, 10)
         self._timer = self.create_timer(1.0 / self._number('rate'), self._tick)
@@ -207,9 +208,12 @@ class DummyArm(Node):
     def _obey(self, command: JointState) -> None:
         problem = command_problem(
             command, dict(zip(self._state.name, (wave.limit for wave in self._waves))))
-        if problem:
+        cause, _, _ = (problem or '').partition(', got')
+        if problem and cause != self._refused:
             self.get_logger().warning(
                 f'refused a message on {self._commands.topic_name}: {problem}')
+        self._refused = cause  # is not logged again
+        if problem:
             return
         t = self._seconds(self.get_clock().now().nanoseconds)
         positions = dict(zip(command.name, command.position))

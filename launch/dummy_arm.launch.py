@@ -24,7 +24,8 @@ def generate_launch_description() -> LaunchDescription:
         DeclareLaunchArgument('rviz', default_value='true',
                               description='whether to start rviz2 (true or false)'),
         DeclareLaunchArgument('frame_prefix', default_value='',
-                              description='prefix for the name of every frame except map'),
+                              description='prefix for the name of every frame except map; in '
+                                          'rviz2, set it as the TF Prefix of RobotModel, too'),
         DeclareLaunchArgument('use_sim_time', default_value='false',
                               description='whether to take the time from /clock (true or false)'),
         Node(

@@ -302,7 +302,7 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
         'Send its position on the topic joint_states, under the name that the description gives '
         'it; joint_state_publisher does this.')
 def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
-    for robot in observation.robots:
+    for robot in observation.own_robots:
         start, _ = prefix(robot.topic, robot.root, robot.links, observation.tree_of)
         silent = {joint: links for joint, links in robot.joints.items()
                   if joint not in robot.states and not all(
@@ -814,14 +814,14 @@ def _missing_part(observation: Observation) -> Iterator[_Fault]:
         'Start robot_state_publisher with this description; if it runs, compare its frame_prefix '
         'with the names of the frames.')
 def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
-    for robot in observation.robots:
-        start, found = prefix(robot.topic, robot.root, robot.links, observation.tree_of)
+    for robot in observation.own_robots:
+        start, _ = prefix(robot.topic, robot.root, robot.links, observation.tree_of)
         silent = {link for joint, links in robot.joints.items() for link in links
                   if joint not in robot.states}  # see joint_without_state
         missing = [start + link for link in robot.links
                    if link not in silent and start + link not in observation.tree_of]
         if missing:
-            yield _Fault(f'{len(robot.links) - found} of {len(robot.links)} links have no '
+            yield _Fault(f'{len(missing)} of {len(robot.links)} links have no '
                          f'transform: {_names(missing)}', (), missing, [robot.topic])
 
 

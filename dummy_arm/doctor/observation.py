@@ -18,8 +18,9 @@ from dummy_arm.tf.formatting import comma_list, namespace_path, SECOND
 if TYPE_CHECKING:
     from dummy_arm.tf.bag import Paths
 
-#: A function of a bag, and of whether to read what is left of a damaged one.
-ReadRobots = Callable[['Paths', bool], Sequence[Robot]]
+#: A function of a bag, `partial` and `on_progress`, as of `dummy_arm.tf.bag.read`.
+ReadRobots = Callable[
+    ['Paths', bool, Optional[Callable[[float], object]]], Sequence[Robot]]
 #: The largest number of names in a text.
 SHOWN = 5
 
@@ -130,19 +131,23 @@ class Observation:
         """By frame: the index of its tree in `trees`."""
         return {name: i for i, tree in enumerate(self.trees) for name in tree}
 
+    def _is_own(self, topic: str) -> bool:
+        """Return True if the nearest namespace of a topic with transforms is that of `topics`."""
+        namespace = self.topics[0].rpartition('/')[0]
+        namespaces = {namespace, *(name.rpartition('/')[0] for name in self.tf_topics)}
+        while topic and topic not in namespaces:
+            topic = topic.rpartition('/')[0]
+        return topic == namespace
+
     @cached_property
     def own_headers(self) -> dict[str, Headers]:
         """Those `headers` whose nearest namespace with transforms is that of `topics`."""
-        namespace = self.topics[0].rpartition('/')[0]
-        namespaces = {namespace, *(topic.rpartition('/')[0] for topic in self.tf_topics)}
+        return {topic: headers for topic, headers in self.headers.items() if self._is_own(topic)}
 
-        def nearest(topic: str) -> str:
-            while topic and topic not in namespaces:
-                topic = topic.rpartition('/')[0]
-            return topic
-
-        return {topic: headers for topic, headers in self.headers.items()
-                if nearest(topic) == namespace}
+    @cached_property
+    def own_robots(self) -> list[Robot]:
+        """Those `robots` whose nearest namespace with transforms is that of `topics`."""
+        return [robot for robot in self.robots if self._is_own(robot.topic)]
 
     @cached_property
     def message_times(self) -> list[MessageTimes]:
@@ -274,6 +279,7 @@ def observe_bag(bag: 'Paths', namespace: str = '', partial: bool = False,
                  and topic.name.removesuffix('_static').endswith('/tf')]
     others = [topic for topic in tf_topics if topic.endswith('/tf')]
     has_static = any(track.is_static for track in tracks)
+    has_robots = any(topic.name.endswith('/robot_description') for topic in topics)
     return Observation(
         statistics, f'in {name_of(bag)}', own_topics, nodes=nodes,
         endpoints=[*(Endpoint(topic.name, '', wrong_type=topic.msgtype) for topic in topics
@@ -283,7 +289,7 @@ def observe_bag(bag: 'Paths', namespace: str = '', partial: bool = False,
                      if durability not in ('TRANSIENT_LOCAL', 'UNKNOWN'))],
         headers={topic.name: topic.headers for topic in topics
                  if topic.headers and topic.headers.count},
-        robots=read_robots(bag, partial) if read_robots else (),
+        robots=read_robots(bag, partial, on_progress) if has_robots and read_robots else (),
         tf_topics=tf_topics, not_known=not_known, has_record_times=True,
         left_out=[
             f'headers on {topic.name}: the definition of its type {topic.msgtype} is not known'

@@ -28,7 +28,9 @@ MOVABLE = ('revolute', 'continuous', 'prismatic')
 #: The longest text that is parsed (characters or bytes).
 MAX_SIZE = 10_000_000
 
-_NUMBER = re.compile(r'[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?', re.ASCII)
+_NUMBER = re.compile(r'[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?', re.ASCII)
+#: The longest number (characters), and the largest number of shapes that are read.
+_LONGEST_NUMBER, _MOST_SHAPES = 100, 10_000
 _BLANKS = ' \t\r\n'
 _VECTORS = ('xyz', 'rpy', 'size', 'scale')
 #: The attributes that are numbers, by element.
@@ -269,7 +271,8 @@ def _check_numbers(value: str, is_vector: bool, what: str) -> None:
 
 
 def _is_number(text: str) -> bool:
-    return _NUMBER.fullmatch(text) is not None and isfinite(float(text))
+    return (len(text) <= _LONGEST_NUMBER and _NUMBER.fullmatch(text) is not None
+            and isfinite(float(text)))
 
 
 def _joint(element: ElementTree.Element, urdf: Any) -> Joint:
@@ -375,6 +378,9 @@ def _shapes(robot: ElementTree.Element, urdf: Any, warnings: list[str]
         name = link.attrib['name']
         for element in link:
             if element.tag in shapes:
+                if sum(map(len, shapes.values())) >= _MOST_SHAPES:
+                    warnings.append(f'only the first {_MOST_SHAPES} shapes are read')
+                    return tuple(shapes['visual']), tuple(shapes['collision'])
                 try:
                     shapes[element.tag].append(_shape(element, name, urdf, colors))
                 except DescriptionError as error:

@@ -13,14 +13,14 @@ from dummy_arm.robot.descriptions import DescriptionOrWhy, parsed, STRING, TOPIC
 
 #: The time between two searches for topics (s).
 _SCAN_INTERVAL = 1.0
-#: The largest number of topics.
+#: The largest number of topics at a time.
 _MOST_TOPICS = 20
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
                       durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class DescriptionListener:
-    """Subscribes to all topics whose names end with `TOPIC`; the node must be spun."""
+    """Subscribes to all topics whose names end with `TOPIC` while they have publishers."""
 
     def __init__(self, node: Node) -> None:
         self._node, self._next_scan = node, 0.0
@@ -36,6 +36,12 @@ class DescriptionListener:
         return self._descriptions
 
     def _scan(self) -> None:
+        for topic in [*self._subscriptions]:
+            if not self._node.count_publishers(topic):
+                self._node.destroy_subscription(self._subscriptions.pop(topic))
+                self._texts.pop(topic, None)
+                self._descriptions = {name: each for name, each in self._descriptions.items()
+                                      if name != topic}
         for topic, types in self._node.get_topic_names_and_types():
             if (topic.endswith(f'/{TOPIC}') and types == [STRING]
                     and topic not in self._subscriptions
@@ -43,11 +49,9 @@ class DescriptionListener:
                 self._subscriptions[topic] = self._node.create_subscription(
                     String, topic, partial(self._receive, topic), _LATCHED,
                     event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))
-                if self._node.executor is not None:
-                    self._node.executor.wake()
 
     def _receive(self, topic: str, message: String) -> None:
-        if message.data != self._texts.get(topic):
+        if topic in self._subscriptions and message.data != self._texts.get(topic):
             self._texts[topic] = message.data
             # Replaced, since another thread may be iterating over it.
             self._descriptions = {**self._descriptions, topic: parsed(message.data)}

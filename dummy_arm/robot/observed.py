@@ -1,11 +1,12 @@
 """The descriptions and joint states of robots, as `tf_doctor` examines them."""
 
-from collections.abc import Collection
-from functools import partial
-from typing import Any, TYPE_CHECKING
+from collections.abc import Callable, Collection
+from functools import partial as bound
+from typing import Any, Optional, TYPE_CHECKING
 
 from dummy_arm.inspection.robots import joint_states_of, Robot
 from dummy_arm.robot.descriptions import DescriptionOrWhy, in_bag
+from dummy_arm.robot.joint_positions import JointPositions
 from dummy_arm.tf.bag import decoded, Paths
 
 if TYPE_CHECKING:
@@ -15,13 +16,14 @@ if TYPE_CHECKING:
 _MOST_NAMES = 10_000
 
 
-def robots_in_bag(bag: Paths, is_partial: bool = False) -> list[Robot]:
-    """Return the robots of a bag; the errors are those of `bag.read`."""
-    descriptions = in_bag(bag, is_partial)
+def robots_in_bag(bag: Paths, partial: bool = False,
+                  on_progress: Optional[Callable[[float], object]] = None) -> list[Robot]:
+    """Return the robots of a bag; the arguments and errors are those of `bag.read`."""
+    descriptions = in_bag(bag, partial, on_progress)
     names: dict[str, set[str]] = {}
     if descriptions:
-        for topic, message in decoded(
-                bag, 'sensor_msgs/msg/JointState', 'joint_states', partial=is_partial):
+        for topic, message in decoded(bag, 'sensor_msgs/msg/JointState', 'joint_states',
+                                      partial=partial, on_progress=on_progress):
             _receive(names.setdefault(topic, set()), message)
     return [_robot(topic, each, names.get(joint_states_of(topic), ()))
             for topic, each in descriptions.items()]
@@ -43,9 +45,7 @@ class RobotListener:
             if topic not in self._names:
                 names = self._names[topic] = set()
                 self._node.create_subscription(
-                    JointState, topic, partial(_receive, names), qos_profile_sensor_data)
-                if self._node.executor is not None:
-                    self._node.executor.wake()
+                    JointState, topic, bound(_receive, names), qos_profile_sensor_data)
 
     def robots(self) -> list[Robot]:
         """Return what was received of each robot."""
@@ -61,9 +61,9 @@ def _receive(names: set[str], message: Any) -> None:
 def _robot(topic: str, description: DescriptionOrWhy, states: Collection[str]) -> Robot:
     if isinstance(description, str):
         return Robot(topic, problem=description)
-    joints: dict[str, Any] = {joint.name: [joint.child] for joint in description.joints
-                              if joint.is_movable and joint.mimic is None}
+    joints: dict[str, list[str]] = {}
+    masters = JointPositions(description).masters
     for joint in description.joints:
-        if joint.is_movable and joint.mimic and joint.mimic.joint in joints:
-            joints[joint.mimic.joint].append(joint.child)
+        if joint.name in masters:
+            joints.setdefault(masters[joint.name], []).append(joint.child)
     return Robot(topic, '', description.root, description.links, joints, frozenset(states))

@@ -72,7 +72,8 @@ def find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: 
     """Fill the findings with those of `tf_doctor`, or the reason that there are none."""
     try:
         from dummy_arm.doctor import examine
-        report = examine(bag, namespace=namespace, partial=partial,
+        from dummy_arm.robot.observed import robots_in_bag
+        report = examine(bag, namespace=namespace, partial=partial, read_robots=robots_in_bag,
                          on_progress=lambda done: check_signals())
         findings += [(report.verdict, 0), *((
             f'{finding.severity} {finding.code}: '

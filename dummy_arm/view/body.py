@@ -15,8 +15,9 @@ from dummy_arm.view.meshes import Meshes, Rgba
 from dummy_arm.view.placement import Placement, REACH
 from dummy_arm.view.rods import Display
 
-#: The largest number of shapes of a robot that are drawn.
-MAX_SHAPES = 2000
+#: The largest numbers of shapes of a robot that are drawn, of those drawn at a time, and of the
+#: triangles of its meshes.
+MAX_SHAPES, _AT_A_TIME, MAX_TRIANGLES = 2000, 100, 5_000_000
 #: The side of the box in place of a mesh that is missing (m).
 _MISSING_SIZE = 0.1
 _DEFAULT: Rgba = (0.66, 0.71, 0.78, 1.0)
@@ -59,6 +60,7 @@ class _Robot:
         self.names: list[str] = []  # the frames for which the prefix was found
         self.prefix, self.found = '', 0  # the number of links that have a frame
         self.problems: dict[str, None] = {}  # meshes that are missing
+        self.triangles = 0  # of the meshes that are drawn
         self.parts = [*_parts(description.visuals, False), *_parts(description.collisions, True)]
 
     def lines(self) -> list[str]:
@@ -84,7 +86,7 @@ class Body:
         self._robots: dict[str, _Robot] = {}  # by topic
         #: By the name of a node, which must not depend on those of links: these can have slashes.
         self._owners: dict[str, tuple[_Robot, _Part]] = {}
-        self._next_node = 0
+        self._next_node = self._left = 0  # how many shapes this update may still add
         self._opacity = 1.0
         #: What the panel says of descriptions and meshes; another list after a change.
         self.lines: list[str] = []
@@ -98,6 +100,7 @@ class Body:
         if not self._robots and not has_changed:
             return
         self._set_opacity(body.opacity)
+        self._left = _AT_A_TIME
         rows = np.column_stack([placement.points, placement.poses[:, 3:]]).tolist()
         poses = {name: row for name, row, age in zip(
             placement.names, rows, placement.ages.tolist()) if age < display.timeout}
@@ -161,11 +164,16 @@ class Body:
         return len(robot.problems) > count
 
     def _add(self, shape: Shape, robot: _Robot, part: _Part) -> bool:
-        """Add a shape to the node of its part; return False if its mesh is being loaded."""
+        """Add a shape to the node of its part; return False if it must wait for another update."""
         assert part.node is not None
         mesh = self._meshes.get(shape.file) if shape.kind == 'mesh' else ''
-        if mesh is None:
+        if mesh is None or not self._left:
             return False
+        self._left -= 1
+        if mesh and not isinstance(mesh, str):
+            robot.triangles += len(mesh.faces)
+            if robot.triangles > MAX_TRIANGLES:
+                mesh = f'the robot has more than {MAX_TRIANGLES} triangles: simplify its meshes'
         kind, size, rgba = shape.kind, _within_reach(shape.size), shape.rgba or _DEFAULT
         if shape.kind == 'mesh' and isinstance(mesh, str):
             robot.problems[f'link {shape.link}: {shape.file}: {mesh}'] = None

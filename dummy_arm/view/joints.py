@@ -25,7 +25,7 @@ class _Slider:
     def __init__(self, gui: viser.GuiApi, joint: Joint, position: float) -> None:
         self.joint, self._is_linear = joint, joint.kind == 'prismatic'
         lower, upper = map(self._value, bounds(joint))
-        width = min(upper - lower, 1e9) or 1.0
+        width = upper - lower if upper - lower > 1e-9 else 1.0
         self._digits = max(0, _STEPS - 1 - floor(log10(width)))
         self.shown = self._rounded(position)
         name, unit = abbreviated(joint.name, _LONGEST_NAME), 'm' if self._is_linear else '°'

@@ -18,6 +18,8 @@ import trimesh
 FORMATS = '.stl', '.dae', '.obj', '.ply', '.glb', '.off'
 #: The largest size of a file (bytes).
 MAX_BYTES = 50_000_000
+#: The largest number of triangles of a mesh.
+MAX_FACES = 2_000_000
 _REMEDY = 'pass --meshes DIR, where DIR has the package or the file'
 
 Rgba = tuple[float, float, float, float]
@@ -57,6 +59,13 @@ class Meshes:
                 self._thread = Thread(target=self._load_wanted, daemon=True)
                 self._thread.start()
         return self._loaded.get(file)
+
+    def forget_failures(self) -> None:
+        """Try again to load the meshes that could not be loaded, when they are asked for."""
+        for file, mesh in [*self._loaded.items()]:
+            if isinstance(mesh, str):
+                del self._loaded[file]
+                self._known.discard(file)
 
     def load(self, file: str) -> None:
         """Load a mesh now."""
@@ -119,7 +128,11 @@ def load(path: Path) -> Mesh:
         parts = [(matrix, scene.geometry[name])
                  for matrix, name in map(scene.graph.get, scene.graph.nodes_geometry)
                  if isinstance(scene.geometry[name], trimesh.Trimesh)]
+        if sum(len(part.faces) for _, part in parts) > MAX_FACES:  # a part may be used often
+            raise MeshError(f'it has more than {MAX_FACES} triangles: simplify it')
         mesh = _joined(parts)
+    except MeshError:
+        raise
     except ImportError as error:
         raise MeshError('.dae files need pycollada: pip install pycollada, or convert it to .stl'
                         if kind == '.dae' else f'{error}: convert it to .stl') from None

@@ -112,6 +112,7 @@ class View:
         placements: dict[tuple[str, int], Placement] = {}
         for number, client in clients.items():
             if number not in self._viewers:
+                self._meshes.forget_failures()
                 self._viewers[number] = Viewer(
                     client, self._feed, self._server.initial_camera, self._meshes)
             key = self._viewers[number].request(until)

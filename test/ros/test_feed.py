@@ -107,6 +107,8 @@ def test_descriptions(ros, offer):
     ros.until(lambda: names()['/a/b/robot_description'] == 'new')
     publisher.publish(String(data='<robot'))
     ros.until(lambda: 'not valid XML' in str(names()['/a/b/robot_description']))
+    ros.node.destroy_publisher(publisher)
+    ros.until(lambda: names() == {'/robot_description': 'one'})
 
 
 def test_a_description_of_another_type(ros, offer):

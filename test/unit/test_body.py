@@ -362,6 +362,43 @@ def test_a_mesh_of_several_parts(tmp_path):
     assert mesh.rgba == (1.0, 0.0, 0.2, 1.0)
 
 
+def test_parts_that_are_used_often_count_each_time(tmp_path, monkeypatch):
+    """A small file can name the same part a thousand times."""
+    import trimesh
+    monkeypatch.setattr(meshes_module, 'MAX_FACES', 30)
+    scene = trimesh.Scene()
+    for x in range(3):
+        scene.add_geometry(trimesh.creation.box((1, 1, 1)), geom_name='box', transform=(
+            trimesh.transformations.translation_matrix([x, 0, 0])))
+    scene.export(tmp_path / 'boxes.glb')
+    with pytest.raises(MeshError, match='more than 30 triangles'):
+        load(tmp_path / 'boxes.glb')
+
+
+def test_a_robot_of_too_many_triangles(page, tmp_path, monkeypatch):
+    """The meshes beyond the limit are grey boxes."""
+    from dummy_arm.view import body as body_module
+    monkeypatch.setattr(body_module, 'MAX_TRIANGLES', 1)
+    (tmp_path / 'a.stl').write_bytes(stl([[0, 0, 0], [1, 0, 0], [0, 1, 0]]))
+    body = robot(link('base', *[(f'<mesh filename="file://{tmp_path}/a.stl"/>',)] * 2))
+    shown = page(buffer_of('map base'), {'/robot_description': body}, [str(tmp_path)])
+    shown.until(lambda: len(drawn(shown)) == 2)
+    assert sum('dimensions' in shape for shape in drawn(shown)) == 1
+    shown.until(lambda: 'more than 1 triangles' in shown.viewer.text('robot'))
+
+
+def test_a_mesh_that_comes_later(tmp_path):
+    """It is loaded after `forget_failures`, which runs when a page is loaded."""
+    meshes = Meshes([str(tmp_path)])
+    meshes.load('package://pkg/a.stl')
+    assert isinstance(meshes.get('package://pkg/a.stl'), str)
+    (tmp_path / 'pkg').mkdir()
+    (tmp_path / 'pkg' / 'a.stl').write_bytes(stl([[0, 0, 0], [1, 0, 0], [0, 1, 0]]))
+    meshes.forget_failures()
+    meshes.load('package://pkg/a.stl')
+    assert not isinstance(meshes.get('package://pkg/a.stl'), str)
+
+
 def test_a_mesh_reads_no_other_file(tmp_path):
     """The materials and textures that it names are not opened."""
     (tmp_path / 'a.obj').write_text('mtllib a.mtl\nusemtl red\nv 0 0 0\nv 1 0 0\nv 0 1 0\n'

@@ -255,6 +255,10 @@ BAD = {
                         '<link name="&e;"/></robot>', 'declares an XML entity'),
     'unknown entity': ('<robot name="&e;"/>', 'undefined entity'),
     '10 MB': (robot(link('base', ' ' * MAX_SIZE)), 'too long: at most 10000000 characters'),
+    # An expression that tried each way to split the digits would take hours.
+    'a million digits': (robot(link('base'), link('arm'), joint(
+        'j', 'fixed', 'base', 'arm', xyz=f'{"1" * 10**6}x 0 0')),
+        'xyz of <origin> must be three numbers'),
     'other element': ('<sdf/>', 'must be <robot>, got <sdf>'),
     'no name': ('<robot/>', 'the robot has no name'),
     'version': ('<robot name="r" version="2.0"/>', "must be 1.0, got '2.0'"),

@@ -423,7 +423,7 @@ def with_robot(kind, names, *, namespace='', urdf=URDF):
             ['arm', 'left', 'right'], '2 of 2 movable joints are not on /joint_states, where '
                                       'nothing was received: turn, grip'),
         'link_without_transform': (
-            ['base', 'tip'], '5 of 5 links have no transform: base, tip')}),
+            ['base', 'tip'], '2 of 5 links have no transform: base, tip')}),
 ])
 def test_robots(capsys, tmp_path, kind, names, edges, expected):
     """Joints without states and links without transforms are named; nothing is named twice."""
@@ -449,6 +449,33 @@ def test_robots_with_prefixes(capsys, tmp_path):
         ('joint_without_state', ['/r1/joint_states'], ['r1/left', 'r1/right']),
         ('link_without_transform', ['/r1/robot_description'], ['r1/tip']),
         ('link_without_transform', ['/r2/robot_description'], ['r2_left', 'r2_right', 'r2_tip'])]
+
+
+@pytest.mark.parametrize(('namespace', 'expected'), [('/left', ['left/tip']), ('', [])])
+def test_robots_of_other_namespaces(capsys, tmp_path, namespace, expected):
+    """A robot belongs to the nearest namespace with transforms."""
+    pytest.importorskip('urdf_parser_py')
+    edges = 'base arm', 'arm left', 'arm right', 'left tip'
+    left = [f'left/{edge.replace(" ", " left/")}' for edge in edges[:3]]
+    path = bags.make(tmp_path, 'mcap', in_order([
+        *(tf(i, *edges) for i in range(100)),
+        *(tf(i, *left, topic='/left/tf') for i in range(100)),
+        *with_robot('mcap', ['turn', 'grip']),
+        *with_robot('mcap', ['turn', 'grip'], namespace='/left')]))
+    _, found = doctor(capsys, path, *(['--namespace', namespace] if namespace else []))
+    assert [each['frames'] for each in found['findings']] == [expected] * bool(expected)
+
+
+def test_joints_that_follow_others(capsys, tmp_path):
+    """They miss the state of the one that they follow in the end, and are not named twice."""
+    pytest.importorskip('urdf_parser_py')
+    urdf = URDF.replace('<joint name="end" type="fixed">', '<joint name="end" type="continuous">'
+                        '<mimic joint="follow"/>')
+    path = bags.make(tmp_path, 'mcap', in_order([
+        *(tf(i, 'base arm') for i in range(100)), *with_robot('mcap', ['turn'], urdf=urdf)]))
+    _, found = doctor(capsys, path)
+    assert [(each['code'], each['frames']) for each in found['findings']] == [
+        ('joint_without_state', ['left', 'right', 'tip'])]
 
 
 def test_a_description_that_is_refused(capsys, tmp_path):

@@ -131,6 +131,18 @@ def test_each_finding_jumps_to_its_time(controls):
     viewer.until(lambda: viewer.value('Pause'))
 
 
+def test_findings_about_a_robot(tmp_path):
+    """Those of `tf_doctor`, from the descriptions in the bag."""
+    bags = pytest.importorskip('bags')
+    pytest.importorskip('urdf_parser_py')
+    text = '<robot name="r"><link name="lonely"/></robot>'
+    path = bags.make(tmp_path, 'mcap', [
+        *bags.walk(), ('/robot_description', 100 * S, bags.string(text), bags.STRING)])
+    findings: list[tuple[str, int]] = []
+    web_view.find_faults(findings, [str(path)], '', False)
+    assert any('link_without_transform: lonely' in line for line, _ in findings)
+
+
 def test_a_bag_that_cannot_be_examined(tmp_path):
     """The reason is a line of the findings."""
     findings: list[tuple[str, int]] = []
