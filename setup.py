@@ -20,7 +20,7 @@ All that follows is about a clone of the repository.
 
 setup(
     name=package_name,
-    version='0.2.0',
+    version='0.3.0',
     packages=find_packages(include=[package_name, f'{package_name}.*']),
     package_data={package_name: ['py.typed', 'urdf/*.urdf']},
     data_files=[

@@ -88,6 +88,8 @@ def page_of_the_arm(browser: Browser, url: str) -> None:
         page.get_by_role('combobox', name=label, exact=True).click()
         page.get_by_role('option', name=frame, exact=True).click()
     page.wait_for_timeout(6e3)
+    page.get_by_label('Pause', exact=True).check(force=True)  # axes and body at the same time
+    page.wait_for_timeout(2e3)
     page.screenshot(path=DOCS / 'web_pair.png')
     page.close()
 
