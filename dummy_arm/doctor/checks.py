@@ -304,9 +304,10 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
 def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
     for robot in observation.own_robots:
         start, _ = prefix(robot.topic, robot.root, robot.links, observation.tree_of)
+        # The name of a link can be known without a transform to it, from a child of the link.
         silent = {joint: links for joint, links in robot.joints.items()
                   if joint not in robot.states and not all(
-                      start + link in observation.tree_of for link in links)}
+                      start + link in observation.parents for link in links)}
         if silent:
             topic, states = joint_states_of(robot.topic), sorted(robot.states)
             known = f', which names {_names(states)}' if states else ', where nothing was received'
@@ -818,8 +819,10 @@ def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
         start, _ = prefix(robot.topic, robot.root, robot.links, observation.tree_of)
         silent = {link for joint, links in robot.joints.items() for link in links
                   if joint not in robot.states}  # see joint_without_state
+        # Only the root can be known by its children alone.
+        known = observation.parents.keys() | ({start + robot.root} & observation.tree_of.keys())
         missing = [start + link for link in robot.links
-                   if link not in silent and start + link not in observation.tree_of]
+                   if link not in silent and start + link not in known]
         if missing:
             yield _Fault(f'{len(missing)} of {len(robot.links)} links have no '
                          f'transform: {_names(missing)}', (), missing, [robot.topic])

@@ -37,6 +37,10 @@ class FrameListener:
         if hint := self.topics_hint():
             return hint
         publishers = sum(map(self.node.count_publishers, self.topics))
+        joints = f'{self.topics[0].rpartition("/")[0]}/joint_states'
+        if not publishers and self.node.count_publishers(joints):
+            return (f'{joints} has a publisher, but nothing publishes transforms: start '
+                    'robot_state_publisher FILE')
         static, dynamic = self.topics
         return (f'Publishers on {dynamic} and {static} here: '
                 f'{publishers}. Check that something publishes, and that it has the same '

@@ -1,6 +1,6 @@
 """The description of a robot, read from URDF or xacro; needs no ROS."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import hypot, isfinite
@@ -44,6 +44,7 @@ _PARSER_MISSING = ("urdf_parser_py is missing: pip install 'dummy-arm[robot]', o
                    'ros-jazzy-urdfdom-py')
 _XACRO_MISSING = ("xacro is missing: pip install 'dummy-arm[robot]', or apt install "
                   'ros-jazzy-xacro')
+_IS_XACRO = 'it is xacro: put it into a file *.xacro'
 #: Held while urdf_parser_py is silent, because its function for errors is global.
 _lock = Lock()
 
@@ -159,7 +160,10 @@ def parse(text: str) -> Description:
     _names(robot, 'joint')
     with _silent_parser() as urdf:
         joints = [_joint(element, urdf) for element in robot.findall('joint')]
-        warnings: list[str] = []
+        known = {joint.name for joint in joints}
+        warnings = [f'joint {quoted(joint.name)} mimics {quoted(joint.mimic.joint)}, which is not '
+                    'a joint of the robot: correct the name'
+                    for joint in joints if joint.mimic and joint.mimic.joint not in known]
         root, parents = _tree(links, joints, warnings)
         visuals, collisions = _shapes(robot, urdf, warnings)
     return Description(robot.get('name', ''), text, links,
@@ -200,7 +204,10 @@ def _robot(text: str) -> ElementTree.Element:
     try:
         robot = ElementTree.fromstring(text)
     except (ElementTree.ParseError, UnicodeError) as error:
-        _refuse(f'the robot description is not valid XML: {error}')
+        hint = f'; {_IS_XACRO}' if '<xacro:' in text else ''
+        _refuse(f'the robot description is not valid XML: {error}{hint}')
+    if any('/xacro}' in element.tag for element in robot.iter()):
+        _refuse(f'the robot description has elements of xacro; {_IS_XACRO}')
     namespace = robot.tag.rpartition('}')[0] + '}'
     for element in robot.iter():
         element.tag = element.tag.removeprefix(namespace)
@@ -267,7 +274,7 @@ def _check_numbers(value: str, is_vector: bool, what: str) -> None:
     if len(texts) != (3 if is_vector else 1) or not all(map(_is_number, texts)):
         needed = 'three numbers with blanks between them' if is_vector else 'a number'
         _refuse(f'{what} must be {needed}, got {quoted(value)}' + (
-            '; it is xacro: put it into a file *.xacro' if '${' in value else ''))
+            f'; {_IS_XACRO}' if '${' in value else ''))
 
 
 def _is_number(text: str) -> bool:
@@ -381,10 +388,14 @@ def _shapes(robot: ElementTree.Element, urdf: Any, warnings: list[str]
                 if sum(map(len, shapes.values())) >= _MOST_SHAPES:
                     warnings.append(f'only the first {_MOST_SHAPES} shapes are read')
                     return tuple(shapes['visual']), tuple(shapes['collision'])
+                material = element.find('material')
                 try:
                     shapes[element.tag].append(_shape(element, name, urdf, colors))
                 except DescriptionError as error:
                     warnings.append(f'link {quoted(name)}: a {element.tag} is left out: {error}')
+                else:
+                    if problem := _color_problem(material, colors):
+                        warnings.append(f'link {quoted(name)}: {problem}')
     return tuple(shapes['visual']), tuple(shapes['collision'])
 
 
@@ -406,6 +417,16 @@ def _shape(element: ElementTree.Element, link: str, urdf: Any,
             (body.radius,) if kind == 'sphere' else body.scale or (1.0, 1.0, 1.0))
     return Shape(link, _origin(shape.origin), kind, tuple(size), getattr(body, 'filename', ''),
                  rgba)
+
+
+def _color_problem(material: Optional[ElementTree.Element], colors: Mapping[str, object]) -> str:
+    """Return why a shape does not have the color of its material, or ''."""
+    if material is None or material.find('texture') is not None or _color(material):
+        return ''
+    if material.find('color') is not None:
+        return 'a color is ignored: rgba must be four numbers from 0 to 1'
+    name = material.get('name', '')
+    return '' if name in colors else f'there is no material {quoted(name)} with a color'
 
 
 def _color(material: ElementTree.Element) -> Optional[tuple[float, float, float, float]]:

@@ -22,8 +22,9 @@ _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
 class DescriptionListener:
     """Subscribes to all topics whose names end with `TOPIC` while they have publishers."""
 
-    def __init__(self, node: Node) -> None:
-        self._node, self._next_scan = node, 0.0
+    def __init__(self, node: Node, namespace: str = '') -> None:
+        """Listen to the topics below a namespace, such as '/left'."""
+        self._node, self._next_scan, self._namespace = node, 0.0, namespace
         self._subscriptions: dict[str, Any] = {}
         self._texts: dict[str, str] = {}
         self._descriptions: dict[str, DescriptionOrWhy] = {}
@@ -43,7 +44,8 @@ class DescriptionListener:
                 self._descriptions = {name: each for name, each in self._descriptions.items()
                                       if name != topic}
         for topic, types in self._node.get_topic_names_and_types():
-            if (topic.endswith(f'/{TOPIC}') and types == [STRING]
+            if (topic.startswith(f'{self._namespace}/') and topic.endswith(f'/{TOPIC}')
+                    and types == [STRING]
                     and topic not in self._subscriptions
                     and len(self._subscriptions) < _MOST_TOPICS):
                 self._subscriptions[topic] = self._node.create_subscription(

@@ -152,7 +152,8 @@ class LiveFeed:
         #: By name: the traffic of the frames that viewers look at, the last one asked for last.
         self._traffic: dict[str, Traffic] = {}
         self._frame_listener = FrameListener(node, 2 * LENGTH)
-        self._description_listener = DescriptionListener(node)
+        self._description_listener = DescriptionListener(
+            node, self._frame_listener.topics[0].rpartition('/')[0])
         self.name = ' and '.join(reversed(self._frame_listener.topics))
         self.buffer: AnyBuffer = self._frame_listener.buffer
         self.hand_publisher: Optional[HandPublisher] = HandPublisher(self._frame_listener)

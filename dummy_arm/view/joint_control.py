@@ -1,11 +1,12 @@
 """The joints that viewers move: their states are published, or a node is told to hold them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import islice
 from time import monotonic
 from typing import Any, Optional, Protocol, TYPE_CHECKING
 
 from dummy_arm.cli.parser import UsageError
+from dummy_arm.inspection.robots import joint_states_of
 from dummy_arm.robot.description import Description
 from dummy_arm.robot.descriptions import DescriptionOrWhy, TOPIC
 from dummy_arm.robot.joint_positions import JointPositions
@@ -200,8 +201,7 @@ class JointCommanders:
     """The nodes that listen to a topic joint_command."""
 
     come_first = False
-    why_none = ('No node listens to a topic joint_command. To move the joints of a robot, start '
-                'joint_state_publisher FILE.')
+    why_none = ''
 
     def __init__(self, node: 'Node') -> None:
         self._node, self._next = node, 0.0
@@ -214,6 +214,7 @@ class JointCommanders:
         if monotonic() >= self._next:
             self._next = monotonic() + _PERIOD
             self._namespaces = dict(islice(self._listening(), _MOST))
+            self.why_none = self._why_none(descriptions)
         found = {topic: description for topic, namespace in self._namespaces.items() if isinstance(
             description := descriptions.get(full_name(namespace, TOPIC)), Description)}
         for topic in self._commanders.keys() - found.keys():
@@ -225,6 +226,16 @@ class JointCommanders:
             self._commanders[topic].set_description(description)
             self._commanders[topic].take_reported()
         self.controls = [*self._commanders.values()]
+
+    def _why_none(self, descriptions: Iterable[str]) -> str:
+        from dummy_arm.tf.publisher_listener import node_of
+        for topic in map(joint_states_of, descriptions):
+            if names := {node_of(info) for info in self._node.get_publishers_info_by_topic(topic)}:
+                return (f'{comma_list(sorted(names), 5, in_log)} publishes on {in_log(topic)}: '
+                        'joint_state_publisher has its sliders on its own page; other nodes can '
+                        'be moved if they listen to a topic joint_command.')
+        return ('No node listens to a topic joint_command. To move the joints of a robot, start '
+                'joint_state_publisher FILE.')
 
     def _listening(self) -> Iterator[tuple[str, str]]:
         """Yield each topic joint_command, and the namespace of a node that listens to it."""

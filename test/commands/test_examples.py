@@ -7,7 +7,9 @@ import time
 from environment import ROOT
 from processes import Process
 import pytest
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_node import stamped
+from std_msgs.msg import String
 
 from dummy_arm.tf import StaticTransformBroadcaster, TransformBroadcaster
 
@@ -68,7 +70,11 @@ def test_record_writes_a_bag(start, ros, tmp_path):
     from rosbags.interfaces import QosDurability
     from rosbags.typesys import get_typestore, Stores
 
-    recorder = start('-c', RECORDER.replace('LIMIT', '1000'), str(tmp_path / 'bag'))
+    recorder = start('-c', RECORDER.replace('LIMIT', '1000').replace('51', '52'),
+                     str(tmp_path / 'bag'))
+    description = ros.node.create_publisher(String, '/robot_description', QoSProfile(
+        depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+    description.publish(String(data='<robot/>'))
     dynamic = TransformBroadcaster(ros.node)
     ros.until(lambda: dynamic.pub_tf.get_subscription_count() == 1)
     StaticTransformBroadcaster(ros.node).sendTransform(stamped('map', 'odom'))
@@ -80,15 +86,21 @@ def test_record_writes_a_bag(start, ros, tmp_path):
     recorder.end(signal.SIGTERM)
     assert recorder.exit_code() == 0
     assert 'Traceback' not in recorder.output
-    assert recorder.output.endswith(': 51 messages\n')
+    assert recorder.output.endswith(': 52 messages\n')
     types = get_typestore(Stores.ROS2_JAZZY)
     found: dict[str, list[tuple[str, int, int]]] = {'/tf': [], '/tf_static': []}
     with rosbag2.Reader(tmp_path / 'bag') as bag:
         assert {connection.topic: connection.ext.offered_qos_profiles[0].durability
                 for connection in bag.connections} == {
-            '/tf': QosDurability.VOLATILE, '/tf_static': QosDurability.TRANSIENT_LOCAL}
+            '/tf': QosDurability.VOLATILE, '/tf_static': QosDurability.TRANSIENT_LOCAL,
+            '/robot_description': QosDurability.TRANSIENT_LOCAL,
+            '/joint_states': QosDurability.VOLATILE}
         for connection, arrival, data in bag.messages():
-            (transform,) = types.deserialize_cdr(data, connection.msgtype).transforms
+            message = types.deserialize_cdr(data, connection.msgtype)
+            if connection.topic == '/robot_description':
+                assert message.data == '<robot/>'
+                continue
+            (transform,) = message.transforms
             stamp = transform.header.stamp
             found[connection.topic].append(
                 (transform.child_frame_id, stamp.sec * 10**9 + stamp.nanosec, arrival))

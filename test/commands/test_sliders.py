@@ -102,6 +102,11 @@ def test_another_robot_in_a_namespace(ros, robot, open_viewer):
         viewer.until(lambda: commands)
         viewer.until(lambda: viewer.value('axle (°)') == -90.0)  # it has not obeyed
         robot.destroy_subscription(subscription)
+        viewer.until(lambda: '/left/robot publishes on /left/joint_states' in
+                     viewer.text('joints'))
+        for timer in [*robot.timers]:
+            robot.destroy_timer(timer)
+        robot.destroy_publisher(states)
         viewer.until(lambda: 'No node listens' in viewer.text('joints'))
     assert [(command.name, [*command.position]) for command in commands] == [
         (['axle'], [pytest.approx(pi / 4)])]

@@ -27,6 +27,8 @@ def test_python_runs(start, bag_of_a_walk, block, request):  # noqa: F811
     if 'rclpy.spin(' in block.code:
         ros = request.getfixturevalue('ros')
         ros.until(lambda: ros.node.count_publishers('/tf'))
+        if begin:
+            process.line_with(begin)
         process.press_ctrl_c()
     assert process.exit_code() == 0, process.output
     assert process.output.startswith(begin)

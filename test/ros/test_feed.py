@@ -4,6 +4,7 @@ import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from ros_node import stamped
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
 from dummy_arm.tf import TransformBroadcaster
@@ -109,6 +110,29 @@ def test_descriptions(ros, offer):
     ros.until(lambda: 'not valid XML' in str(names()['/a/b/robot_description']))
     ros.node.destroy_publisher(publisher)
     ros.until(lambda: names() == {'/robot_description': 'one'})
+
+
+def test_descriptions_of_a_namespace(ros, offer):
+    """The page of a namespace has its robots only."""
+    node = Node('page', context=ros.context, namespace='left', cli_args=[
+        '--ros-args', '-r', '/tf:=tf', '-r', '/tf_static:=tf_static'])
+    ros.executor.add_node(node)
+    feed = LiveFeed(node)
+    for topic in '/robot_description', '/right/robot_description', '/left/robot_description':
+        offer(topic, urdf('one'))
+    ros.until(feed.descriptions)
+    assert feed.descriptions().keys() == {'/left/robot_description'}
+    ros.executor.remove_node(node)
+    node.destroy_node()
+
+
+def test_joint_states_without_a_robot_state_publisher(ros):
+    """The page says which program is missing."""
+    feed = LiveFeed(ros.node)
+    ros.node.create_publisher(JointState, '/joint_states', 1)
+    ros.until(lambda: feed.why_no_frames() == (
+        '/joint_states has a publisher, but nothing publishes transforms: start '
+        'robot_state_publisher FILE'))
 
 
 def test_a_description_of_another_type(ros, offer):

@@ -259,6 +259,12 @@ BAD = {
     'a million digits': (robot(link('base'), link('arm'), joint(
         'j', 'fixed', 'base', 'arm', xyz=f'{"1" * 10**6}x 0 0')),
         'xyz of <origin> must be three numbers'),
+    'xacro elements': (
+        '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro"><xacro:property name="a" '
+        'value="1"/><link name="base"/></robot>',
+        'elements of xacro; it is xacro: put it into a file'),
+    'xacro without a namespace': ('<robot name="r"><xacro:macro/></robot>',
+                                  'unbound prefix.*it is xacro: put it into a file'),
     'other element': ('<sdf/>', 'must be <robot>, got <sdf>'),
     'no name': ('<robot/>', 'the robot has no name'),
     'version': ('<robot name="r" version="2.0"/>', "must be 1.0, got '2.0'"),
@@ -293,6 +299,28 @@ BAD = {
     'xacro': (tree(('j', 'fixed', 'a', 'b', '${x} 0 0')), r'it is xacro: put it into a file'),
     'name with newlines': (tree(('j\n\x85k', 'ball', 'a', 'b')), 'the type must be'),
 }
+
+
+@pytest.mark.parametrize(('material', 'warning'), [
+    ('<material name="m"><color rgba="217 38 25 1"/></material>', 'rgba must be four numbers'),
+    ('<material name="m"><color rgba="1 0 0"/></material>', 'rgba must be four numbers'),
+    ('<material name="none"/>', "there is no material 'none' with a color"),
+    ('<material name="blue"/>', ''), ('', ''),
+    ('<material name="m"><texture filename="a.png"/></material>', '')])
+def test_colors_that_are_ignored_are_named(material, warning):
+    """The shape is drawn all the same."""
+    text = robot('<material name="blue"><color rgba="0 0 1 1"/></material>', link(
+        'base', f'<visual><geometry><sphere radius="1"/></geometry>{material}</visual>'))
+    found = parse(text)
+    assert len(found.visuals) == 1
+    assert [warning in each for each in found.warnings] == [True] * bool(warning)
+
+
+def test_a_mimic_of_an_unknown_joint_is_named():
+    """The joint moves by itself."""
+    text = robot(joint('j', 'revolute', 'a', 'b', more='<mimic joint="k"/>'), links='ab')
+    assert parse(text).warnings == (
+        "joint 'j' mimics 'k', which is not a joint of the robot: correct the name",)
 
 
 @pytest.mark.parametrize('name', BAD)

@@ -416,6 +416,9 @@ def with_robot(kind, names, *, namespace='', urdf=URDF):
     (['turn'], ('base arm', 'left tip'), {'joint_without_state': (
         ['left', 'right'], '1 of 2 movable joints are not on /joint_states, which names turn: '
                            'grip')}),
+    # That a frame has children does not mean that a transform leads to it.
+    (['grip'], ('arm left', 'arm right', 'left tip', 'x base'), {'joint_without_state': (
+        ['arm'], '1 of 2 movable joints are not on /joint_states, which names grip: turn')}),
     (['turn', 'grip'], ('base arm', 'arm left', 'arm right'), {'link_without_transform': (
         ['tip'], '1 of 5 links have no transform: tip')}),
     ([], ('x y',), {
