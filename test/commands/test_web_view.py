@@ -140,6 +140,8 @@ def test_the_body_of_the_arm_in_a_browser(start, open_page, request, tmp_path):
             np.linalg.norm(scene.begins[0] - body, axis=1).min() < 1e-4 for body in scene.bodies)
 
     page.until(stand_at_frames)
+    page.open_tab('Display')
+    page.tick('Lines to parents', False)  # they are orange, too
     page.open_tab('Robot')
     page.until(lambda: 'dummy_arm on /robot_description: 5 of 5 links have a frame' in
                page.page.inner_text('[data-text="robot"]'))
@@ -151,10 +153,9 @@ def test_the_body_of_the_arm_in_a_browser(start, open_page, request, tmp_path):
         red, green, blue = np.moveaxis(iio.imread(picture)[200:, :, :3].astype(int), -1, 0)
         return ((red > 150) & (red - green > 60) & (green - blue > 30)).sum()
 
-    page.until(lambda: orange() > 1000)
-    shown = orange()
+    page.until(lambda: orange() > 300)
     page.tick('Visual', False)
-    page.until(lambda: not len(page.scene().bodies) and orange() < shown - 800)
+    page.until(lambda: not len(page.scene().bodies) and orange() < 30)
 
 
 @pytest.mark.parametrize('size', [(1400, 900), (390, 800)], ids=str)

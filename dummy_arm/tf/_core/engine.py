@@ -13,7 +13,6 @@ from functools import partial
 import logging
 from operator import index
 import os
-from queue import SimpleQueue
 from threading import RLock
 from typing import Any, Optional, Protocol, TypeVar
 from weakref import ref, WeakSet
@@ -24,6 +23,7 @@ from dummy_arm.tf._core.lookup import Lookups
 from dummy_arm.tf._core.pose import BatchOrRows, Pose
 from dummy_arm.tf._core.times import nanoseconds_or_int
 from dummy_arm.tf._core.tree import FrameTree
+from dummy_arm.tf._core.wake import Wake
 from dummy_arm.tf.exceptions import TransformException
 
 _Result = TypeVar('_Result')
@@ -83,9 +83,9 @@ class Engine:
         self._sources: tuple[Source, ...] = ()
         self._waiters: tuple[Waiter, ...] = ()
         #: A number that grows when blocked lookups should try again.
-        self._generation = 0
-        #: The queues of the blocked lookups; each insertion puts the new generation into them.
-        self.queues: set[SimpleQueue[int]] = set()
+        self.generation = 0
+        #: What wakes the blocked lookups.
+        self.wakes: set[Wake] = set()
         #: True during a change of the data, and after a change that was interrupted.
         self._is_changing = False
         _engines.add(self)
@@ -123,11 +123,11 @@ class Engine:
                 for source in self._sources:
                     if batches := source.take():
                         self._insert(batches)
-            return self._generation
+            return self.generation
 
     def update_for_user(self) -> int:
         """Update in a user's thread; if waiters wait for the new data, a listener checks them."""
-        before = self._generation
+        before = self.generation
         after = self.update()
         if after > before and any(waiter.is_waiting for waiter in self._waiters):
             self.wake_sources()
@@ -174,9 +174,9 @@ class Engine:
         return result
 
     def _notify_lookups(self) -> None:
-        self._generation += 1
-        for queue in tuple(self.queues):
-            queue.put(self._generation)
+        self.generation += 1
+        for wake in tuple(self.wakes):
+            wake.set()
 
     def after_insertion(self) -> bool:
         """
@@ -247,7 +247,7 @@ class Engine:
     @property
     def is_awaited(self) -> bool:
         """True if a blocked lookup or a waiter waits for a transform."""
-        return bool(self.queues) or any(waiter.is_waiting for waiter in self._waiters)
+        return bool(self.wakes) or any(waiter.is_waiting for waiter in self._waiters)
 
     def add_waiter(self, waiter: Waiter) -> None:
         with self.lock:
@@ -265,7 +265,7 @@ class Engine:
     def after_fork(self) -> None:
         """Keep the data in the child of a fork, where only the forking thread exists."""
         self.lock = RLock()  # another thread may have held the old one
-        self._sources, self._waiters, self.queues = (), (), set()
+        self._sources, self._waiters, self.wakes = (), (), set()
         self.is_alive = lambda: True
         self.look = Surroundings  # locks of the ROS graph may be held for good
         self.insertion.log.write = logging.getLogger('dummy_arm.tf').warning

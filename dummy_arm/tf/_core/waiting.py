@@ -1,12 +1,11 @@
 """Lookups with a timeout: they wait until their transforms arrive."""
 
 from collections.abc import Callable
-from contextlib import suppress
-from queue import Empty, SimpleQueue
 from time import monotonic
 from typing import Any, Optional, TypeVar
 
 from dummy_arm.tf._core.engine import Engine
+from dummy_arm.tf._core.wake import Wake
 from dummy_arm.tf.exceptions import TransformException
 
 _Result = TypeVar('_Result')
@@ -32,11 +31,11 @@ def wait(engine: Engine, timeout: float, lookup: Callable[..., _Result], *argume
             raise
     deadline, before = monotonic() + timeout, engine.liveness()
     # No `Condition`: a KeyboardInterrupt inside of it could leave its lock held.
-    queue: SimpleQueue[int] = SimpleQueue()
+    wake = Wake()
     try:
         # In this order, no data are missed: the next update takes what has arrived by then, and
-        # the listeners' threads do not pause afterwards, because the queue exists.
-        engine.queues.add(queue)
+        # the listeners' threads do not pause afterwards, because `wakes` is not empty.
+        engine.wakes.add(wake)
         engine.wake_sources()
         while True:
             # If no source is left before the update, this attempt can be the last.
@@ -48,11 +47,11 @@ def wait(engine: Engine, timeout: float, lookup: Callable[..., _Result], *argume
                 if is_over or monotonic() >= deadline:
                     raise
             next_attempt = min(deadline, monotonic() + _RETRY_INTERVAL)
-            with suppress(Empty):
-                while queue.get(timeout=max(0.0, next_attempt - monotonic())) <= seen:
-                    pass
+            while (wake.wait(max(0.0, next_attempt - monotonic()))
+                   and engine.generation <= seen):
+                pass
     finally:
-        engine.queues.discard(queue)
+        engine.wakes.discard(wake)
 
 
 def why_not(engine: Engine, timeout: float, check: Callable[..., None], *arguments: Any

@@ -5,7 +5,6 @@ from contextlib import suppress
 from functools import partial
 from math import inf
 import os
-from queue import Empty, SimpleQueue
 from threading import RLock, Thread, TIMEOUT_MAX
 from time import monotonic
 from traceback import format_exc
@@ -18,6 +17,7 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.task import Future
 
+from dummy_arm.tf._core.wake import Wake
 from dummy_arm.tf._ros.rclpy_private import is_of_executor
 from dummy_arm.tf.exceptions import TimeoutException, TransformException
 
@@ -56,7 +56,7 @@ class PendingFutures:
 
     `_futures` needs no lock: each change is one atomic operation, and only the thread that has
     removed a future completes it. So the garbage collector, which removes dropped futures, and
-    signal handlers may interrupt any method. A `SimpleQueue` allows that, too.
+    signal handlers may interrupt any method. A `Wake` allows that, too.
     """
 
     def __init__(self, node: Optional[Node]) -> None:
@@ -66,7 +66,7 @@ class PendingFutures:
         self._futures: dict[int, ref[TransformFuture]] = {}
         #: The futures that were passed to `keep` and are pending. This set keeps them alive.
         self._kept: set[TransformFuture] = set()
-        self._wakes: SimpleQueue[None] = SimpleQueue()
+        self._wake = Wake()
         self._starting = RLock()
         #: The thread that ends futures by timeout; None while no future has one.
         self._thread: Optional[Thread] = None
@@ -119,7 +119,7 @@ class PendingFutures:
     def _remove(self, key: int, _: Any = None) -> bool:
         was_pending = self._futures.pop(key, None) is not None
         if not self._futures and self._thread is not None:
-            self._wakes.put(None)  # the thread ends
+            self._wake.set()  # the thread ends
         return was_pending
 
     def check(self) -> bool:
@@ -163,7 +163,7 @@ class PendingFutures:
 
     def _start_thread(self) -> None:
         """Start the thread, or make it check the deadlines again."""
-        self._wakes.put(None)
+        self._wake.set()
         with self._starting:
             if self._thread is None:
                 self._thread = Thread(target=self._watch_deadlines, daemon=True)
@@ -174,13 +174,10 @@ class PendingFutures:
         while True:
             deadline = min((each.deadline for each in self._pending()), default=inf)
             with self._starting:
-                if deadline == inf and self._wakes.empty():
+                if deadline == inf and not self._wake.is_set():
                     self._thread = None
                     return
-            with suppress(Empty):
-                self._wakes.get(timeout=min(max(0.0, deadline - monotonic()), TIMEOUT_MAX))
-                while True:
-                    self._wakes.get_nowait()
+            self._wake.wait(min(max(0.0, deadline - monotonic()), TIMEOUT_MAX))
             self._end_expired()
 
     def _end_expired(self) -> None:
