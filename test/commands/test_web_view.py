@@ -123,41 +123,6 @@ def test_the_waving_arm_in_a_browser(start, ros, open_page, request, tmp_path):
     listener.unregister()
 
 
-def test_the_body_of_the_arm_in_a_browser(start, open_page, request, tmp_path):
-    """Its links are drawn at their frames, and move; the checkbox hides them."""
-    import imageio.v3 as iio
-    pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
-    start(*ARM)
-    page = open_page(start(*tool('web_view')))
-    scene = page.until(lambda: len((scene := page.scene_with(*FRAMES)).bodies) == 5 and scene)
-    hand = scene.bodies[-1]
-    page.until(lambda: np.linalg.norm(page.scene().bodies[-1] - hand) > 0.05)
-    page.tick('Pause', True)
-
-    def stand_at_frames():
-        scene = page.scene()
-        return len(scene.bodies) == 5 and all(
-            np.linalg.norm(scene.begins[0] - body, axis=1).min() < 1e-4 for body in scene.bodies)
-
-    page.until(stand_at_frames)
-    page.open_tab('Display')
-    page.tick('Lines to parents', False)  # they are orange, too
-    page.open_tab('Robot')
-    page.until(lambda: 'dummy_arm on /robot_description: 5 of 5 links have a frame' in
-               page.page.inner_text('[data-text="robot"]'))
-
-    def orange():
-        """Return the number of orange pixels, as the beams have, below the warning of viser."""
-        picture = artefact(request, tmp_path, 'web_view_body.png')
-        page.page.screenshot(path=picture)
-        red, green, blue = np.moveaxis(iio.imread(picture)[200:, :, :3].astype(int), -1, 0)
-        return ((red > 150) & (red - green > 60) & (green - blue > 30)).sum()
-
-    page.until(lambda: orange() > 300)
-    page.tick('Visual', False)
-    page.until(lambda: not len(page.scene().bodies) and orange() < 30)
-
-
 @pytest.mark.parametrize('size', [(1400, 900), (390, 800)], ids=str)
 def test_the_tabs_in_a_browser(start, ros, request, tmp_path, size):
     """A viewer uses each tab, on a wide screen and on a narrow one."""

@@ -1,0 +1,50 @@
+"""The body of the arm in the page, in a real browser."""
+
+import imageio.v3 as iio
+import numpy as np
+from processes import ARM, tool
+import pytest
+
+pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
+from browser import pages
+
+FRAMES = 'map, base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector'
+
+
+def test_the_body_of_the_arm_in_a_browser(start, tmp_path):
+    """Its links are drawn at their frames, and move; the checkbox hides them."""
+    start(*ARM)
+    view = start(*tool('web_view'))
+    with pages() as open_url:
+        page = open_url(view.line_with('look at http').split()[-1])
+        look_at_the_body(page, tmp_path / 'body.png')
+
+
+def look_at_the_body(page, picture):
+    """Look where the links are, and at the colours of the page."""
+    scene = page.until(lambda: len((scene := page.scene_with(*FRAMES)).bodies) == 5 and scene)
+    hand = scene.bodies[-1]
+    page.until(lambda: np.linalg.norm(page.scene().bodies[-1] - hand) > 0.05)
+    page.tick('Pause', True)
+
+    def stand_at_frames():
+        scene = page.scene()
+        return len(scene.bodies) == 5 and all(
+            np.linalg.norm(scene.begins[0] - body, axis=1).min() < 1e-4 for body in scene.bodies)
+
+    page.until(stand_at_frames)
+    page.open_tab('Display')
+    page.tick('Lines to parents', False)  # they are orange, too
+    page.open_tab('Robot')
+    page.until(lambda: 'dummy_arm on /robot_description: 5 of 5 links have a frame' in
+               page.page.inner_text('[data-text="robot"]'))
+
+    def orange():
+        """Return the number of orange pixels, as the beams have, below the warning of viser."""
+        page.page.screenshot(path=picture)
+        red, green, blue = np.moveaxis(iio.imread(picture)[200:, :, :3].astype(int), -1, 0)
+        return ((red > 150) & (red - green > 60) & (green - blue > 30)).sum()
+
+    page.until(lambda: orange() > 300)
+    page.tick('Visual', False)
+    page.until(lambda: not len(page.scene().bodies) and orange() < 30)
