@@ -21,7 +21,7 @@ from dummy_arm.doctor.tf_statistics import (
     Track,
 )
 from dummy_arm.inspection.forest import Forest
-from dummy_arm.inspection.robots import joint_states_of, prefix
+from dummy_arm.inspection.robots import joint_states_of
 from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import (
     comma_list,
@@ -302,8 +302,7 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
         'Send its position on the topic joint_states, under the name that the description gives '
         'it; joint_state_publisher does this.')
 def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
-    for robot in observation.own_robots:
-        start, _ = prefix(robot.topic, robot.root, robot.links, observation.tree_of)
+    for robot, start in observation.own_robots:
         # The name of a link can be known without a transform to it, from a child of the link.
         silent = {joint: links for joint, links in robot.joints.items()
                   if joint not in robot.states and not all(
@@ -815,8 +814,7 @@ def _missing_part(observation: Observation) -> Iterator[_Fault]:
         'Start robot_state_publisher with this description; if it runs, compare its frame_prefix '
         'with the names of the frames.')
 def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
-    for robot in observation.own_robots:
-        start, _ = prefix(robot.topic, robot.root, robot.links, observation.tree_of)
+    for robot, start in observation.own_robots:
         silent = {link for joint, links in robot.joints.items() for link in links
                   if joint not in robot.states}  # see joint_without_state
         # Only the root can be known by its children alone.

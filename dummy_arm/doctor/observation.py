@@ -10,7 +10,7 @@ from typing import NamedTuple, Optional, TYPE_CHECKING
 
 from dummy_arm.doctor.message_times import Edge, Judge, MessageTimes
 from dummy_arm.doctor.tf_statistics import Statistics, Track
-from dummy_arm.inspection.robots import Robot
+from dummy_arm.inspection.robots import prefix, Robot
 from dummy_arm.inspection.traffic import recreated
 from dummy_arm.tf.bag import Headers, messages, missing_part, NOT_RECORDED, Topic
 from dummy_arm.tf.formatting import comma_list, namespace_path, SECOND
@@ -145,9 +145,10 @@ class Observation:
         return {topic: headers for topic, headers in self.headers.items() if self._is_own(topic)}
 
     @cached_property
-    def own_robots(self) -> list[Robot]:
-        """Those `robots` whose nearest namespace with transforms is that of `topics`."""
-        return [robot for robot in self.robots if self._is_own(robot.topic)]
+    def own_robots(self) -> list[tuple[Robot, str]]:
+        """Those `robots` whose namespace is that of `topics`, and the prefix of their frames."""
+        return [(robot, prefix(robot.topic, robot.root, robot.links, self.tree_of)[0])
+                for robot in self.robots if self._is_own(robot.topic)]
 
     @cached_property
     def message_times(self) -> list[MessageTimes]:

@@ -6,6 +6,7 @@ from time import monotonic
 from rclpy.duration import Duration
 from rclpy.node import Node
 
+from dummy_arm.inspection.robots import joint_states_of
 from dummy_arm.tf import Buffer, Frame
 from dummy_arm.tf.publisher_listener import PublisherListener
 
@@ -37,7 +38,7 @@ class FrameListener:
         if hint := self.topics_hint():
             return hint
         publishers = sum(map(self.node.count_publishers, self.topics))
-        joints = f'{self.topics[0].rpartition("/")[0]}/joint_states'
+        joints = joint_states_of(self.topics[0])
         if not publishers and self.node.count_publishers(joints):
             return (f'{joints} has a publisher, but nothing publishes transforms: start '
                     'robot_state_publisher FILE')

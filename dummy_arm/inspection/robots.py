@@ -41,5 +41,5 @@ def prefix(topic: str, root: str, links: Sequence[str], frames: Collection[str]
 
 
 def joint_states_of(topic: str) -> str:
-    """Return the topic of the joint states of the robot with a description on a topic."""
+    """Return the topic of the joint states in the namespace of another topic of a robot."""
     return f'{topic.rpartition("/")[0]}/joint_states'

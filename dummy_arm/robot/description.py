@@ -1,6 +1,6 @@
 """The description of a robot, read from URDF or xacro; needs no ROS."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from math import hypot, isfinite
@@ -21,6 +21,8 @@ from dummy_arm.tf.rotations import (
 
 #: x, y, z (m) and the quaternion x, y, z, w.
 Pose = tuple[float, float, float, float, float, float, float]
+#: Red, green, blue and opacity, from 0 to 1.
+Rgba = tuple[float, float, float, float]
 
 #: The types of joints.
 KINDS = ('revolute', 'continuous', 'prismatic', 'fixed', 'planar', 'floating')
@@ -115,7 +117,7 @@ class Shape:
     kind: str
     size: tuple[float, ...]
     file: str
-    rgba: Optional[tuple[float, float, float, float]]
+    rgba: Optional[Rgba]
 
 
 @dataclass(frozen=True)
@@ -389,24 +391,20 @@ def _shapes(robot: ElementTree.Element, urdf: Any, warnings: list[str]
                     warnings.append(f'only the first {_MOST_SHAPES} shapes are read')
                     return tuple(shapes['visual']), tuple(shapes['collision'])
                 material = element.find('material')
+                if material is not None:
+                    element.remove(material)
+                rgba, problem = _rgba(material, colors)
                 try:
-                    shapes[element.tag].append(_shape(element, name, urdf, colors))
+                    shapes[element.tag].append(_shape(element, name, urdf, rgba))
                 except DescriptionError as error:
                     warnings.append(f'link {quoted(name)}: a {element.tag} is left out: {error}')
                 else:
-                    if problem := _color_problem(material, colors):
+                    if problem:
                         warnings.append(f'link {quoted(name)}: {problem}')
     return tuple(shapes['visual']), tuple(shapes['collision'])
 
 
-def _shape(element: ElementTree.Element, link: str, urdf: Any,
-           colors: dict[str, tuple[float, float, float, float]]) -> Shape:
-    material, rgba = element.find('material'), None
-    if material is not None:
-        element.remove(material)
-        # A link may use a color that another link has defined; the first definition counts.
-        name, color = material.get('name', ''), _color(material)
-        rgba = colors.setdefault(name, color) if name and color else color or colors.get(name)
+def _shape(element: ElementTree.Element, link: str, urdf: Any, rgba: Optional[Rgba]) -> Shape:
     geometry = element.find('geometry')
     if geometry is None or len(geometry) != 1:
         _refuse('<geometry> must contain one of <box>, <cylinder>, <sphere>, <mesh>')
@@ -419,17 +417,25 @@ def _shape(element: ElementTree.Element, link: str, urdf: Any,
                  rgba)
 
 
-def _color_problem(material: Optional[ElementTree.Element], colors: Mapping[str, object]) -> str:
-    """Return why a shape does not have the color of its material, or ''."""
-    if material is None or material.find('texture') is not None or _color(material):
-        return ''
-    if material.find('color') is not None:
-        return 'a color is ignored: rgba must be four numbers from 0 to 1'
-    name = material.get('name', '')
-    return '' if name in colors else f'there is no material {quoted(name)} with a color'
+def _rgba(material: Optional[ElementTree.Element], colors: dict[str, Rgba]
+          ) -> tuple[Optional[Rgba], str]:
+    """Return the color of a shape, and why that of its material is ignored, or ''."""
+    if material is None:
+        return None, ''
+    # A link may use a color that another link has defined; the first definition counts.
+    name, color = material.get('name', ''), _color(material)
+    if color:
+        return colors.setdefault(name, color) if name else color, ''
+    color, problem = colors.get(name), ''
+    if material.find('texture') is None:
+        if material.find('color') is not None:
+            problem = 'a color is ignored: rgba must be four numbers from 0 to 1'
+        elif not color:
+            problem = f'there is no material {quoted(name)} with a color'
+    return color, problem
 
 
-def _color(material: ElementTree.Element) -> Optional[tuple[float, float, float, float]]:
+def _color(material: ElementTree.Element) -> Optional[Rgba]:
     """Return the color of a material; None if it has none, or one that is not valid."""
     color = material.find('color')
     texts = [] if color is None else color.get('rgba', '').split()

@@ -9,9 +9,9 @@ import numpy as np
 import viser
 
 from dummy_arm.inspection.robots import prefix
-from dummy_arm.robot.description import Description, Shape
+from dummy_arm.robot.description import Description, Rgba, Shape
 from dummy_arm.robot.descriptions import DescriptionOrWhy
-from dummy_arm.view.meshes import Meshes, Rgba
+from dummy_arm.view.meshes import Meshes
 from dummy_arm.view.placement import Placement, REACH
 from dummy_arm.view.rods import Display
 

@@ -26,7 +26,6 @@ _PERIOD = 1.0
 _PATIENCE = 1.0
 #: The largest number of nodes that viewers can command.
 _MOST = 20
-_UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
 
 
 class JointControl:
@@ -124,10 +123,10 @@ class JointStatePublisher:
 
     def _warning(self) -> str:
         """Return which other nodes publish joint states; '' if there are none."""
+        from dummy_arm.tf.publisher_listener import node_of, UNKNOWN
         topic = self._publisher.topic_name
-        names = [full_name(info.node_namespace, info.node_name)
-                 for info in self._node.get_publishers_info_by_topic(topic)
-                 if info.node_name != _UNKNOWN_NODE]
+        names = [name for info in self._node.get_publishers_info_by_topic(topic)
+                 if (name := node_of(info)) != UNKNOWN]
         own = self._node.get_fully_qualified_name()
         if own in names:
             names.remove(own)
@@ -211,10 +210,9 @@ class JointCommanders:
         self.controls: list[JointControl] = []
 
     def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
-        if monotonic() >= self._next:
+        if is_due := monotonic() >= self._next:
             self._next = monotonic() + _PERIOD
             self._namespaces = dict(islice(self._listening(), _MOST))
-            self.why_none = self._why_none(descriptions)
         found = {topic: description for topic, namespace in self._namespaces.items() if isinstance(
             description := descriptions.get(full_name(namespace, TOPIC)), Description)}
         for topic in self._commanders.keys() - found.keys():
@@ -226,6 +224,8 @@ class JointCommanders:
             self._commanders[topic].set_description(description)
             self._commanders[topic].take_reported()
         self.controls = [*self._commanders.values()]
+        if is_due and not self.controls:
+            self.why_none = self._why_none(descriptions)
 
     def _why_none(self, descriptions: Iterable[str]) -> str:
         from dummy_arm.tf.publisher_listener import node_of
@@ -239,10 +239,11 @@ class JointCommanders:
 
     def _listening(self) -> Iterator[tuple[str, str]]:
         """Yield each topic joint_command, and the namespace of a node that listens to it."""
+        from dummy_arm.tf.publisher_listener import node_of, UNKNOWN
         for topic, types in sorted(self._node.get_topic_names_and_types()):
             if topic.endswith(_COMMAND) and _TYPE in types:
                 for info in self._node.get_subscriptions_info_by_topic(topic):
-                    if info.topic_type == _TYPE and info.node_name != _UNKNOWN_NODE:
+                    if info.topic_type == _TYPE and node_of(info) != UNKNOWN:
                         yield topic, info.node_namespace
                         break
 

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 import trimesh
 
+from dummy_arm.robot.description import Rgba
+
 #: The formats that are loaded, by the end of the file's name.
 FORMATS = '.stl', '.dae', '.obj', '.ply', '.glb', '.off'
 #: The largest size of a file (bytes).
@@ -21,8 +23,6 @@ MAX_BYTES = 50_000_000
 #: The largest number of triangles of a mesh.
 MAX_FACES = 2_000_000
 _REMEDY = 'pass --meshes DIR, where DIR has the package or the file'
-
-Rgba = tuple[float, float, float, float]
 
 
 class Mesh(NamedTuple):
