@@ -297,23 +297,28 @@ def _unknown_frame(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('joint_without_state', ERROR,
-        'A movable joint of a robot description is in no joint states, so robot_state_publisher '
-        'sends no transform for it, and all links below it are cut off.',
-        'Send its position on the topic joint_states, under the name that the description gives '
-        'it; joint_state_publisher does this.')
+        'A movable joint of a robot description is in no joint states that robot_state_publisher '
+        'uses, so it sends no transform for it, and all links below it are cut off.',
+        'Send its position on the topic joint_states, with the time, and under the name that the '
+        'description gives it; joint_state_publisher does this.')
 def _joint_without_state(observation: Observation) -> Iterator[_Fault]:
     for robot, start in observation.own_robots:
-        # The name of a link can be known without a transform to it, from a child of the link.
-        silent = {joint: links for joint, links in robot.joints.items()
-                  if joint not in robot.states and not all(
-                      start + link in observation.parents for link in links)}
-        if silent:
-            topic, states = joint_states_of(robot.topic), sorted(robot.states)
-            known = f', which names {_names(states)}' if states else ', where nothing was received'
-            yield _Fault(
-                f'{len(silent)} of {len(robot.joints)} movable joints are not on {topic}{known}: '
-                f'{_names(silent)}', (), [start + link for links in silent.values()
-                                          for link in links], [topic])
+        topic = joint_states_of(robot.topic)
+        known = (f'which names {_names(sorted(robot.states))}' if robot.states else
+                 'where nothing was received')
+        silent: dict[str, list[str]] = {}
+        for joint, links in robot.joints.items():
+            # The name of a link can be known without a transform to it, from a child of the link.
+            if not all(start + link in observation.parents for link in links):
+                if joint not in robot.states:
+                    silent.setdefault(f'not on {topic}, {known}', []).append(joint)
+                elif why := robot.states[joint]:
+                    silent.setdefault(f'on {topic} only in messages that {why}, which '
+                                      'robot_state_publisher ignores', []).append(joint)
+        for where, joints in silent.items():
+            yield _Fault(f'{len(joints)} of {len(robot.joints)} movable joints are {where}: '
+                         f'{_names(joints)}', (), [start + link for joint in joints
+                                                   for link in robot.joints[joint]], [topic])
 
 
 @_check('disconnected', ERROR,
@@ -816,7 +821,7 @@ def _missing_part(observation: Observation) -> Iterator[_Fault]:
 def _link_without_transform(observation: Observation) -> Iterator[_Fault]:
     for robot, start in observation.own_robots:
         silent = {link for joint, links in robot.joints.items() for link in links
-                  if joint not in robot.states}  # see joint_without_state
+                  if robot.states.get(joint) != ''}  # see joint_without_state
         # Only the root can be known by its children alone.
         known = observation.parents.keys() | ({start + robot.root} & observation.tree_of.keys())
         missing = [start + link for link in robot.links

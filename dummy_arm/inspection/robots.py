@@ -17,7 +17,8 @@ class Robot(NamedTuple):
     #: By movable joint, except those that mimic another one: the links that it moves, directly or
     #: by joints that mimic it.
     joints: Mapping[str, Sequence[str]] = {}
-    states: Collection[str] = ()  #: the joints whose positions were received
+    #: By joint that was received: why robot_state_publisher ignores all messages with it, or ''.
+    states: Mapping[str, str] = {}
 
 
 def prefix(topic: str, root: str, links: Sequence[str], frames: Collection[str]

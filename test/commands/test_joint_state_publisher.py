@@ -15,7 +15,7 @@ from dummy_arm.tools.joint_state_publisher import main
 
 pytest.importorskip('urdf_parser_py')
 pytest.importorskip('viser')
-from viewer import CAMERA, Viewer
+from viewer import Viewer
 
 URDF = """
 <robot name="lift">
@@ -55,9 +55,7 @@ def positions(ros):
 
 def open_page(process):
     """Return a viewer of the page of a process."""
-    viewer = Viewer(int(process.line_with('look at http').rsplit(':', 1)[1]))
-    viewer.send(CAMERA)
-    return closing(viewer)
+    return closing(Viewer(int(process.line_with('look at http').rsplit(':', 1)[1])))
 
 
 def test_the_joints_of_a_file(start, ros, urdf, positions):

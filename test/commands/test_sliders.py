@@ -17,7 +17,7 @@ from dummy_arm.tf import Buffer, TransformListener
 
 pytest.importorskip('urdf_parser_py')
 pytest.importorskip('viser')
-from viewer import CAMERA, Viewer
+from viewer import Viewer
 
 URDF = """
 <robot name="robot">
@@ -34,9 +34,7 @@ def open_viewer(start):
         port = int(process.line_with('look at http').rsplit(':', 1)[1])
 
         def open_page():
-            viewer = stack.enter_context(closing(Viewer(port)))
-            viewer.send(CAMERA)
-            return viewer
+            return stack.enter_context(closing(Viewer(port)))
 
         yield open_page
         process.end(signal.SIGINT)

@@ -18,7 +18,7 @@ FRAMES = 'map, base_link', 'joint_1', 'joint_2', 'joint_3', 'end_effector'
 
 def test_a_port_that_is_given(start, ros, monkeypatch):
     """The page is served there, whatever viser's environment variables are."""
-    from viewer import CAMERA, Viewer
+    from viewer import Viewer
 
     from dummy_arm.tf import TransformBroadcaster
     monkeypatch.setenv('_VISER_PORT_OVERRIDE', '1')
@@ -30,7 +30,6 @@ def test_a_port_that_is_given(start, ros, monkeypatch):
         assert answer.status == 200
     robot = TransformBroadcaster(ros.node, tf_topic='/robot1/tf')
     viewer = Viewer(port)
-    viewer.send(CAMERA)
     hint = f'To listen to {robot.pub_tf.topic_name}, pass '
     viewer.until(lambda: hint in viewer.text('overview'))
     viewer.close()
@@ -41,7 +40,7 @@ def test_a_port_that_is_given(start, ros, monkeypatch):
 def test_a_bag_without_ros(start, tmp_path):
     """It is played, with the body of its robot; its transforms name no publisher."""
     bags = pytest.importorskip('bags')
-    from viewer import CAMERA, Viewer
+    from viewer import Viewer
     pytest.importorskip('urdf_parser_py', reason='urdf_parser_py, which parses URDF, is missing')
     urdf = ('<robot name="box"><link name="base_link"><visual><geometry><box size="1 2 3"/>'
             '</geometry></visual></link></robot>')
@@ -49,7 +48,6 @@ def test_a_bag_without_ros(start, tmp_path):
         '/robot_description', 100 * bags.S, bags.string(urdf), bags.STRING)])
     process = start(*tool_without_ros('web_view', '--bag', str(path)))
     viewer = Viewer(int(process.line_with('look at http').rsplit(':', 1)[1]))
-    viewer.send(CAMERA)
     viewer.until(lambda: '3 frames' in viewer.text('overview'))
     viewer.until(lambda: viewer.names().get('base_link', [0.0])[0] > 1.5)
     viewer.until(lambda: viewer.detail('rate') == '10.0 Hz')

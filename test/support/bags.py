@@ -105,12 +105,12 @@ def string(text, version=2):
     return bytes(serialize(types.types[STRING](text), STRING))
 
 
-def joint_state(names, version=2):
-    """Serialize a JointState with positions of 0."""
-    types, zeros = _types(version), np.zeros(len(names))
+def joint_state(names, version=2, *, stamp=1, positions=None):
+    """Serialize a JointState with positions of 0; the stamp is in seconds."""
+    types, zeros = _types(version), np.zeros(len(names) if positions is None else positions)
     serialize = types.serialize_ros1 if version == 1 else types.serialize_cdr
     header = types.types['std_msgs/msg/Header'](
-        *((7,) if version == 1 else ()), types.types['builtin_interfaces/msg/Time'](1, 0), '')
+        *((7,) if version == 1 else ()), types.types['builtin_interfaces/msg/Time'](stamp, 0), '')
     return bytes(serialize(types.types[JOINT_STATE](header, names, zeros, zeros, zeros),
                            JOINT_STATE))
 

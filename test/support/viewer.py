@@ -33,11 +33,12 @@ def update(uuid: str, /, **updates: object) -> dict[str, object]:
 class Viewer:
     """A client of the page, and what it has been told of the page."""
 
-    def __init__(self, port: int) -> None:
-        """Connect as the page does."""
+    def __init__(self, port: int, **camera: object) -> None:
+        """Connect as the page does; the camera is `CAMERA` with some changes."""
         self._connection = connect(
             f'ws://127.0.0.1:{port}', subprotocols=[f'viser-v{viser.__version__}'],
             max_size=None, compression=None, close_timeout=1.0)
+        self.send({**CAMERA, **camera})
         #: The properties of each control and text by its uuid, and of each node by its name.
         self.gui: dict[str, dict[str, Any]] = {}
         self.nodes: dict[str, dict[str, Any]] = {}
@@ -158,7 +159,6 @@ class Page:
         self.view.update()
         self.viewer = Viewer(self.server.get_port())
         stack.callback(self.viewer.close)
-        self.viewer.send(CAMERA)
         self.until(lambda: any(
             props.get('label') == 'Focus on all frames' for props in self.viewer.gui.values()))
 

@@ -439,6 +439,28 @@ def test_robots(capsys, tmp_path, kind, names, edges, expected):
     assert status == ('joint_without_state' in expected)
 
 
+@pytest.mark.parametrize('kind', KINDS)
+@pytest.mark.parametrize(('good', 'names', 'fault', 'evidence'), [
+    ([], ['turn', 'grip'], {'stamp': 0}, ['2 have the stamp 0: turn, grip']),
+    (['grip'], ['turn', 'grip'], {'positions': 1}, [
+        '1 do not have a position for each name: turn']),
+    ([], ['turn'], {'stamp': 0}, [
+        '1 have the stamp 0: turn',
+        '1 of 2 movable joints are not on /joint_states, which names turn: grip']),
+])
+def test_joint_states_that_are_ignored(capsys, tmp_path, kind, good, names, fault, evidence):
+    """The report says why; one good message about a joint is enough."""
+    pytest.importorskip('urdf_parser_py')
+    state = bags.joint_state(names, 1 if kind == 'bag' else 2, **fault)
+    path = bags.make(tmp_path, kind, in_order([
+        *(tf(i, 'x base') for i in range(100)), *with_robot(kind, good),
+        *(('/joint_states', T + (i * 30 + 7) * MS, state, bags.JOINT_STATE) for i in range(3))]))
+    _, found = doctor(capsys, path)
+    assert [re.sub(r'(\d) of 2 .* only in messages that (.*), which robot_state_publisher ignores',
+                   r'\1 \2', each['evidence']) for each in found['findings']
+            if each['code'] == 'joint_without_state'] == evidence
+
+
 def test_robots_with_prefixes(capsys, tmp_path):
     """Each robot has its own joint states, and a prefix of its frames."""
     pytest.importorskip('urdf_parser_py')

@@ -11,7 +11,7 @@ from dummy_arm.tf import TransformBuffer
 from dummy_arm.view.placement import FrameWatcher
 
 pytest.importorskip('viser')
-from viewer import CAMERA, Viewer
+from viewer import Viewer
 from websockets.exceptions import ConnectionClosed
 
 from dummy_arm.view.copied import command_line
@@ -43,7 +43,6 @@ class Page:
                               cast(HandPublisher, self) if can_publish else None)
         self.update()
         self.viewer = stack.enter_context(closing(Viewer(self.server.get_port())))
-        self.viewer.send(CAMERA)
         self.until(lambda: 'Publish' in {each.get('label') for each in self.viewer.gui.values()})
 
     def move(self, parent, child, x):

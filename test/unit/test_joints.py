@@ -11,7 +11,7 @@ import pytest
 
 pytest.importorskip('viser')
 pytest.importorskip('urdf_parser_py')
-from viewer import CAMERA, Viewer
+from viewer import Viewer
 
 from dummy_arm.robot.description import parse
 from dummy_arm.view.joint_control import JointControl, JointControls
@@ -61,7 +61,6 @@ class Page:
         self.viewer, self.other = [self._stack.enter_context(closing(
             Viewer(self.server.get_port()))) for _ in range(2)]
         for viewer in self.viewer, self.other:
-            viewer.send(CAMERA)
             viewer.until(partial(self.text, viewer), self.update)
 
     def __enter__(self):

@@ -12,7 +12,7 @@ from dummy_arm.tf import Transform, TransformBuffer
 
 pytest.importorskip('viser', reason='viser, which makes the page, is not installed')
 
-from viewer import CAMERA, Viewer
+from viewer import Viewer
 
 from dummy_arm.view.pair import Pair
 from dummy_arm.view.server import serve
@@ -30,7 +30,6 @@ class Shown:
         self.now = 1000.0
         self.pair = Pair(server.gui, buffer)
         self.viewer = Viewer(server.get_port())
-        self.viewer.send(CAMERA)
         self.viewer.until(lambda: len(self.plots()) == 2)
 
     def update(self, end=0, seconds=1.0):

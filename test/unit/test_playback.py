@@ -14,7 +14,7 @@ from dummy_arm.view import feed as feed_module
 from dummy_arm.view.feed import BagFeed, Player
 
 pytest.importorskip('viser')
-from viewer import CAMERA, recorded, update, Viewer
+from viewer import recorded, update, Viewer
 
 from dummy_arm.view.export import Recording
 from dummy_arm.view.playback import Playback
@@ -75,7 +75,6 @@ def controls(clock, buffer):
             playback = Playback(server.gui, player, findings)
             viewer = Viewer(server.get_port())
             stack.callback(viewer.close)
-            viewer.send(CAMERA)
             viewer.until(lambda: any(
                 props.get('label') == 'Step (s)' for props in viewer.gui.values()))
             return Controls(playback, player, viewer, clock)

@@ -185,7 +185,6 @@ def page():
 def connected(page):
     """Connect a viewer, and wait until it has received the controls of the page."""
     with closing(Viewer(page.port)) as viewer:
-        viewer.send(CAMERA)
         labels = 'Axis length (m)', 'Fixed frame', 'Focus on all frames', 'Frame', 'Pause'
         viewer.until(lambda: {*labels} <= {props.get('label') for props in viewer.gui.values()},
                      page.update)

@@ -684,12 +684,11 @@ def test_names_that_would_cover_others(page):
 
 def test_each_viewer_has_settings_of_its_own(page):
     """Another fixed frame, other sizes; the other viewer sees nothing of it."""
-    from viewer import CAMERA, Viewer
+    from viewer import Viewer
     buffer = TransformBuffer()
     arm(buffer, T, 'map', 'base', 'hand')
     shown = page(live(buffer))
     other = Viewer(shown.server.get_port())
-    other.send(CAMERA)
     other.until(lambda: '/frames' in other.nodes, shown.update)
     shown.set('Fixed frame', 'base')
     shown.set('Axis length (m)', 1.0)
@@ -705,7 +704,7 @@ def test_each_viewer_has_settings_of_its_own(page):
 
 def test_a_viewer_that_leaves_publishes_no_more(page):
     """The frame placed by hand is stopped."""
-    from viewer import CAMERA, Viewer
+    from viewer import Viewer
 
     class Publisher:
         sent, stopped = [], []
@@ -723,7 +722,6 @@ def test_a_viewer_that_leaves_publishes_no_more(page):
     feed.hand_publisher = Publisher()
     shown = page(feed)
     other = Viewer(shown.server.get_port())
-    other.send(CAMERA)
     other.until(lambda: 'New frame' in {
         props.get('label') for props in other.gui.values()}, shown.update)
     other.set('New frame', 'hand')
@@ -958,12 +956,11 @@ def test_a_bag_is_played(page, clock):
     {'position': [1e308] * 3, 'look_at': [-1e308] * 3, 'far': -1e308}])
 def test_a_camera_that_cannot_be_turned(page, changes):
     """The page goes on, and the cameras of the others are turned."""
-    from viewer import CAMERA, Viewer
+    from viewer import Viewer
     buffer = TransformBuffer()
     arm(buffer, T, 'map', 'base')
     shown = page(live(buffer))
-    other = Viewer(shown.server.get_port())
-    other.send({**CAMERA, **changes})
+    other = Viewer(shown.server.get_port(), **changes)
     shown.clock[0] += 2.0  # all cameras are turned
     # viser moves this point together with the position first.
     shown.until(lambda: shown.viewer.last.get('SetCameraLookAtMessage', {}).get('look_at')
