@@ -85,8 +85,8 @@ class RobotTransforms:
         if not self._never_sent:
             return ''
         if not self._last:
-            return ('no JointState message has been accepted yet, so no joint moves: start a '
-                    'program that publishes on joint_states')
+            return 'no JointState message has been accepted yet, so no joint moves' + (
+                '' if self._warned else ': start a program that publishes on joint_states')
         unknown = sorted(self._last.keys() - self._joints.keys())
         return ('no position has arrived for ' + comma_list(
             sorted(self._never_sent), 10, quoted) + ', so these joints have no transform' + (

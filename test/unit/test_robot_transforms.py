@@ -156,6 +156,8 @@ def test_a_stamp_of_zero_is_explained():
     assert transforms.moving(0, ['a'], [0.2], NOW) is None
     assert warnings == ['ignored a JointState message with the stamp 0: set its header.stamp, or '
                         'the parameter ignore_timestamp']
+    # The remedy has been named.
+    assert transforms.missing() == 'no JointState message has been accepted yet, so no joint moves'
 
 
 @pytest.mark.parametrize('frequency', [0.0, 1e-300])
@@ -169,7 +171,9 @@ def test_extreme_frequencies(frequency):
 def test_joints_without_a_position_are_named():
     """So are names in the messages that the robot does not have."""
     transforms, _ = publisher(parse(TWO))
-    assert 'no JointState message has been accepted yet' in transforms.missing()
+    assert transforms.missing() == (
+        'no JointState message has been accepted yet, so no joint moves: start a program that '
+        'publishes on joint_states')
     transforms.moving(10**9, ['a', 'bb'], [0.2, 0.0], NOW)
     assert transforms.missing() == (
         "no position has arrived for 'b', so these joints have no transform; the robot does not "
