@@ -629,6 +629,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
     end = max(end, observation.end)
     ended = {track for tracks in observation.by_child.values()
              if (track := max(tracks, key=itemgetter('last_time')))['steps'].sum() >= _FEWEST
+             and track['last_time']
              and end - track['last_time'] > max(_GAP * track.period, _SHORTEST_GAP)}
     for tracks in observation.by_publisher(ended.__contains__):
         silence = max(end - track['last_time'] for track in tracks)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from itertools import takewhile
 from typing import NamedTuple, TYPE_CHECKING
 
-from dummy_arm.inspection.forest import frequency
+from dummy_arm.inspection.forest import frequency, self_and_ancestors
 from dummy_arm.inspection.terminal import column_width, padded, width, wrapped
 from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import display_time, in_seconds, shortened, visible
@@ -89,12 +89,7 @@ def _explain(buffer: 'TransformBuffer | BufferCore', ends: tuple[str, str],
 def _path(frames: Mapping[str, Frame], ends: tuple[str, str]
           ) -> tuple[list[Frame], tuple[str, str]]:
     """Return the path between two frames, and its roots: the meeting frame twice, if they meet."""
-    chains: list[dict[str, None]] = []
-    for name in ends:
-        chain = {name: None}
-        while name in frames and (name := frames[name].parent) not in chain:
-            chain[name] = None
-        chains.append(chain)
+    chains = [[*self_and_ancestors(name, frames)] for name in ends]
     first, second = ({name: i for i, name in enumerate(chain)} for chain in chains)
     # If there is a loop, several frames are in both chains.
     meeting = min(first.keys() & second.keys(), key=lambda name: first[name] + second[name],

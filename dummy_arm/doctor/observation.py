@@ -1,6 +1,7 @@
 """The data that are checked: statistics of the transforms, and facts about their publishers."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
@@ -62,7 +63,7 @@ class Observation:
     other_namespaces: str = ''  #: which topics have transforms if /tf has none
     #: True if the arrivals are times of a recording, which may be on another clock than all stamps
     has_record_times: bool = False
-    end: int = 0  #: the end of the observation (ns), on the clock of the arrivals; 0: not known
+    end: int = 0  #: the end of the observation (ns), on the clock of the stamps; 0: not known
     #: Of a live system: the present time on the clock of the stamps minus that of the computer,
     #: which dates the arrivals (ns); None: not known.
     clock_offset: Optional[int] = None
@@ -187,7 +188,8 @@ class Observation:
                 self._edges[key] = Edge(child, arrivals, stamps) if len(stamps) else None
             if (edge := self._edges[key]) is None:
                 return None
-            edges[key] = edge
+            edges[key] = copy(edge)
+            edges[key].child = child
         return [*edges.values()]
 
     @cached_property
@@ -260,6 +262,7 @@ def observe_bag(bag: 'Paths', namespace: str = '', partial: bool = False,
                 on_progress: Optional[Callable[[float], object]] = None,
                 read_robots: Optional[ReadRobots] = None) -> Observation:
     """Read the transforms of a bag, and the headers on its other topics; see `bag.messages`."""
+    bag = bag if isinstance(bag, (str, os.PathLike)) else [*bag]  # an iterator is read once
     statistics, topics = Statistics(), list[Topic]()
     statistics.add_messages(messages(
         bag, namespace=namespace, partial=partial, on_progress=on_progress,

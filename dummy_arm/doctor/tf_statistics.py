@@ -220,12 +220,13 @@ class Statistics:
         if is_timed.any():
             if not table.is_static:
                 self._keep(numbers, table.times[is_timed], stamps[is_timed])
-            times = table.times[is_timed] + (offset or 0)
-            _add_times(values, times)
-            since = self._since.setdefault(table.publisher, int(times.min()))
-            is_settled = (times >= since + self.settling) | (self.settling == 0)
-            if offset is not None and not table.is_static and is_settled.any():
-                _add_delays(values, times[is_settled], stamps[is_timed][is_settled])
+            if offset is not None:
+                times = table.times[is_timed] + offset
+                _add_times(values, times)
+                since = self._since.setdefault(table.publisher, int(times.min()))
+                is_settled = (times >= since + self.settling) | (self.settling == 0)
+                if not table.is_static and is_settled.any():
+                    _add_delays(values, times[is_settled], stamps[is_timed][is_settled])
         values['count'] += len(stamps)
         values['stamp'], values['pose'] = stamps[-1], poses[-1]
         self._values[numbers] = values

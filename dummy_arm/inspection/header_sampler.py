@@ -114,7 +114,7 @@ class _Topic:
         headers, published = self._headers, self._last - self._first + 1
         if headers.count and self._node.count_publishers(self._name) == 1 and (
                 published > headers.count):
-            headers.step = round(published / headers.count)
+            headers.step *= round(published / headers.count)
             headers.count = published
         return headers
 

@@ -33,10 +33,10 @@ def prefix(topic: str, root: str, links: Sequence[str], frames: Collection[str]
     """
     namespace = topic.rpartition('/')[0].strip('/')
     links = links[:_MOST_LINKS]
-    found = sorted((frame.removesuffix(root) for frame in frames if frame.endswith(root)),
+    found = sorted({'', *(frame.removesuffix(root) for frame in frames if frame.endswith(root))},
                    key=lambda each: (not each.startswith(namespace), each))
     counts = {each: sum(each + link in frames for link in links) for each in (
-        f'{namespace}/' if namespace else '', '', *found[:_MOST_PREFIXES])}
+        f'{namespace}/' if namespace else '', *found[:_MOST_PREFIXES])}
     own, count = next(iter(counts.items()))
     return (own, count) if namespace and count else max(counts.items(), key=lambda item: item[1])
 

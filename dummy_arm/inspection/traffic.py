@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 WINDOW = 10
 #: The messages of a publisher are not counted for this time (ns) after its first message: they may
 #: have waited until the publisher had discovered the subscription.
-_SETTLING = SECOND // 5
+SETTLING = SECOND // 5
 #: The largest number of pairs of a frame and a publisher for which statistics are kept.
 _MOST = 100_000
 #: The largest number of publishers for which the time of the first message is kept.
@@ -64,10 +64,11 @@ class _Second:
 class Delays:
     """The number and the delays of arrivals, second by second over the window."""
 
-    __slots__ = ('_seconds', 'last')
+    __slots__ = ('_seconds', 'is_dynamic', 'last')
 
     def __init__(self) -> None:
         self._seconds: deque[_Second] = deque(maxlen=WINDOW + 1)
+        self.is_dynamic = False  #: True if a transform was received on /tf
         self.last = 0  #: the time of the last arrival (ns); 0: nothing has arrived
 
     def add(self, arrival: int, delay: int) -> None:
@@ -116,16 +117,6 @@ class NodeTraffic(NamedTuple):
     silence: Optional[float]  #: s since the last one; None if none was counted
 
 
-class _Arrivals(Delays):
-    """The transforms received from a publisher, either of one frame or of all frames."""
-
-    __slots__ = ('is_dynamic',)
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.is_dynamic = False
-
-
 class Traffic:
     """Statistics of the messages that are received on /tf and /tf_static."""
 
@@ -142,7 +133,7 @@ class Traffic:
         self._now, self._only, self._bytes_of_name = now, only, only.encode()
         self._lock = Lock()
         #: By frame ('': all frames) and gid of the publisher.
-        self._arrivals: dict[tuple[str, str], _Arrivals] = {}
+        self._arrivals: dict[tuple[str, str], Delays] = {}
         #: By gid: the reception time of the first dynamic message of the publisher (ns).
         self._since: dict[str, int] = {}
         self._latest = 0  #: the last result of `now` (ns)
@@ -183,17 +174,17 @@ class Traffic:
         since = self._since.setdefault(message.publisher, message.time)
         if len(self._since) > _MOST_PUBLISHERS:
             del self._since[next(iter(self._since))]
-        if offset is None or message.time < max(since + _SETTLING, self._set_back):
+        if offset is None or message.time < max(since + SETTLING, self._set_back):
             return
         arrival = message.time + offset
         all_frames.add(arrival, sum(arrival - row.stamp_ns for row in rows) // len(rows))
         for arrivals, row in counted:
             arrivals.add(arrival, arrival - row.stamp_ns)
 
-    def _arrivals_of(self, frame: str, gid: str) -> _Arrivals:
+    def _arrivals_of(self, frame: str, gid: str) -> Delays:
         arrivals = self._arrivals.get((frame, gid))
         if arrivals is None:
-            arrivals = _Arrivals()
+            arrivals = Delays()
             if len(self._arrivals) < _MOST:
                 self._arrivals[frame, gid] = arrivals
         return arrivals

@@ -144,7 +144,7 @@ def read(path: Union[str, os.PathLike[str]]) -> str:
         with Path(path).open('rb') as file:
             if Path(path).suffix == '.xacro':
                 return _expand(path)
-            return file.read(MAX_SIZE + 1).decode()
+            return file.read(4 * MAX_SIZE + 1).decode()  # a character has up to 4 bytes
     except OSError as error:
         _refuse(f'cannot read {os.fspath(path)}: {error.strerror or error}')
     except UnicodeDecodeError:

@@ -1,6 +1,7 @@
 """The descriptions and joint states of robots, as `tf_doctor` examines them."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial as bound
 from typing import Any, Optional, TYPE_CHECKING
 
@@ -44,8 +45,9 @@ class RobotListener:
         for topic in map(joint_states_of, self._descriptions.descriptions()):
             if topic not in self._states:
                 states = self._states[topic] = {}
-                self._node.create_subscription(
-                    JointState, topic, bound(_receive, states), qos_profile_sensor_data)
+                with suppress(RuntimeError):  # this node listens to another type on the topic
+                    self._node.create_subscription(
+                        JointState, topic, bound(_receive, states), qos_profile_sensor_data)
 
     def robots(self) -> list[Robot]:
         """Return what was received of each robot."""

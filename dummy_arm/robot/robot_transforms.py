@@ -20,7 +20,7 @@ class RobotTransforms:
     """
     The rules by which robot_state_publisher 3.3.3 answers to JointState messages.
 
-    The attributes can be changed at any time.
+    The attributes and the description can be changed at any time.
     """
 
     def __init__(self, description: Description, warn: Callable[[str], object]) -> None:
@@ -32,15 +32,9 @@ class RobotTransforms:
         self._warned: set[str] = set()
         self._now = 0
         self._last: dict[str, int] = {}
-        self.description = description
+        self.set_description(description)
 
-    @property
-    def description(self) -> Description:
-        return self._description
-
-    @description.setter
-    def description(self, description: Description) -> None:
-        self._description = description
+    def set_description(self, description: Description) -> None:
         self._joints = {joint.name: joint for joint in sorted(
             description.joints, key=lambda joint: joint.name)}
         self._never_sent = {joint.name for joint in description.joints if joint.is_movable}

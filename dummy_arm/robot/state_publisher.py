@@ -1,5 +1,6 @@
 """The node that publishes the transforms of a robot: `RobotStatePublisher`."""
 
+from copy import copy
 from math import isfinite
 from typing import Any, Optional
 
@@ -49,12 +50,16 @@ class RobotStatePublisher(Node):
         self.declare_parameter('publish_frequency', 20.0, ParameterDescriptor(dynamic_typing=True))
         self.declare_parameter('frame_prefix', '')
         self.declare_parameter('ignore_timestamp', False)
-        if problem := _frequency_problem(self.get_parameter('publish_frequency').value):
-            raise ValueError(problem)
-        if not text:
-            raise DescriptionError('robot_description parameter must not be empty: set it to the '
-                                   'URDF text, or name a URDF file')
-        self._description = parse(text)
+        try:
+            if problem := _frequency_problem(self.get_parameter('publish_frequency').value):
+                raise ValueError(problem)
+            if not text:
+                raise DescriptionError('robot_description parameter must not be empty: set it to '
+                                       'the URDF text, or name a URDF file')
+            self._description = parse(text)
+        except ValueError:
+            self.destroy_node()  # else it stays in the graph
+            raise
         self._transforms = RobotTransforms(self._description, self.get_logger().warning)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._text_publisher = self.create_publisher(String, 'robot_description', latched)
@@ -70,7 +75,8 @@ class RobotStatePublisher(Node):
         self.add_on_set_parameters_callback(self._check)
         self.add_post_set_parameters_callback(self._apply)
         self.create_subscription(JointState, 'joint_states', self._answer,
-                                 qos_profile_sensor_data, qos_overriding_options=overrides)
+                                 copy(qos_profile_sensor_data),  # overrides change it
+                                 qos_overriding_options=overrides)
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
@@ -95,7 +101,7 @@ class RobotStatePublisher(Node):
         transforms.frame_prefix = values.get('frame_prefix', transforms.frame_prefix)
         transforms.ignore_timestamp = values.get('ignore_timestamp', transforms.ignore_timestamp)
         if 'robot_description' in values:
-            transforms.description = self._description
+            transforms.set_description(self._description)
             self._text_publisher.publish(String(data=self._description.text))
             self._warn_of_description()
             self.get_logger().info('Robot initialized')

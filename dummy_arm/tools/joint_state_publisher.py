@@ -1,15 +1,12 @@
 """The command `joint_state_publisher`: publish the positions of joints, set by sliders."""
 
 from collections.abc import Sequence
-from typing import Optional, TYPE_CHECKING
+from typing import Optional
 
 from dummy_arm.cli.node import spinning_node
 from dummy_arm.cli.page_options import add_page_options, HOST
 from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
 from dummy_arm.robot.description import DescriptionError, parse, read
-
-if TYPE_CHECKING:
-    from dummy_arm.view.feed import Feed
 
 
 def command(file: Optional[str] = None, host: str = HOST, port: Optional[int] = None,
@@ -22,14 +19,10 @@ def command(file: Optional[str] = None, host: str = HOST, port: Optional[int] = 
         raise UsageError(str(error)) from None
     from dummy_arm.view.feed import LiveFeed
     from dummy_arm.view.joint_control import JointStatePublisher
-    with spinning_node('joint_state_publisher', ros_args, namespace) as node:
-        _show(LiveFeed(node, JointStatePublisher(node, description)), host, port, meshes)
-    return 0
-
-
-def _show(feed: 'Feed', host: str, port: Optional[int], meshes: Sequence[str]) -> None:
     from dummy_arm.view.page import show
-    show(feed, host, port, meshes)
+    with spinning_node('joint_state_publisher', ros_args, namespace) as node:
+        show(LiveFeed(node, JointStatePublisher(node, description)), host, port, meshes)
+    return 0
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

@@ -28,9 +28,10 @@ from dummy_arm.doctor.observation import Endpoint, Observation
 from dummy_arm.doctor.report import check_codes, examine, examine_bag, Report
 from dummy_arm.doctor.tf_statistics import Statistics
 from dummy_arm.inspection.terminal import wrapped
+from dummy_arm.inspection.traffic import SETTLING
 from dummy_arm.robot.observed import RobotListener, robots_in_bag
 from dummy_arm.tf.bag import messages, NOT_RECORDED, read, recordings
-from dummy_arm.tf.formatting import in_seconds, SECOND, TF_MESSAGE, visible
+from dummy_arm.tf.formatting import in_seconds, TF_MESSAGE, visible
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -42,8 +43,6 @@ if TYPE_CHECKING:
 #: For the path between two frames, the buffer keeps transforms for this time more than the command
 #: listens (s).
 _MARGIN = 5.0
-#: The delays of the first messages of a publisher are not counted for this time (ns).
-_SETTLING = SECOND // 5
 #: The time between two looks at the processes that examine bags (s).
 _POLL = 0.05
 
@@ -196,7 +195,7 @@ class _Listening:
         self.node = node
         self.frame_listener = FrameListener(node, kept)
         self.listener = self.frame_listener.publisher_listener
-        self.statistics = Statistics(_SETTLING)
+        self.statistics = Statistics(SETTLING)
         self.dropped = 0  #: the number of messages that arrived too fast
         self.end = 0  #: the time of the last `poll` (ns); 0: not known
         #: This time minus that of the computer (ns); None: not known.
@@ -205,9 +204,11 @@ class _Listening:
     def poll(self) -> None:
         """Count what has arrived."""
         self.end = self.frame_listener.now()
+        # Without simulated time, both are one clock; a pause between two looks at it would count.
+        self.offset = (0 if not self.node.get_parameter('use_sim_time').value else
+                       self.end - time.time_ns() if self.end else None)
         received, dropped = self.listener.received()
         self.dropped += dropped
-        self.offset = self.end - time.time_ns() if self.end else None
         self.statistics.add_messages(received, self.offset)
 
 

@@ -7,9 +7,8 @@ import signal
 from cli_runner import call
 from processes import tool
 import pytest
-from rclpy.context import Context
 from rclpy.parameter import Parameter
-from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from recorded_robots import ACCEPTED, answer, assert_equal, CASES, fixed, OF_THE_COMMAND
 from ros_node import command_node
 from rosgraph_msgs.msg import Clock
@@ -224,13 +223,22 @@ def test_joints_without_a_position_are_named(domain_id, tmp_path, monkeypatch):
         'no JointState message has been accepted yet' in text)).code == 0
 
 
-def test_a_program_gets_the_reason():
+def test_a_program_gets_the_reason(ros):
     """The class raises the error of the description."""
-    context = Context()
-    context.init()
     with pytest.raises(DescriptionError, match='the robot has no link'):
-        RobotStatePublisher('<robot name="r"/>', context=context)
-    context.shutdown()
+        RobotStatePublisher('<robot name="r"/>', context=ros.context)
+    assert NAME not in ros.node.get_node_names()
+
+
+def test_a_qos_override_is_of_one_node(ros):
+    """Other subscriptions with rclpy's profile of sensors keep its reliability."""
+    override = Parameter('qos_overrides./joint_states.subscription.reliability', value='reliable')
+    node = RobotStatePublisher(CASES['chain']['urdf'], context=ros.context,
+                               parameter_overrides=[override])
+    (info,) = node.get_subscriptions_info_by_topic('/joint_states')
+    node.destroy_node()
+    assert info.qos_profile.reliability is ReliabilityPolicy.RELIABLE
+    assert qos_profile_sensor_data.reliability is ReliabilityPolicy.BEST_EFFORT
 
 
 def test_a_process_publishes_until_a_signal(ros, start, tmp_path):

@@ -294,6 +294,17 @@ def test_a_topic_with_two_types(ros):
         'geometry_msgs/msg/PointStamped, sensor_msgs/msg/JointState' for name in names]
 
 
+def test_joint_states_of_another_type(ros):
+    """The joints are without a state, and the rest is examined."""
+    pytest.importorskip('urdf_parser_py')
+    text = ros.node.create_publisher(String, '/robot_description', LATCHED)
+    text.publish(String(data=URDF))
+    points = ros.node.create_publisher(PointStamped, '/joint_states', 10)
+    _, data = examine(ros, send=lambda now: points.publish(point_in('base')),
+                      publishers=[text, points], ticks=100)
+    assert {'joint_without_state', 'link_without_transform'} <= codes(data)
+
+
 @pytest.mark.parametrize('create', [TransformBroadcaster, StaticTransformBroadcaster])
 def test_broadcasters_that_are_created_in_a_callback(ros, create):
     """They are the one finding: neither are frames said to have two publishers."""

@@ -205,6 +205,7 @@ def test_two_robots(page):
     ('/r1/robot_description', 'r1/base r2/base r2/arm', ('r1/', 1)),
     ('/a/b/robot_description', 'a/b/arm', ('a/b/', 1)),
     ('/r1/robot_description', 'r2/base r2/arm', ('r2/', 2)),
+    ('/left/robot_description', 'base arm left_base left_arm', ('left_', 2)),
     ('/robot_description', 'map', ('', 0))])
 def test_the_prefix_of_the_frames(topic, frames, expected):
     """It is that with which most links are found; that of the namespace comes first."""

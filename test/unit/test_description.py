@@ -323,6 +323,13 @@ def test_a_mimic_of_an_unknown_joint_is_named():
         "joint 'j' mimics 'k', which is not a joint of the robot: correct the name",)
 
 
+def test_a_long_file_with_long_characters(tmp_path):
+    """Its characters count, not its bytes."""
+    text = robot(link('base', f'<!-- {"ö" * (MAX_SIZE // 2 + 1)} -->'))
+    (tmp_path / 'robot.urdf').write_text(text, encoding='utf-8')
+    assert read(tmp_path / 'robot.urdf') == text
+
+
 @pytest.mark.parametrize('name', BAD)
 def test_bad_input_is_one_clear_error(name):
     """The error names the offender and is one printable line."""

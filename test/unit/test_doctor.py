@@ -818,7 +818,7 @@ def test_the_recorded_qos_of_a_split_bag(tmp_path):
     files = [bags.file_of(bags.make(tmp_path / str(number), 'mcap', content, [profile(
         QosDurability.VOLATILE)] * 2)).rename(tmp_path / f'x_{number}.mcap')
         for number, content in enumerate((in_order(robot()), [static('map odom', time=T + S)]))]
-    assert [each.code for each in examine(files).findings] == ['static_not_latched'] * 2
+    assert [each.code for each in examine(iter(files)).findings] == ['static_not_latched'] * 2
 
 
 def test_the_qos_that_rosbag2_writes(tmp_path):

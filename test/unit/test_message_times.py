@@ -1,11 +1,12 @@
 """From when on messages can be transformed at their stamps: `tf_doctor` against a buffer."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 import pytest
-from recorded import header_of, judged, MS, S, T, tf
+from recorded import header_of, judged, MS, observed, S, T, tf
 
 from dummy_arm.doctor.message_times import CACHE, Verdict
 from dummy_arm.tf import TransformBuffer
@@ -77,6 +78,15 @@ def test_frames_of_no_tree_and_loops_are_not_judged():
     assert [*judged(robot(0, 100), [(50, 50)], 'lazer').verdicts] == [Verdict.NO_TREE]
     loop = [tf(i, i, 'a b', 'b a') for i in range(0, 100, 20)]
     assert [*judged(loop, [(50, 50)], 'a').verdicts] == [Verdict.NO_TREE]
+
+
+def test_edges_that_arrive_in_one_message():
+    """A topic waits for an edge on the path of its own frame."""
+    arms = [tf(i + 5, i, 'base left', 'base right') for i in range(0, 100, 20)]
+    headers = {f'/{frame}': observed(arms, [(50, 50)], frame).headers['/scan']
+               for frame in ('left', 'right')}
+    times = replace(observed(arms, []), headers=headers).message_times
+    assert [[edge.child for edge in each.edges] for each in times] == [['left'], ['right']]
 
 
 def test_the_clock_of_a_live_system():

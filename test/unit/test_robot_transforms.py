@@ -62,7 +62,7 @@ def apply(transforms, change, now):
     is_accepted = change['result'][0]
     if name == 'robot_description' and isinstance(value, str):
         if is_accepted:
-            transforms.description = parse(value)
+            transforms.set_description(parse(value))
         else:
             with pytest.raises(DescriptionError):
                 parse(value)

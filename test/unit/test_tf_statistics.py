@@ -46,6 +46,17 @@ POSES = st.sampled_from([
     (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.1)])
 
 
+def test_a_clock_that_comes_late():
+    """Until then, the times of arrivals are not known; afterwards, they are those of the clock."""
+    statistics = Statistics()
+    for i, offset in enumerate([None, None, 100 * S - T, 100 * S - T]):
+        statistics.add_messages([recorded(
+            T + i * S, cdr.pack([bags.row(100 * S, 'map', 'odom', bags.STILL)]))], offset)
+    (track,) = statistics.tracks()
+    assert (track['first_time'], track['last_time']) == (102 * S, 103 * S)
+    assert (track['delays'], track['least_delay']) == (2, 2 * S)
+
+
 @given(st.lists(st.tuples(TENTHS, TENTHS, POSES), min_size=1, max_size=30),
        st.lists(st.integers(1, 30), max_size=3))
 @example([(0, stamp * S, bags.STILL) for stamp in (4, 1, 3, 2)], [2])
