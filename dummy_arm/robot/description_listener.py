@@ -55,5 +55,7 @@ class DescriptionListener:
     def _receive(self, topic: str, message: String) -> None:
         if topic in self._subscriptions and message.data != self._texts.get(topic):
             self._texts[topic] = message.data
-            # Replaced, since another thread may be iterating over it.
-            self._descriptions = {**self._descriptions, topic: parsed(message.data)}
+            description = parsed(message.data)  # slow: meanwhile the topic may have left
+            if topic in self._subscriptions:
+                # Replaced, since another thread may be iterating over it.
+                self._descriptions = {**self._descriptions, topic: description}

@@ -15,7 +15,7 @@ from dummy_arm.cli.parser import CommandError, listening_time, number, Parser, r
 from dummy_arm.cli.progress import BAR, listen, progress
 from dummy_arm.cli.signals import check_signals, forget_signals
 from dummy_arm.tf.bag import BagError
-from dummy_arm.tf.formatting import visible
+from dummy_arm.tf.formatting import namespace_path, visible
 
 if TYPE_CHECKING:
     from dummy_arm.view.export import Recording
@@ -37,7 +37,7 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
         from dummy_arm.view.feed import BagFeed
         feed = BagFeed(buffer, Path(bag[0] if bag else '').name)
         if path:
-            read_descriptions(feed, bag, partial)
+            read_descriptions(feed, bag, namespace, partial)
             _export(_recorded_bag(feed, None if duration is None else seconds, meshes), feed, path)
         else:
             _show(feed, host, port, meshes, Thread(
@@ -56,15 +56,18 @@ def command(host: str = HOST, port: Optional[int] = None, bag: Optional[Sequence
 
 def _examine(feed: 'BagFeed', bag: Sequence[str], namespace: str, partial: bool) -> None:
     with suppress(KeyboardInterrupt):  # the command ends
-        read_descriptions(feed, bag, partial)
+        read_descriptions(feed, bag, namespace, partial)
     find_faults(feed.findings, bag, namespace, partial)
 
 
-def read_descriptions(feed: 'BagFeed', bag: Optional[Sequence[str]], partial: bool) -> None:
-    """Give a feed the descriptions of robots in a bag."""
+def read_descriptions(feed: 'BagFeed', bag: Optional[Sequence[str]], namespace: str, partial: bool
+                      ) -> None:
+    """Give a feed the descriptions of the robots below a namespace in a bag."""
     from dummy_arm.robot.descriptions import in_bag
     with suppress(BagError, OSError):  # `read_bag` or `find_faults` reports them
-        feed.robots = in_bag(bag or (), partial, lambda done: check_signals())
+        found = in_bag(bag or (), partial, lambda done: check_signals())
+        feed.robots = {topic: each for topic, each in found.items()
+                       if topic.startswith(f'{namespace_path(namespace)}/')}
 
 
 def find_faults(findings: list[tuple[str, int]], bag: Sequence[str], namespace: str,

@@ -15,9 +15,8 @@ from dummy_arm.view.meshes import Meshes
 from dummy_arm.view.placement import Placement, REACH
 from dummy_arm.view.rods import Display
 
-#: The largest numbers of shapes of a robot that are drawn, of those drawn at a time, and of the
-#: triangles of its meshes.
-MAX_SHAPES, _AT_A_TIME, MAX_TRIANGLES = 2000, 100, 5_000_000
+#: The largest numbers of shapes of a robot that are drawn, and of the triangles of its meshes.
+MAX_SHAPES, MAX_TRIANGLES = 2000, 5_000_000
 #: The side of the box in place of a mesh that is missing (m).
 _MISSING_SIZE = 0.1
 _DEFAULT: Rgba = (0.66, 0.71, 0.78, 1.0)
@@ -78,6 +77,9 @@ class _Robot:
 class Body:
     """The bodies in the scene of one viewer or of all."""
 
+    #: The largest number of shapes that one call of `show` adds, so that viewers do not wait.
+    at_a_time = 100
+
     def __init__(self, scene: viser.SceneApi, meshes: Meshes, on_click: Callable[[str], object]
                  ) -> None:
         """Draw nothing yet; a click on a shape calls `on_click` with the name of its frame."""
@@ -100,7 +102,7 @@ class Body:
         if not self._robots and not has_changed:
             return
         self._set_opacity(body.opacity)
-        self._left = _AT_A_TIME
+        self._left = self.at_a_time
         rows = np.column_stack([placement.points, placement.poses[:, 3:]]).tolist()
         poses = {name: row for name, row, age in zip(
             placement.names, rows, placement.ages.tolist()) if age < display.timeout}

@@ -24,14 +24,15 @@ STYLE = ('margin: 0 1em .5em; font-size: .85em; line-height: 1.5; '
           'font-variant-numeric: tabular-nums; overflow-wrap: anywhere')
 
 
-def overview(placement: Placement, feed: Feed, fixed: str = '', timeout: float = TIMEOUT) -> str:
-    """Return in HTML how many frames are shown, and every problem."""
+def overview(placement: Placement, feed: Feed, hint: str = '', fixed: str = '',
+             timeout: float = TIMEOUT) -> str:
+    """Return in HTML how many frames are shown, and every problem; `hint`: at other topics."""
     timed_out = [name for name, age in zip(placement.names, placement.ages.tolist())
                  if age >= timeout]
     alive = len(placement.names) - len(timed_out)
     lines = [f'{alive} frame{"" if alive == 1 else "s"}' if placement.names else
              f'no frames yet. {_text(feed.why_no_frames())}']
-    if placement.names and (hint := feed.topics_hint()):
+    if placement.names and hint:
         lines.append(_text(hint))
     if timed_out:
         lines.append(f'not shown, because no new transform has arrived for {timeout:g} s on the '

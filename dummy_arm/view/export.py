@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from socket import create_server
+import sys
 from typing import NamedTuple
 
 import numpy as np
@@ -69,6 +70,7 @@ class Recording:
             for file in mesh_files(descriptions.values()):
                 self._meshes.load(file)
             scene = Scene(server, self._meshes)
+            scene.body.at_a_time = sys.maxsize  # nobody waits
             # Only the first position of the camera counts, and at the end most frames are known.
             placement = self._moments[-1].placement
             look_at(placement, placement.names, [server.initial_camera])

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 AnyBuffer = Union[TransformBuffer, 'Buffer']
 #: Stamps that differ this much (ns) from the median are outliers.
 _FAR = 24 * 3600 * SECOND
-#: The length of a trail, and the time for which a live buffer keeps transforms (both in s).
+#: The length of a trail; a live buffer keeps transforms for twice this time (s).
 LENGTH = 20
 #: The largest number of frames whose rate is measured at the same time.
 _MEASURED = 10

@@ -139,7 +139,7 @@ class HandFrame:
                             publisher: HandPublisher) -> None:
         """Send a transform that has changed; a refusal switches 'Publish' off."""
         if self._is_on and transform != self._published:
-            if why := problem or publisher.send(transform):
+            if why := problem or publisher.send(transform, self):
                 self._is_on, why = False, f'not published: {why}'
             else:
                 self._published = transform

@@ -24,18 +24,21 @@ class HandPublisher:
 
     def __init__(self, frame_listener: 'FrameListener') -> None:
         self._frame_listener = frame_listener
-        self._broadcasters: dict[str, StaticTransformBroadcaster] = {}
+        #: By frame: who publishes it.
+        self._broadcasters: dict[str, tuple[object, StaticTransformBroadcaster]] = {}
         #: The frames that have been published.
         self._published: set[str] = set()
 
-    def send(self, transform: StaticTransform) -> str:
-        """Publish a transform, and return ''; or return why it is refused."""
+    def send(self, transform: StaticTransform, owner: object) -> str:
+        """Publish a transform of an owner, and return ''; or return why it is refused."""
         from geometry_msgs.msg import TransformStamped
 
         from dummy_arm.tf import StaticTransformBroadcaster
+        node, name = self._frame_listener.node, transform.name
+        if self._broadcasters.get(name, (owner,))[0] is not owner:
+            return f'another viewer publishes frame {visible(name)} already'
         if why := self._why_refused(transform):
             return why
-        node, name = self._frame_listener.node, transform.name
         message = TransformStamped(child_frame_id=name)
         message.header.frame_id = transform.parent
         message.header.stamp = node.get_clock().now().to_msg()
@@ -45,18 +48,19 @@ class HandPublisher:
             for axis, value in zip(axes, values):
                 setattr(part, axis, value)
         if name not in self._broadcasters:
-            self._broadcasters[name] = StaticTransformBroadcaster(node)
+            self._broadcasters[name] = owner, StaticTransformBroadcaster(node)
         try:
-            self._broadcasters[name].sendTransform(message)
+            self._broadcasters[name][1].sendTransform(message)
         except ValueError as error:  # such as a name of a parent that is not valid Unicode
+            self.stop(name)
             return str(error)
         self._published.add(name)
         return ''
 
     def stop(self, name: str) -> None:
         """Stop publishing a frame: listeners that start later do not receive it."""
-        if broadcaster := self._broadcasters.pop(name, None):
-            self._frame_listener.node.destroy_publisher(broadcaster.pub_tf)
+        if found := self._broadcasters.pop(name, None):
+            self._frame_listener.node.destroy_publisher(found[1].pub_tf)
 
     def _why_refused(self, transform: StaticTransform) -> str:
         """Return which node publishes the frame already, or that there would be a loop; or ''."""

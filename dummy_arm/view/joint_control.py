@@ -204,25 +204,31 @@ class JointCommanders:
 
     def __init__(self, node: 'Node') -> None:
         self._node, self._next = node, 0.0
-        self._commanders: dict[str, JointCommander] = {}
-        #: By topic: the namespace of a node that listens.
-        self._namespaces: dict[str, str] = {}
+        #: By topic, and the namespace of a node that listens to it.
+        self._commanders: dict[tuple[str, str], JointCommander] = {}
+        self._listeners: list[tuple[str, str]] = []  # the same of all nodes that listen
         self.controls: list[JointControl] = []
 
     def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         if is_due := monotonic() >= self._next:
             self._next = monotonic() + _PERIOD
-            self._namespaces = dict(islice(self._listening(), _MOST))
-        found = {topic: description for topic, namespace in self._namespaces.items() if isinstance(
-            description := descriptions.get(full_name(namespace, TOPIC)), Description)}
-        for topic in self._commanders.keys() - found.keys():
-            self._commanders.pop(topic).close()
-        for topic, description in found.items():
-            if topic not in self._commanders:
-                self._commanders[topic] = JointCommander(
-                    self._node, topic, self._namespaces[topic], description)
-            self._commanders[topic].set_description(description)
-            self._commanders[topic].take_reported()
+            self._listeners = sorted(islice(self._listening(), _MOST))
+        # Others listen, too, such as a recorder; of several, that in the longest namespace counts.
+        namespaces: dict[str, tuple[str, Description]] = {}
+        for topic, namespace in self._listeners:
+            description = descriptions.get(full_name(namespace, TOPIC))
+            if isinstance(description, Description) and len(namespace) >= len(
+                    namespaces.get(topic, ('',))[0]):
+                namespaces[topic] = namespace, description
+        found = {(topic, namespace): description
+                 for topic, (namespace, description) in namespaces.items()}
+        for key in self._commanders.keys() - found.keys():
+            self._commanders.pop(key).close()
+        for key, description in found.items():
+            if key not in self._commanders:
+                self._commanders[key] = JointCommander(self._node, *key, description)
+            self._commanders[key].set_description(description)
+            self._commanders[key].take_reported()
         self.controls = [*self._commanders.values()]
         if is_due and not self.controls:
             self.why_none = self._why_none(descriptions)
@@ -238,14 +244,13 @@ class JointCommanders:
                 'joint_state_publisher FILE.')
 
     def _listening(self) -> Iterator[tuple[str, str]]:
-        """Yield each topic joint_command, and the namespace of a node that listens to it."""
+        """Yield each topic joint_command with the namespace of each node that listens to it."""
         from dummy_arm.tf.publisher_listener import node_of, UNKNOWN
         for topic, types in sorted(self._node.get_topic_names_and_types()):
             if topic.endswith(_COMMAND) and _TYPE in types:
                 for info in self._node.get_subscriptions_info_by_topic(topic):
                     if info.topic_type == _TYPE and node_of(info) != UNKNOWN:
                         yield topic, info.node_namespace
-                        break
 
 
 def _message(node: 'Node', positions: dict[str, float]) -> 'JointState':

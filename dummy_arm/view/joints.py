@@ -1,6 +1,7 @@
 """The sliders in the panel, with which viewers move the joints of a robot."""
 
 from collections import deque
+from collections.abc import Mapping
 from math import degrees, floor, log10, radians
 from typing import Any, Optional
 
@@ -66,34 +67,28 @@ class Joints:
             self._wave = gui.add_button('Wave', visible=False,
                                         hint='lets the robot move by itself again')
             self._turn = gui.add_button_group('Page', ('previous', 'next'), visible=False)
-        self._turn.on_click(self._on_turn)
-        for button in self._centre, self._wave:
-            button.on_click(self._on_button)
+        for button in self._turn, self._centre, self._wave:
+            button.on_click(self._on_event)
         self._control: Optional[JointControl] = None  # the one that is shown
         self._sliders: list[_Slider] = []
         #: What the sliders belong to: the positions, and the page.
         self._key: tuple[Optional[JointPositions], int] = None, 0
         self._page, self._pages, self._next = 0, 1, 0.0
-        #: What the viewer has done since the last update: the handle and the value.
-        self._actions: deque[tuple[Any, Any]] = deque()
+        #: What the viewer has done since the last update: the handle, its value, and the topic of
+        #: the robot that was chosen.
+        self._actions: deque[tuple[Any, Any, str]] = deque()
 
-    async def _on_slider(self, event: 'viser.GuiEvent[Any]') -> None:
+    async def _on_event(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
-            self._actions.append((event.target, float(event.target.value)))
-
-    async def _on_button(self, event: 'viser.GuiEvent[Any]') -> None:
-        self._actions.append((event.target, None))
-
-    async def _on_turn(self, event: 'viser.GuiEvent[Any]') -> None:
-        self._actions.append((event.target, event.target.value))
+            self._actions.append((event.target, event.target.value, self._choice.value))
 
     def update(self, now: float) -> None:
         """Do what the viewer wants, and show the positions; `now`: on the monotonic clock (s)."""
-        self._act()
+        controls = {control.topic: control for control in self._source.controls}
+        self._act(controls)
         if now < self._next:
             return
         self._next = now + _PERIOD
-        controls = {control.topic: control for control in self._source.controls}
         options = (*controls,) or ('',)
         if self._choice.options != options:
             self._choice.options = options
@@ -110,22 +105,22 @@ class Joints:
         if self._status.content != (content := html(text, 'joints')):
             self._status.content = content
 
-    def _act(self) -> None:
+    def _act(self, controls: Mapping[str, JointControl]) -> None:
         while self._actions:
-            target, value = self._actions.popleft()
-            if self._control is None:
-                continue
+            target, value, topic = self._actions.popleft()
+            chosen, shown = controls.get(topic), self._control
             if target is self._turn:
                 step = 1 if value == 'next' else -1
                 self._page = min(max(self._page + step, 0), self._pages - 1)
-            elif target is self._centre:
-                self._control.centre()
-            elif target is self._wave:
-                self._control.wave()
+            elif target is self._centre and chosen:
+                chosen.centre()
+            elif target is self._wave and chosen:
+                chosen.wave()
             for slider in self._sliders:
-                if target is slider.handle:
-                    slider.shown = value
-                    self._control.set(slider.joint.name, slider.position(value))
+                # The robot of the sliders may have left since they were shown.
+                if target is slider.handle and shown and controls.get(shown.topic) is shown:
+                    slider.shown = float(value)
+                    shown.set(slider.joint.name, slider.position(slider.shown))
 
     def _show(self, positions: Optional[JointPositions]) -> None:
         joints = [*positions.free.values()] if positions else []
@@ -141,7 +136,7 @@ class Joints:
                 self._sliders = [_Slider(self._gui, joint, positions[joint.name])
                                  for joint in joints[first:first + _SLIDERS] if positions]
             for slider in self._sliders:
-                slider.handle.on_update(self._on_slider)
+                slider.handle.on_update(self._on_event)
         for slider in self._sliders:
             if positions:
                 slider.show(positions[slider.joint.name])

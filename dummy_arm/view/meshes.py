@@ -45,32 +45,30 @@ class Meshes:
         prefixes = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
         self._directories = [Path(os.path.abspath(directory)) for directory in (
             *directories, *(os.path.join(prefix, 'share') for prefix in prefixes if prefix))]
-        self._loaded: dict[str, Union[Mesh, str]] = {}
+        #: By file; None: it is being loaded.
+        self._loaded: dict[str, Union[Mesh, str, None]] = {}
         self._wanted: SimpleQueue[str] = SimpleQueue()
-        self._known: set[str] = set()
         self._thread: Optional[Thread] = None
 
     def get(self, file: str) -> Union[Mesh, str, None]:
         """Return a mesh, or why there is none; None: a thread loads it, ask again later."""
-        if file not in self._known:
-            self._known.add(file)
+        if file not in self._loaded:
+            self._loaded[file] = None
             self._wanted.put(file)
             if self._thread is None:
                 self._thread = Thread(target=self._load_wanted, daemon=True)
                 self._thread.start()
-        return self._loaded.get(file)
+        return self._loaded[file]
 
     def forget_failures(self) -> None:
         """Try again to load the meshes that could not be loaded, when they are asked for."""
         for file, mesh in [*self._loaded.items()]:
             if isinstance(mesh, str):
                 del self._loaded[file]
-                self._known.discard(file)
 
     def load(self, file: str) -> None:
         """Load a mesh now."""
-        if file not in self._loaded:
-            self._known.add(file)
+        if self._loaded.get(file) is None:
             try:
                 self._loaded[file] = load(self.find(file))
             except MeshError as error:

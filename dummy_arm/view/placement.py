@@ -76,7 +76,7 @@ class FrameWatcher:
         Place the frames.
 
         :param fixed: the fixed frame; if no tree has it, another one is chosen.
-        :param until: the time (ns), for a bag; 0: the latest time.
+        :param until: the time (ns); 0: the latest time.
         """
         with self._buffer.updated():
             known = {frame.name: frame for frame in self._buffer.frames(until)}
@@ -109,6 +109,10 @@ class FrameWatcher:
             not_finite=[name for _, name, _ in found if name not in index],
             gone=0 if kept is known else len(_names(known)) - len(_names(kept)),
             left_out=shown.left_out)
+
+    def watch(self) -> None:
+        """Remember when the frames were updated, as `placement` does for the latest time."""
+        self._silences({frame.name: frame for frame in self._buffer.frames()}, 0)
 
     def _silences(self, frames: dict[str, Frame], until: int) -> dict[str, float]:
         if until:

@@ -41,11 +41,9 @@ class Playback:
         """
         self._gui, self._player, self._findings = gui, player, findings
         self._requests: deque[Callable[[], object]] = deque(maxlen=_MOST_REQUESTS)
-        self._is_paused, self._has_findings = False, False
         self._length = max(_TIME_STEP, ceil(player.length / _TIME_STEP) * _TIME_STEP)
         has_time = player.length > 0.0
         self._pause = gui.add_checkbox('Pause', False, visible=has_time)
-        self._pause.on_update(self._on_pause)
         self._time = gui.add_slider('Time (s)', 0.0, self._length, _TIME_STEP, 0.0,
                                     visible=has_time)
         self._time.on_update(self._on_time)
@@ -55,10 +53,6 @@ class Playback:
         step.on_click(self._on_step)
         self._folder = gui.add_folder('Findings of tf_doctor', expand_by_default=False,
                                       visible=False)
-
-    async def _on_pause(self, event: 'viser.GuiEvent[Any]') -> None:
-        if event.client_id is not None:
-            self._is_paused = bool(event.target.value)
 
     async def _on_time(self, event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is not None:
@@ -82,12 +76,11 @@ class Playback:
 
     def update(self) -> int:
         """Advance the player, show its position, and return its time (ns)."""
-        self._player.advance(not self._is_paused)
+        self._player.advance(not self._pause.value)
         while self._requests:
             self._requests.popleft()()
         self._time.value = round(self._player.position, 2)
-        if self._findings and not self._has_findings:
-            self._has_findings = True
+        if self._findings and not self._folder.visible:
             self._show_findings()
         return self._player.time
 
@@ -96,7 +89,7 @@ class Playback:
 
     def _stop_at(self, position: float) -> None:
         self._player.seek(position)
-        self._pause.value = self._is_paused = True
+        self._pause.value = True
 
     def _show_findings(self) -> None:
         self._folder.visible = True
@@ -108,9 +101,6 @@ class Playback:
                                                   hint=visible(text))
                     button.on_click(partial(self._on_finding, position))
                 else:
-                    self._add_text(text)
+                    self._gui.add_html(html(text, 'finding'))
             if more := len(self._findings[_MOST_FINDINGS:]):
-                self._add_text(f'and {more} more')
-
-    def _add_text(self, text: str) -> None:
-        self._gui.add_html(html(text, 'finding'))
+                self._gui.add_html(html(f'and {more} more', 'finding'))

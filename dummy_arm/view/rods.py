@@ -45,7 +45,7 @@ class Rods(NamedTuple):
     For n frames: n x axes, n y axes, n z axes, n lines to the parents, and their n heads.
     """
 
-    positions: NDArray[np.float32]  #: (5 n, 3): x, y, z (m) of the end at the frame's origin
+    positions: NDArray[np.float32]  #: (5 n, 3): x, y, z (m) of the end from which z points
     wxyzs: NDArray[np.float32]  #: (5 n, 4): quaternions w, x, y, z
     scales: NDArray[np.float32]  #: (5 n, 3): radius, radius, length (m)
     colors: NDArray[np.uint8]  #: (5 n, 3): red, green, blue

@@ -1,9 +1,9 @@
 """The scene: a grid, a trail, and the frames (their axes, names and lines to the parents)."""
 
+from collections import deque
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from itertools import islice
-from threading import Lock
 from typing import Any, Optional, Union
 
 import numpy as np
@@ -70,28 +70,21 @@ class Scene:
         self._label_count = self._next_label = 0
         #: In the order of the rods, so that `_click` finds the frame of a rod.
         self._frame_names: list[str] = []
-        self._clicked = ''
-        self._lock = Lock()
-        self.body = Body(self._scene, meshes, self._select)
+        #: The frame that was clicked last, until somebody takes it.
+        self.clicks: deque[str] = deque(maxlen=1)
+        self.body = Body(self._scene, meshes, self.clicks.append)
 
     def show(self, placement: Placement, display: Display, selected: str,
              trail: NDArray[np.float64], descriptions: Mapping[str, DescriptionOrWhy],
              body: BodyDisplay) -> None:
         """Show frames, a trail of lines (m, 2, 3): x, y, z (m), and the bodies of robots."""
         with self._owner.atomic():
-            with self._lock:
-                self._frame_names = placement.names
+            self._frame_names = placement.names
             self._show_grid(display.cell, display.is_dark)
             self._show_rods(rods(placement, display, selected))
             self._show_names(placement, display, selected)
             self._show_trail(trail)
             self.body.show(descriptions, placement, display, body)
-
-    def take_click(self) -> str:
-        """Return the frame that a viewer has clicked since the last call, or ''."""
-        with self._lock:
-            clicked, self._clicked = self._clicked, ''
-        return clicked
 
     def _show_grid(self, cell: float, is_dark: bool) -> None:
         if (cell, is_dark) == self._shown_grid:
@@ -123,14 +116,10 @@ class Scene:
         self._rods.batched_colors = new.colors
         self._rods.visible = True
 
-    def _select(self, name: str) -> None:
-        with self._lock:
-            self._clicked = name
-
     async def _click(self, event: 'viser.SceneNodePointerEvent[viser.BatchedMeshHandle]') -> None:
-        with self._lock:
-            if isinstance(event.instance_index, int) and self._frame_names:
-                self._clicked = self._frame_names[event.instance_index % len(self._frame_names)]
+        names = self._frame_names
+        if isinstance(event.instance_index, int) and names:
+            self.clicks.append(names[event.instance_index % len(names)])
 
     def _show_names(self, placement: Placement, display: Display, selected: str) -> None:
         texts = _texts(placement, display) if display.with_names else []
@@ -177,11 +166,11 @@ class Scene:
 
 
 def look_at(placement: Placement, names: Collection[str], cameras: Sequence[Any],
-            direction: Sequence[float] = VIEWS['all']) -> None:
+            direction: Sequence[float] = VIEWS['all'], timeout: float = TIMEOUT) -> None:
     """Move cameras so that some frames are visible, seen from a direction (x, y, z)."""
     wanted = {*names}
-    points = placement.points[(placement.ages < TIMEOUT) & [
-        name in wanted for name in placement.names]]
+    points = placement.points[[name in wanted and age < timeout for name, age in zip(
+        placement.names, placement.ages.tolist())]]
     if not len(points):
         return
     middle = (points.min(axis=0) + points.max(axis=0)) / 2

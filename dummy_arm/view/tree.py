@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Iterator
+from functools import partial
 import re
 from typing import Any, NamedTuple, Optional
 
@@ -39,18 +40,20 @@ class Tree:
     def __init__(self, gui: viser.GuiApi, container: Any) -> None:
         """Add the controls to a tab or a folder."""
         self._gui, self._container = gui, container
-        with container:
-            self._add_controls(gui)
         self._buttons: list[Any] = []
         self._rows: list[_Row] = []  # those of the page that is shown
         self._page, self._next = 0, 0.0
         #: The pages that the viewer has turned since the last update.
         self._turns: deque[int] = deque()
-        self._selected, self._clicked = '', ''
+        #: The frame that was clicked last, until somebody takes it.
+        self.clicks: deque[str] = deque(maxlen=1)
+        self._selected = ''
         self._wanted = ''  # the frame to whose page the next update turns
         #: The frames that the viewer has hidden, and those hidden with all that is below them.
         self._hidden: set[str] = set()
         self._hidden_branches: set[str] = set()
+        with container:
+            self._add_controls(gui)
         #: The expressions of the frames that are shown, and of those that are not; None: of none.
         self._filters: list[Optional[re.Pattern[str]]] = [None, None]
         self._problem = ''
@@ -63,8 +66,8 @@ class Tree:
         self._show = gui.add_checkbox('Show the frame', True, hint='the selected one')
         self._show_branch = gui.add_checkbox(
             'Show its branch', True, hint='the selected frame and all below it')
-        self._show.on_update(self._on_show)
-        self._show_branch.on_update(self._on_show_branch)
+        self._show.on_update(partial(self._on_show, self._hidden))
+        self._show_branch.on_update(partial(self._on_show, self._hidden_branches))
         self._status = gui.add_html('')
         self._turn = gui.add_button_group('Page', ('previous', 'next'))
         self._turn.on_click(self._on_turn)
@@ -81,13 +84,7 @@ class Tree:
                 filters.append(None)
         self._filters, self._next = filters, 0.0
 
-    async def _on_show(self, event: 'viser.GuiEvent[Any]') -> None:
-        self._hide(self._hidden, event)
-
-    async def _on_show_branch(self, event: 'viser.GuiEvent[Any]') -> None:
-        self._hide(self._hidden_branches, event)
-
-    def _hide(self, hidden: set[str], event: 'viser.GuiEvent[Any]') -> None:
+    async def _on_show(self, hidden: set[str], event: 'viser.GuiEvent[Any]') -> None:
         if event.client_id is None or not self._selected:
             return
         if event.target.value:
@@ -100,14 +97,9 @@ class Tree:
         self._turns.append(1 if event.target.value == 'next' else -1)
 
     async def _on_click(self, event: 'viser.GuiEvent[Any]') -> None:
-        number = self._buttons.index(event.target)
-        if number < len(self._rows):
-            self._clicked = self._rows[number].name
-
-    def take_click(self) -> str:
-        """Return the frame that the viewer has clicked since the last call, or ''."""
-        clicked, self._clicked = self._clicked, ''
-        return clicked
+        number, rows = self._buttons.index(event.target), self._rows
+        if number < len(rows):
+            self.clicks.append(rows[number].name)
 
     def turn_to(self, name: str) -> None:
         """Turn to the page with the row of a frame."""

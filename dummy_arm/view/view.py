@@ -119,8 +119,8 @@ class View:
             if key not in placements:
                 placements[key] = self._watcher.placement(*key)
             self._viewers[number].update(placements[key], key, now, self._hint, descriptions)
-        if not placements:
-            self._watcher.placement('', until)  # it remembers when frames were updated
+        if not until and all(time for _, time in placements):
+            self._watcher.watch()
 
 
 class Viewer:
@@ -140,9 +140,10 @@ class Viewer:
         self._trail = Trail(feed.buffer)
         #: The earliest times of the next update, and of that of the texts (s, monotonic clock).
         self._next = self._next_texts = 0.0
-        #: The placement for which the shown texts were made, and three texts: the names of the
-        #: chosen fixed frame and of the selected frame, and the hint at other topics.
-        self._texts_key: tuple[Optional[Placement], tuple[str, str, str]] = None, ('', '', '')
+        #: The placement for which the shown texts were made, the names of the chosen fixed frame
+        #: and of the selected frame, the hint at other topics, and the timeout (s).
+        self._texts_key: tuple[Optional[Placement], tuple[str, str, str, float]] = (
+            None, ('', '', '', 0.0))
         #: When the camera is moved so that all frames are visible (s, monotonic clock); None until
         #: there are frames; infinite after this move.
         self._turn_at: Optional[float] = None
@@ -156,11 +157,10 @@ class Viewer:
         Return the chosen fixed frame ('' if there is none), and the time of the frames to show.
 
         :param until: the time of a bag (ns); 0: the frames are live, and so is the result, unless
-            the viewer looks back.
+            the viewer has paused them.
         """
-        back = round(self._panel.back * SECOND)
-        if self._paused_at and back:
-            until = max(1, self._paused_at - back)
+        if self._paused_at:
+            until = max(1, self._paused_at - round(self._panel.back * SECOND))
         return self._panel.fixed.chosen, until
 
     def update(self, latest: Placement, request: tuple[str, int], now: float, hint: str,
@@ -182,13 +182,15 @@ class Viewer:
             self._paused_at = 0
         elif not self._paused_at:
             self._paused_at = max(placement.stamps, default=0)
+            self._shown = request[0], self._paused_at  # the next request is the same
         # A bag is played again and again, so its frames stay in the dropdowns.
         self._names = dict.fromkeys(
             [*(self._names if self._feed.player else ()), *placement.names])
         panel.set_frames(placement, [*self._names], now)
-        if click := panel.tree.take_click():
-            panel.selected.choose(click)
-        if click := self._scene.take_click():
+        if panel.tree.clicks:
+            panel.selected.choose(panel.tree.clicks.pop())
+        if self._scene.clicks:
+            click = self._scene.clicks.pop()
             panel.selected.choose(click)
             panel.tree.turn_to(click)
         hidden = panel.tree.hidden(placement)
@@ -205,22 +207,23 @@ class Viewer:
 
     def _update_texts(self, placement: Placement, now: float, hint: str, timeout: float) -> None:
         """Update the texts if something has changed, at most once per `_TEXT_PERIOD`."""
-        key = placement, (self._panel.fixed.chosen, self._panel.selected.name, hint)
+        key = placement, (
+            self._panel.fixed.chosen, self._panel.selected.name, hint, timeout)
         if (placement is not self._texts_key[0] or key[1] != self._texts_key[1]) and (
                 now >= self._next_texts):
             self._next_texts, self._texts_key = now + _TEXT_PERIOD, key
             self._panel.show_texts(overview(
-                placement, self._feed, self._panel.fixed.chosen, timeout),
+                placement, self._feed, hint, self._panel.fixed.chosen, timeout),
                                    details(placement, self._panel.selected.name, self._feed))
 
     async def _look_from(self, view: str) -> None:
         """Move the cameras so that the frames that are drawn, or the selected one, are visible."""
         if (placement := self._placement) is None:
             return
-        hidden = self._panel.tree.hidden(placement)
+        display = self._panel.display.display(self._panel.tree.hidden(placement))
         names = {self._panel.selected.name} if view == 'frame' else {
-            *placement.names} - hidden
-        look_at(placement, names, self._cameras, VIEWS.get(view, VIEWS['all']))
+            *placement.names} - display.hidden
+        look_at(placement, names, self._cameras, VIEWS.get(view, VIEWS['all']), display.timeout)
 
     def _turn_camera(self, placement: Placement, now: float) -> None:
         """Move the cameras at once, and once more `SETTLING` seconds after the first frame."""

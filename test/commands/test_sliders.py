@@ -93,6 +93,11 @@ def test_another_robot_in_a_namespace(ros, robot, open_viewer):
         JointState(name=['axle', 'other', 'axle'], position=[-pi / 2, 7.0])))
     # Seldom, as only the last message counts when the page looks.
     robot.create_timer(0.31, lambda: states.publish(b'\0\1\0\0' + b'\xff' * 40))
+    # A recorder listens, too, and its namespace has another robot.
+    recorder = ros.node.create_subscription(
+        JointState, '/left/arm/joint_command', lambda _: None, 10)
+    other = ros.node.create_publisher(String, '/robot_description', description.qos_profile)
+    other.publish(String(data=URDF.replace('axle', 'wheel')))
     viewer = open_viewer()
     with ros.spinning():
         viewer.until(lambda: 'axle (°)' in labels(viewer))
@@ -100,6 +105,8 @@ def test_another_robot_in_a_namespace(ros, robot, open_viewer):
         viewer.set('axle (°)', 45.0)
         viewer.until(lambda: commands)
         viewer.until(lambda: viewer.value('axle (°)') == -90.0)  # it has not obeyed
+        ros.node.destroy_publisher(other)
+        ros.node.destroy_subscription(recorder)
         robot.destroy_subscription(subscription)
         viewer.until(lambda: '/left/robot publishes on /left/joint_states' in
                      viewer.text('joints'))

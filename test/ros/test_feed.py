@@ -3,10 +3,11 @@
 import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from ros_node import stamped
+from ros_node import eventually, stamped
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
+from dummy_arm.robot import description_listener, descriptions
 from dummy_arm.tf import TransformBroadcaster
 from dummy_arm.view.feed import LiveFeed, Publication
 
@@ -110,6 +111,25 @@ def test_descriptions(ros, offer):
     ros.until(lambda: 'not valid XML' in str(names()['/a/b/robot_description']))
     ros.node.destroy_publisher(publisher)
     ros.until(lambda: names() == {'/robot_description': 'one'})
+
+
+def test_a_robot_that_leaves_while_its_description_is_read(ros, offer, monkeypatch):
+    """It does not come back."""
+    feed = LiveFeed(ros.node)
+    publisher = offer('/robot_description', urdf('one'))
+    ros.until(feed.descriptions)
+    monkeypatch.setattr(description_listener, '_SCAN_INTERVAL', 0.0)
+
+    def parsed(text):
+        ros.node.destroy_publisher(publisher)
+        eventually(lambda: not feed.descriptions())
+        return descriptions.parsed(text)
+
+    monkeypatch.setattr(description_listener, 'parsed', parsed)
+    publisher.publish(String(data=urdf('two')))
+    ros.until(lambda: not feed.descriptions())
+    ros.executor.spin_once(0.1)
+    assert not feed.descriptions()
 
 
 def test_descriptions_of_a_namespace(ros, offer):

@@ -48,15 +48,18 @@ def numbers(buffer, parent='map'):
     return (t.x, t.y, t.z), (r.x, r.y, r.z, r.w)
 
 
+ME, YOU = 'one viewer', 'another one'
+
+
 def test_it_is_published_until_it_is_stopped(ros, publisher, other):
     """Late listeners receive it until then; those that have received it keep it."""
     early, later, late = (Buffer() for _ in range(3))
     TransformListener(early, other)
-    assert not publisher.send(HAND)
+    assert not publisher.send(HAND, ME)
     ros.until(lambda: early.can_transform('map', 'hand', Time()))
     assert numbers(early) == (HAND.translation, HAND.rotation)
     moved = HAND._replace(translation=(0.0, 0.0, 0.0))
-    assert not publisher.send(moved)
+    assert not publisher.send(moved, ME)
     TransformListener(later, other)
     ros.until(lambda: later.can_transform('map', 'hand', Time()))
     ros.until(lambda: numbers(early) == numbers(later) == (moved.translation, moved.rotation))
@@ -67,15 +70,16 @@ def test_it_is_published_until_it_is_stopped(ros, publisher, other):
     ros.until(lambda: late.can_transform('map', 'post', Time()))
     assert not late.can_transform('map', 'hand', Time())
     assert early.can_transform('map', 'hand', Time())
-    assert not publisher.send(HAND._replace(parent='post'))
+    assert not publisher.send(HAND._replace(parent='post'), ME)
     ros.until(lambda: late.can_transform('post', 'hand', Time()))
     ros.until(lambda: numbers(early, 'post') == (HAND.translation, HAND.rotation))
 
 
 def test_two_viewers_publish_a_frame_each(ros, publisher, other):
     """When one stops, the frame of the other stays for late listeners."""
-    assert not publisher.send(HAND)
-    assert not publisher.send(HAND._replace(name='second'))
+    assert not publisher.send(HAND, ME)
+    assert not publisher.send(HAND._replace(name='second'), ME)
+    assert publisher.send(HAND, YOU) == 'another viewer publishes frame hand already'
     publisher.stop('second')
     late = Buffer()
     TransformListener(late, other)
@@ -93,19 +97,19 @@ def test_a_frame_of_another_node_is_refused(ros, feed, publisher, other, broadca
         return feed.buffer.frames()
 
     ros.until(is_received)
-    ros.until(lambda: publisher.send(HAND) == '/other publishes frame hand already')
-    assert not publisher.send(HAND._replace(name='new'))
+    ros.until(lambda: publisher.send(HAND, ME) == '/other publishes frame hand already')
+    assert not publisher.send(HAND._replace(name='new'), ME)
     other.destroy_node()
-    ros.until(lambda: not publisher.send(HAND))
+    ros.until(lambda: not publisher.send(HAND, ME))
 
 
 def test_another_node_that_comes_later(ros, feed, publisher, other):
     """From then on, its frame is refused."""
-    assert not publisher.send(HAND)
+    assert not publisher.send(HAND, ME)
     ros.until(feed.buffer.frames)
-    assert not publisher.send(HAND)
+    assert not publisher.send(HAND, ME)
     StaticTransformBroadcaster(other).sendTransform(stamped('map', 'hand'))
-    ros.until(lambda: publisher.send(HAND._replace(translation=(0.0, 0.0, 0.0)))
+    ros.until(lambda: publisher.send(HAND._replace(translation=(0.0, 0.0, 0.0)), ME)
               == '/other publishes frame hand already')
 
 
@@ -113,11 +117,11 @@ def test_a_middleware_that_does_not_report_gids(handles, ros, feed, publisher, o
     """Its own frame can be moved; one that may be of another node is refused."""
     StaticTransformBroadcaster(other).sendTransform(stamped('map', 'base'))
     ros.until(feed.buffer.frames)
-    assert not publisher.send(HAND)
+    assert not publisher.send(HAND, ME)
     ros.until(lambda: len(feed.buffer.frames()) == 2)
-    assert not publisher.send(HAND._replace(translation=(0.0, 0.0, 0.0)))
+    assert not publisher.send(HAND._replace(translation=(0.0, 0.0, 0.0)), ME)
     assert 'one of /other, /test publishes frame base' in publisher.send(
-        HAND._replace(name='base'))
+        HAND._replace(name='base'), ME)
 
 
 def test_loops_are_refused(ros, feed, publisher, other):
@@ -126,13 +130,14 @@ def test_loops_are_refused(ros, feed, publisher, other):
         [stamped('map', 'odom'), stamped('odom', 'base')])
     ros.until(lambda: len(feed.buffer.frames()) == 2)
     assert 'map is above base: there would be a loop' in publisher.send(
-        HAND._replace(parent='base', name='map'))
-    assert not publisher.send(HAND._replace(parent='base'))
+        HAND._replace(parent='base', name='map'), ME)
+    assert not publisher.send(HAND._replace(parent='base'), ME)
 
 
 def test_what_is_not_valid_is_refused(publisher):
     """A parent can have a name that ROS cannot send."""
-    assert 'NUL' in publisher.send(HAND._replace(parent='a\0'))
+    assert 'NUL' in publisher.send(HAND._replace(parent='a\0'), ME)
+    assert not publisher.send(HAND, YOU)
 
 
 @pytest.mark.parametrize(('parent', 'name'), [('map', 'hand'), ("it's <a>", '-x')])

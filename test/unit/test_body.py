@@ -441,6 +441,16 @@ def test_a_mesh_that_is_too_large(tmp_path, monkeypatch):
         load(tmp_path / 'a.stl')
 
 
+def test_a_page_that_is_exported_has_all_shapes(tmp_path):
+    """Also if a single moment is recorded."""
+    feed = BagFeed(buffer_of('map base'), 'bag')
+    feed.robots = {'/robot_description': robot(link('base', *[('<sphere radius="1"/>',)] * 150))}
+    recording = Recording(feed)
+    recording.add(0.0, T)
+    names = [message.get('name', '') for _, message in recorded(recording.as_html())['messages']]
+    assert len({name for name in names if name.startswith('/robots/0/')}) == 150
+
+
 def test_a_page_that_is_exported_has_the_body(tmp_path):
     """Its meshes are loaded before the scene is recorded."""
     (tmp_path / 'pkg').mkdir()

@@ -49,7 +49,7 @@ class Page:
         """Insert a static frame, turned by 90 degrees about z."""
         self.buffer.insert(T, parent, child, (x, 0.0, 0.0, 0.0, 0.0, HALF, HALF), is_static=True)
 
-    def send(self, transform):
+    def send(self, transform, _):
         """Publish for the frame."""
         self.published.append(transform)
         return self.why

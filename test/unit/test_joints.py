@@ -145,6 +145,32 @@ def test_a_robot_that_moves_by_itself():
         page.until(lambda: page.viewer.gui[page.viewer.uuid('Wave')]['visible'] is False)
 
 
+def test_a_robot_that_leaves_while_it_is_moved():
+    """What a viewer does with its controls has no effect any more."""
+    control = Arm('/arm/joint_command', ARM)
+    with Page(control) as page:
+        page.until(lambda: sliders(page.viewer))
+        page.controls.clear()
+        page.viewer.set('turn (°)', 20.0)
+        page.viewer.set('Centre', True)
+        page.viewer.set('Wave', True)
+        page.until(lambda: page.text() == 'start it')
+        assert (control.positions['turn'], control.waves) == (0.0, 0)
+
+
+def test_the_chosen_robot_is_moved():
+    """Also if its sliders are not shown yet."""
+    first, second = (JointControl(f'/{name}/joint_states', ARM) for name in ('a', 'b'))
+    for control in first, second:
+        control.positions.set('turn', 0.5)
+    with Page(first, second) as page:
+        page.until(lambda: sliders(page.viewer))
+        page.viewer.set('Joints of', second.topic)
+        page.viewer.set('Centre', True)
+        page.until(lambda: page.viewer.value('turn (°)') == 0.0)
+        assert (first.positions['turn'], second.positions['turn']) == (0.5, 0.0)
+
+
 def test_many_joints_are_shown_in_pages():
     """A robot of 80 joints has 50 sliders on the first page."""
     hand = robot(*(joint(f'joint_{i}', 'revolute', (-1, 1)) for i in range(80)))

@@ -142,6 +142,20 @@ def test_findings_about_a_robot(tmp_path):
     assert any('link_without_transform: lonely' in line for line, _ in findings)
 
 
+@pytest.mark.parametrize(('namespace', 'expected'), [('left', {'/left'}), ('', {'', '/left'})])
+def test_robots_of_a_namespace(tmp_path, namespace, expected):
+    """The page of a bag, like the live one, has the bodies of its namespace only."""
+    bags = pytest.importorskip('bags')
+    pytest.importorskip('urdf_parser_py')
+    text = '<robot name="r"><link name="lonely"/></robot>'
+    path = bags.make(tmp_path, 'mcap', [
+        *bags.walk(), *((f'{each}/robot_description', 100 * S, bags.string(text), bags.STRING)
+                        for each in ('', '/left'))])
+    feed = BagFeed(TransformBuffer(), 'bag')
+    web_view.read_descriptions(feed, [str(path)], namespace, False)
+    assert {topic.removesuffix('/robot_description') for topic in feed.robots} == expected
+
+
 def test_a_bag_that_cannot_be_examined(tmp_path):
     """The reason is a line of the findings."""
     findings: list[tuple[str, int]] = []

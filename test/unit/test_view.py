@@ -376,7 +376,7 @@ def test_texts():
     arm(buffer, T, 'x\n', 'y', 'x\n')
     arm(buffer, T, 'w"orld', 'tree')
     placement = FrameWatcher(buffer).placement()
-    text = overview(placement, feed)
+    text = overview(placement, feed, 'other <topics>')
     assert '>5 frames<' in text
     assert 'not connected to map: w&quot;orld' in text
     assert 'in a loop: ' in text
@@ -394,7 +394,7 @@ def test_texts():
     text = details(placement, 'b', feed)  # as after a jump of time or a long pause
     assert 'parent' in text
     assert 'nan' not in text
-    assert 'the fixed frame &lt;b&gt; is not available' in overview(placement, feed, '<b>')
+    assert 'the fixed frame &lt;b&gt; is not available' in overview(placement, feed, fixed='<b>')
     assert '&lt;i&gt; is not available.' in details(placement, '<i>', feed)
     assert 'Click a frame' in details(placement, '', feed)
     text = details(placement, 'map', feed)
@@ -628,12 +628,12 @@ def test_what_is_displayed(page, clock):
     shown.until(lambda: np.abs(viewer.nodes['/grid']['points']).max() == 4 * before)
     viewer.set('View', 'top')
     shown.until(lambda: viewer.last['SetCameraPositionMessage']['position'][2] > 4.0)
+    shown.set('Dark', True)
+    shown.until(lambda: viewer.last.get('ThemeConfigurationMessage', {}).get('dark_mode'))
     clock[0] += 6.0
     shown.set('Frame timeout (s)', 5)
     shown.until(lambda: 'for 5 s on the path' in viewer.text('overview'))
     shown.until(lambda: not viewer.names())
-    shown.set('Dark', True)
-    shown.until(lambda: viewer.last.get('ThemeConfigurationMessage', {}).get('dark_mode'))
 
 
 def test_the_camera_moves_to_frames(page):
@@ -663,6 +663,36 @@ def test_the_camera_moves_to_frames(page):
     shown.viewer.send({**CAMERA, 'image_width': 390, 'image_height': 800})
     shown.viewer.set('Focus on the frame', True)
     shown.until(lambda: camera()[0][2] < height - 0.5 and 3.0 < camera()[1] < 4.0)
+
+
+def test_focus_without_frames(page):
+    """Nothing moves, and the viewer stays connected."""
+    shown = page(live(TransformBuffer()))
+    shown.until(lambda: 'no frames yet' in shown.viewer.text('overview'))
+    for button in 'Focus on all frames', 'Focus on the frame', 'Dark':
+        shown.viewer.set(button, True)
+    shown.until(lambda: shown.viewer.last.get('ThemeConfigurationMessage', {}).get('dark_mode'))
+
+
+def test_focus_on_frames_that_are_drawn(page, clock):
+    """With a longer timeout, also on one that has had no new transform for long."""
+    buffer = TransformBuffer()
+    buffer.insert(T, 'map', 'base', pose(1.0), is_static=True)
+    buffer.insert(T, 'base', 'hand', pose(10.0))
+    shown = page(live(buffer))
+    shown.until(lambda: len(shown.viewer.names()) == 3)
+
+    def middle():
+        return shown.viewer.last.get('SetCameraLookAtMessage', {}).get('look_at', [0.0])[0]
+
+    clock[0] += 20.0
+    shown.until(lambda: len(shown.viewer.names()) == 2)
+    shown.viewer.set('Focus on all frames', True)
+    shown.until(lambda: 0.0 < middle() < 2.0)
+    shown.set('Frame timeout (s)', 60.0)
+    shown.until(lambda: len(shown.viewer.names()) == 3)
+    shown.viewer.set('Focus on all frames', True)
+    shown.until(lambda: middle() > 5.0)
 
 
 def test_names_that_would_cover_others(page):
@@ -709,7 +739,7 @@ def test_a_viewer_that_leaves_publishes_no_more(page):
     class Publisher:
         sent, stopped = [], []
 
-        def send(self, transform):
+        def send(self, transform, owner):
             self.sent.append(transform.name)
             return ''
 
@@ -747,11 +777,34 @@ def test_a_live_page_looks_back(page):
     shown.set('A', 'map')
     shown.set('B', 'base')
     shown.until(lambda: f'{T // S + 6}.000' in viewer.text('pair'))
-    assert not viewer.gui[viewer.uuid('Back (s)')]['disabled']
-    shown.set('Pause', False)
+    buffer.insert(T + 11 * S, 'map', 'base', pose(11))
+    shown.set('Back (s)', 0.0)  # the moment of the pause
     shown.until(lambda: viewer.names().get('base') == [10, 0, 0])
+    assert not viewer.gui[viewer.uuid('Back (s)')]['disabled']
+    shown.set('Back (s)', 4.0)
+    shown.set('Pause', False)
+    shown.until(lambda: viewer.names().get('base') == [11, 0, 0])
     shown.until(lambda: viewer.value('Back (s)') == 0.0)
     assert viewer.gui[viewer.uuid('Back (s)')]['disabled']
+
+
+def test_silences_are_remembered_while_viewers_look_back(page, clock):
+    """A frame that has stopped meanwhile is not drawn as a fresh one."""
+    buffer = TransformBuffer(40 * S)
+    buffer.insert(T, 'map', 'base', pose(1.0), is_static=True)
+    for second in range(2):
+        buffer.insert(T + second * S, 'base', 'hand', pose(1.0))
+    shown = page(live(buffer))
+    shown.until(lambda: len(shown.viewer.names()) == 3)
+    shown.set('Pause', True)
+    shown.update()
+    shown.set('Back (s)', 1.0)
+    shown.update()
+    buffer.insert(T + 2 * S, 'base', 'hand', pose(1.0))
+    shown.update()
+    clock[0] += 16.0
+    shown.set('Pause', False)
+    shown.until(lambda: shown.viewer.names().keys() == {'map', 'base'})
 
 
 def test_frames_that_fade_and_return(page, clock):
