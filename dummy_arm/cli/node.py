@@ -131,6 +131,8 @@ def _namespace_args(namespace: str) -> list[str]:
     except InvalidNamespaceException as error:
         reason = str(error).splitlines()[0].removesuffix(':')
         raise UsageError(f'{reason}, got {namespace!r}') from None
+    except TypeError:
+        raise UsageError(f'the argument {namespace!r} must be valid Unicode') from None
     return ['--ros-args', '-r', f'__ns:={path}', '-r', f'/tf:={path}/tf',
             '-r', f'/tf_static:={path}/tf_static']
 

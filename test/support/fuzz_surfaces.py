@@ -308,7 +308,7 @@ class _Page(HTMLParser):
         self.text = ''
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, Optional[str]]]) -> None:
-        assert tag in ('div', 'br', 'table', 'tr', 'td', 'b'), tag
+        assert tag in ('div', 'br', 'table', 'tr', 'td', 'b', 'span'), tag
         assert {name for name, _ in attrs} <= {'style', 'data-text', 'data-value', 'colspan'}
         values = dict(attrs)
         assert (values.get('data-value') or '').replace('-', '').isalpha() or (

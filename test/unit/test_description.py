@@ -8,7 +8,7 @@ from typing import Any
 from xml.etree import ElementTree
 
 from environment import code_without
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
@@ -137,7 +137,9 @@ def matrix_of(pose):
     *vector, w = quaternion
     assert np.linalg.norm(quaternion) == pytest.approx(1, abs=1e-12)
     angle = 2 * np.arctan2(np.linalg.norm(vector), w)
-    return translation((x, y, z)) @ rotation(vector if any(vector) else (1, 0, 0), angle)
+    # The norm of a tiny vector is 0.
+    return translation((x, y, z)) @ rotation(
+        vector if np.linalg.norm(vector) else (1, 0, 0), angle)
 
 
 def in_root(matrices, name):
@@ -171,6 +173,7 @@ lengths = st.floats(-100, 100)
 @given(st.tuples(lengths, lengths, lengths), st.tuples(angles, angles, angles),
        st.tuples(lengths, lengths, lengths).filter(lambda axis: np.linalg.norm(axis) > 1e-3),
        angles, st.sampled_from(['revolute', 'continuous', 'prismatic', 'fixed']))
+@example((0.0, 0.0, 0.0), (0.0, 0.0, 3e-282), (0.0, 0.0, 1.0), 0.0, 'revolute')
 def test_any_joint(xyz, rpy, axis, position, kind):
     """A joint moves its child as the matrices do."""
     texts = [' '.join(map(repr, vector)) for vector in (xyz, rpy, axis)]

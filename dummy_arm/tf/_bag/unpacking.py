@@ -32,11 +32,11 @@ def unpack_file(path: Path, whole: Path, advance: Callable[[float], object]) -> 
         file = _zstd().ZstdFile(source)
         while piece := file.read1(2**18):
             advance(source.tell() / size)
-            target.write(piece)
-            if target.tell() > limit:
+            if target.tell() + len(piece) > limit:
                 raise OSError(f'its temporary copy takes more than {limit} bytes, half of the '
                               f'free space in {whole.parent.parent}: set TMPDIR to a directory '
                               'with more space')
+            target.write(piece)
 
 
 def unpack_message(data: bytes, limit: int) -> bytes:
