@@ -50,16 +50,12 @@ class RobotStatePublisher(Node):
         self.declare_parameter('publish_frequency', 20.0, ParameterDescriptor(dynamic_typing=True))
         self.declare_parameter('frame_prefix', '')
         self.declare_parameter('ignore_timestamp', False)
-        try:
-            if problem := _frequency_problem(self.get_parameter('publish_frequency').value):
-                raise ValueError(problem)
-            if not text:
-                raise DescriptionError('robot_description parameter must not be empty: set it to '
-                                       'the URDF text, or name a URDF file')
-            self._description = parse(text)
-        except ValueError:
-            self.destroy_node()  # else it stays in the graph
-            raise
+        if problem := _frequency_problem(self.get_parameter('publish_frequency').value):
+            raise ValueError(problem)
+        if not text:
+            raise DescriptionError('robot_description parameter must not be empty: set it to the '
+                                   'URDF text, or name a URDF file')
+        self._description = parse(text)
         self._transforms = RobotTransforms(self._description, self.get_logger().warning)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._text_publisher = self.create_publisher(String, 'robot_description', latched)
