@@ -11,14 +11,10 @@ from rclpy.exceptions import InvalidNamespaceException, ParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import (
-    get_default_context,
-    get_rmw_implementation_identifier,
-    try_shutdown,
-)
+from rclpy.utilities import get_rmw_implementation_identifier, try_shutdown
 from rclpy.validate_namespace import validate_namespace
 
-from dummy_arm.cli.fast_dds import destroy, detach_discovery_listener, remove_empty_ports
+from dummy_arm.cli.fast_dds import destroy, remove_empty_ports
 from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
 from dummy_arm.cli.signals import begin_cleanup, signal_received
 from dummy_arm.tf.formatting import namespace_path
@@ -55,11 +51,9 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
         raise UsageError(f'the argument {error.object!r} must be valid Unicode') from None
     except RuntimeError as error:  # rcl failed, for example because ROS_DOMAIN_ID is invalid
         raise CommandError(rcl_error_text(error)) from None
-    domain_id = get_default_context().get_domain_id()
     try:
         yield
     finally:
-        detach_discovery_listener(domain_id)  # that of a node whose constructor has failed
         try_shutdown()
 
 
