@@ -4,6 +4,7 @@ from collections import defaultdict
 from collections.abc import Callable, Sequence
 from itertools import pairwise
 import logging
+import os
 from pathlib import Path
 import re
 from unicodedata import normalize
@@ -31,7 +32,7 @@ _SHOWN = 6
 
 def fault_of_drawing(path: Path) -> str:
     """Return why a `.pdf` or `.gv` of view_frames does not show the arm; '' if it does."""
-    if path.exists() and not path.is_file():  # reading a pipe might never end
+    if os.path.exists(path) and not os.path.isfile(path):  # reading a pipe might never end
         return 'It is not a regular file.'
     try:
         if path.suffix.lower() == '.pdf':

@@ -114,7 +114,7 @@ def check(messages: Iterable[Message], reaches_late_joiners: Optional[bool] = No
     :param messages: the messages of /tf and /tf_static, in the order of their times.
     :param reaches_late_joiners: whether a listener that started later than the arm has received
         base_link; None: not known, which does not count as a failure.
-    :param end: the end of the observation (ns); None: the time of the last message.
+    :param end: the end of the observation (ns); None: the time of the last message on /tf.
     :param publishers: the publishers on /tf and /tf_static, also those that are gone; those of
         the oldest process first; empty: not known.
     """
@@ -462,7 +462,7 @@ class _Check:
     def _late_joiner(self) -> _Result:
         samples = self._right(BASE.name)
         if self._reaches_late_joiners is None:
-            raise _NotJudged('A bag does not show this.')
+            raise _NotJudged('This was not observed.')
         if not samples.is_static.any():
             raise _NotJudged('base_link is not on /tf_static.')
         if self._reaches_late_joiners:

@@ -138,7 +138,7 @@ class _Supervisor:
                 self._watch()
                 if program.fault():
                     observer.finish()
-            fault = program.fault() or found.wrong_type
+            fault = program.fault() or ('' if found.report.passed else found.wrong_type)
             elsewhere = '' if found.publishers else self._elsewhere(domain)
         finally:
             program.end()
@@ -192,7 +192,7 @@ class _Supervisor:
     def drawing(self) -> str:
         """Judge the frames.pdf beside the program, in a process of its own, since it may hang."""
         paths = (folder / 'frames.pdf' for folder in (Path(self._file), self._path.parent))
-        if not (path := next((path for path in paths if path.exists()), None)):
+        if not (path := next((path for path in paths if os.path.exists(path)), None)):
             return ''
         reader = self._worker('drawing', str(path))
         end = time.monotonic() + _DRAWING

@@ -143,7 +143,7 @@ def decoded(path: Paths, msgtype: str, name: str, *, partial: bool = False,
     """
     Yield the messages of a standard type on topics that are not of TF, decoded by rosbags.
 
-    The other arguments are those of `read`.
+    The other arguments are those of `read`; damage is not logged.
 
     :param msgtype: the type, such as 'sensor_msgs/msg/JointState'.
     :param name: the last part of the names of the topics, such as 'joint_states'.
@@ -181,7 +181,8 @@ def read(path: Paths, *, cache_time: Any = None, namespace: str = '',
     :param on_progress: called repeatedly with the fraction of the bag that has been read, from 0
         to 1. What it raises ends `read`.
     :returns: a buffer. The authority of a transform is the name of the node that published it in
-        a bag of ROS 1, and 'not recorded' in rosbag2.
+        a bag of ROS 1, and 'not recorded' in rosbag2. Without a cache_time, transforms of one
+        frame by several nodes of ROS 1 may be inserted in another order.
     :raises BagError: if the path is not a bag, if there are several recordings, if the bag has no
         transforms, or if a library that is needed to read it is not installed. Unless `partial` is
         True, also if the bag is cut off or damaged, or has a chunk or a message that is larger

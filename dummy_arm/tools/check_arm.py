@@ -44,9 +44,9 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
                feedback: Optional[str], resume: bool) -> int:
     """Grade programs; print a line for each, in the order of `files`. Return the exit code."""
     names = [visible(file) for file in files]
-    rows = {name: [name, NOT_RUN, ''] for name in names}
-    if table and resume:
-        rows.update((name, row) for name, row in _read_table(table).items() if name in rows)
+    rows = _read_table(table) if table and resume else {}  # also those of other hand-ins
+    for name in names:
+        rows.setdefault(name, [name, NOT_RUN, ''])
     to_run = [file for file, name in zip(files, names) if rows[name][1] == NOT_RUN]
     lines = {name: ': '.join(filter(None, row[:3])) for name, row in rows.items()}
     printed = 0
@@ -76,12 +76,12 @@ def _grade_all(files: Sequence[str], seconds: float, jobs: int, table: Optional[
             print_lines(False)
     except KeyboardInterrupt:
         print_lines(True)
-        count = sum(row[1] == NOT_RUN for row in rows.values())
+        count = sum(rows[name][1] == NOT_RUN for name in names)
         how = '; the same command with --resume goes on' if table else ''
         raise CommandError(f'interrupted: {count} of {len(names)} were not run{how}') from None
     finally:
         grades.close()
-    return 0 if all(row[1] == OK for row in rows.values()) else 1
+    return 0 if all(rows[name][1] == OK for name in names) else 1
 
 
 def _row(grade: Grade) -> list[str]:

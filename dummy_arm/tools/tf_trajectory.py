@@ -279,7 +279,8 @@ def _times(buffer: AnyBuffer, target: str, source: str, every: Optional[float]
     count = (last - first) // period + 1
     if count > MAX_ROWS:
         raise UsageError(f'--every {every:g} would give {count} rows, and at most {MAX_ROWS} are '
-                         f'possible: choose at least {(last - first) / MAX_ROWS / SECOND:.2g} s')
+                         f'possible: choose at least '
+                         f'{1.05 * (last - first) / MAX_ROWS / SECOND:.2g} s')
     return first + period * np.arange(count, dtype=np.int64)
 
 

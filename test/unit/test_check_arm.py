@@ -35,7 +35,7 @@ def test_a_bag(tmp_path, capsys):
         'ok          all transforms are valid                      2005 transforms')
     assert 'ok          joint_1 is 0.3 m along z from base_link       (0.000, 0.000, 0.300) m' in (
         lines)
-    assert ('not judged  base_link reaches a late listener             A bag does not show this.'
+    assert ('not judged  base_link reaches a late listener             This was not observed.'
             ) in lines
     assert ('ok          the joints have three different speeds        0.30, 0.50, 0.70 rad/s '
             '(phase)') in lines
@@ -238,6 +238,14 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
         ("'=1+2" if name == '=1+2' else visible(name), verdict_of(name)) for name in REFUSED]
 
 
+@pytest.mark.parametrize(('arguments', 'suffix'), [((), '.py'), (('--frames',), '.pdf')])
+def test_a_path_that_is_too_long(capsys, arguments, suffix):
+    """It is not ok, and the others are judged."""
+    assert main([*arguments, 'x' * 300 + suffix, f'y{suffix}']) == 1
+    assert re.search(rf'x\{suffix}: not ok: It cannot be read: File name too long\.\n'
+                     rf'y\{suffix}: not ok: ', capsys.readouterr().out)
+
+
 @on_linux
 def test_feedback_on_a_drawing(tmp_path, monkeypatch):
     """The frames.pdf beside a program is judged, too."""
@@ -271,6 +279,11 @@ def test_resume(tmp_path, monkeypatch, capsys, failed):
         f'=a.py: ok: kept: {missing[8:]}', f'b.py: {missing}', f'c.py: {missing}']
     assert [row['verdict'] for row in read_table(Path('grades.csv'))] == [
         'ok', 'not ok', 'not ok']
+    assert main(['=a.py', '--csv', 'grades.csv', '--resume']) == 0
+    assert main(['late.py', '--csv', 'grades.csv', '--resume']) == 1
+    assert [(row['file'], row['verdict']) for row in read_table(Path('grades.csv'))] == [
+        ("'=a.py", 'ok'), ('b.py', 'not ok'), ('c.py', 'not ok'), ('late.py', 'not ok')]
+    capsys.readouterr()
     Path('grades.csv').write_text('a,b\n')
     assert failed(main, *files, '--csv', 'grades.csv', '--resume') == (
         1, 'check_arm: grades.csv is not a table of this version of check_arm: leave out '

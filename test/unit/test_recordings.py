@@ -94,6 +94,10 @@ def test_parts_by_metadata(tmp_path):
         assert counts(given) == WHOLE
     assert recordings(f'{whole}/*') == [[whole], [whole / 'other.mcap']]
     assert recordings([*files, whole / 'other.mcap']) == [files, [whole / 'other.mcap']]
+    unlisted = files[0].with_name('robot_1.mcap')
+    unlisted.write_bytes(files[0].read_bytes())
+    assert recordings([*files, unlisted]) == [files, [unlisted]]
+    assert recordings(whole) == [[whole]]
     assert bag.missing_part(whole) == ''
     assert bag.missing_part(files[1:]).endswith(f'read {files[0]}, too.')
 

@@ -57,7 +57,7 @@ def test_a_right_arm_passes(name):
     """Only a late listener cannot be judged."""
     report = check(received(RIGHT[name]))
     assert [line for line in report.lines if line.verdict != OK] == [
-        Line('base_link reaches a late listener', '', NOT_JUDGED, 'A bag does not show this.')]
+        Line('base_link reaches a late listener', '', NOT_JUDGED, 'This was not observed.')]
     assert report.passed
     assert report.first_failure is None
 

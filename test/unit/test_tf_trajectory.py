@@ -492,7 +492,7 @@ def test_too_many_rows(failed, arm_bag, tmp_path):
                         str(tmp_path / 'x.csv'))
     assert code == 2
     assert line == ('tf_trajectory: --every 1e-07 would give 50000001 rows, and at most 10000000 '
-                    'are possible: choose at least 5e-07 s\n')
+                    'are possible: choose at least 5.2e-07 s\n')
 
 
 @pytest.mark.parametrize(('arguments', 'why'), [

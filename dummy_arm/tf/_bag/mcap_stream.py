@@ -1,11 +1,14 @@
 """The TF messages of an mcap file without an index, or that was cut off, read by mcap."""
 
 from collections.abc import Iterator
+from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 import struct
-from typing import Any, Optional, Union
+from typing import Any, Union
 
 from mcap.exceptions import EndOfFile, RecordLengthLimitExceeded
+from mcap.reader import SeekingReader
 from mcap.records import Channel, Chunk, Message, Schema
 from mcap.stream_reader import breakup_chunk, StreamReader
 
@@ -18,17 +21,35 @@ def records_in_file_order(path: Path, context: BagContext) -> Iterator[Record]:
     """Yield the messages of TF, chunk by chunk; skip damaged chunks if `partial` is True."""
     schemas: dict[int, Schema] = {}
     streams: dict[int, Union[Stream, BagTopic, None]] = {}
-    for record in _records(path, context):
+    for record in chain(_definitions(path, context.max_bytes), _records(path, context)):
         if isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Channel) and record.id not in streams:
-            streams[record.id] = _stream(record, schemas.get(record.schema_id), context)
+            schema = schemas.get(record.schema_id)
+            streams[record.id] = context.add_topic(
+                record.topic, schema.name if schema else '',
+                schema.data.decode(errors='replace') if schema else '', record.message_encoding,
+                durabilities(record.metadata.get('offered_qos_profiles', '')))
         elif isinstance(record, Message):
             stream = streams.get(record.channel_id)
             if isinstance(stream, Stream):
-                yield stream, record.log_time, unpack_message(record.data, context.max_bytes)
+                try:
+                    data = unpack_message(record.data, context.max_bytes)
+                except Exception as error:
+                    context.handle_error(path, '.mcap', error)
+                    continue
+                yield stream, record.log_time, data
             elif stream and stream.headers.wants_next():
                 stream.headers.add(record.log_time, first_bytes(record.data))
+
+
+def _definitions(path: Path, max_bytes: int) -> Iterator[Any]:
+    """Yield the schemas and channels at the end of a file: the chunk with them may be damaged."""
+    with suppress(Exception), path.open('rb') as file:
+        if summary := SeekingReader(file, record_size_limit=max_bytes).get_summary():
+            yield from summary.schemas.values()
+            yield from (each for each in summary.channels.values()
+                        if each.schema_id in summary.schemas)
 
 
 def _records(path: Path, context: BagContext) -> Iterator[Any]:
@@ -60,11 +81,3 @@ def _in_chunk(chunk: Chunk, max_bytes: int) -> list[Any]:
     # Definitions, which have no log time, come first.
     return sorted(breakup_chunk(chunk, validate_crc=True),
                   key=lambda record: getattr(record, 'log_time', -1))
-
-
-def _stream(channel: Channel, schema: Optional[Schema], context: BagContext
-            ) -> Union[Stream, BagTopic, None]:
-    return context.add_topic(
-        channel.topic, schema.name if schema else '',
-        schema.data.decode(errors='replace') if schema else '', channel.message_encoding,
-        durabilities(channel.metadata.get('offered_qos_profiles', '')))

@@ -49,8 +49,8 @@ def recordings(paths: Paths) -> list[Recording]:
             found[os.path.abspath(path)] = Recording(path, [])
             continue
         first, number = _part(path, listed)
-        key = os.path.abspath(path.parent if path.parent in listed and first in
-                              listed[path.parent] else first if os.path.exists(first) else path)
+        key = os.path.abspath(path.parent if first in listed[path.parent] else
+                              first if os.path.exists(first) else path)
         if key not in found or found[key].files:
             parts.setdefault(key, {})[number] = path
             files = [file for _, file in sorted(parts[key].items())]
@@ -127,12 +127,12 @@ def _listed(directory: Path) -> list[Path]:
     """Return the files that a metadata.yaml lists; raise a BagError if it cannot be read."""
     metadata = directory / 'metadata.yaml'
     refuse_special(metadata)
+    from ruamel.yaml import YAML
     try:
         with metadata.open('rb') as file:
             data = file.read(_LONGEST_METADATA + 1)
         if len(data) > _LONGEST_METADATA:
             raise ValueError(f'it has more than {_LONGEST_METADATA} bytes')
-        from ruamel.yaml import YAML
         information = YAML(typ='safe').load(data.decode(errors='replace'))[
             'rosbag2_bagfile_information']
         compression = information.get('compression_format') or 'zstd'
@@ -140,8 +140,6 @@ def _listed(directory: Path) -> list[Path]:
         if not isinstance(names, list) or not names:
             raise ValueError('it lists no files')
         files = [directory / PurePath(name).name for name in names]
-    except ImportError:
-        raise
     except Exception as error:  # the YAML library raises errors of many types
         raise BagError(f'{directory} cannot be read: metadata.yaml: {error_line(error)} '
                        'partial=True (--partial) reads the files without it') from None
@@ -156,13 +154,12 @@ def _part(path: Path, listed: dict[Path, list[Path]]) -> tuple[Path, int]:
     directory = path.parent
     if directory not in listed:
         listed[directory] = []
-        if os.path.exists(directory / 'metadata.yaml'):
-            with suppress(BagError, ImportError):  # the file can be read without metadata
-                listed[directory] = _listed(directory)
+        with suppress(BagError, ImportError):  # the file can be read without metadata
+            listed[directory] = _listed(directory)
     if path in listed[directory]:
         return listed[directory][0], listed[directory].index(path)
     match = _PART.fullmatch(path.name)
-    if match is None or _TIME.search(match[1]):
+    if listed[directory] or match is None or _TIME.search(match[1]):
         return path, 0
     firsts = [path.with_name(f'{match[1]}_0{match[3]}{suffix}') for suffix in ('', '.zstd')]
     return next((first for first in firsts if os.path.exists(first)), firsts[0]), int(match[2])

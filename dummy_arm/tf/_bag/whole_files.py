@@ -1,6 +1,7 @@
 """The TF messages of the files of a recording; rosbags reads those of mcap and of ROS 1."""
 
 from collections.abc import Iterator, Set
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Optional
@@ -22,14 +23,9 @@ def records(recording: Recording, context: BagContext) -> Iterator[Record]:
     files = recording.files
     for number, path in enumerate(files):
         context.begin(number / len(files), 1 / len(files))
+        kind = ''
         try:
             kind = kind_of(path)
-        except BagError as error:  # such as the empty last file of a recorder that was killed
-            if len(files) == 1:
-                raise
-            context.handle_error(path, '', error)
-            continue
-        try:
             if kind != '.zstd':
                 yield from _records_of_file(path, path, kind, context)
                 continue
@@ -39,11 +35,15 @@ def records(recording: Recording, context: BagContext) -> Iterator[Record]:
                 try:
                     unpack_file(path, whole, context.advance)
                 except Exception as error:  # damaged or cut off
-                    context.handle_error(path, '.mcap', error)
+                    context.handle_error(path, '' if isinstance(error, OSError) else
+                                         path.with_suffix('').suffix, error)
                 context.begin((number + 0.5) / len(files), 0.5 / len(files))
                 kind = kind_of(whole, path)
                 yield from _records_of_file(whole, path, kind, context)
         except Exception as error:  # the libraries raise errors of many types
+            # A recorder that was killed may have left an empty last file.
+            if not kind and (len(files) == 1 or not isinstance(error, BagError)):
+                raise
             context.handle_error(path, kind, error)
 
 
@@ -66,10 +66,8 @@ def _records_of_file(whole: Path, path: Path, kind: str, context: BagContext) ->
         reader.open()
     else:
         raise ValueError('it is compressed twice')
-    try:
+    with closing(reader):
         yield from _records_of_reader(reader, kind, context)
-    finally:
-        reader.close()
 
 
 class _McapReader(McapReader):
