@@ -59,7 +59,7 @@ class Buffer(BufferCore, BufferInterface):
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
             self.srv = _create_frames_service(node, self)
-        self._engine.look = partial(clock_surroundings, self.clock)
+        self._engine.look = self._engine.own_look = partial(clock_surroundings, self.clock)
         self.jump_handle = create_jump_handle(self.clock, self)
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:

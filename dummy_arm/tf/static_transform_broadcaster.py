@@ -1,7 +1,7 @@
 """Publishing static transforms on /tf_static."""
 
 from collections.abc import Iterable
-from threading import Lock
+from threading import RLock
 from typing import Optional, Union
 
 from geometry_msgs.msg import TransformStamped
@@ -32,7 +32,7 @@ class StaticTransformBroadcaster:
         self.pub_tf = create_publisher(
             node, tf_static_topic, profile(qos, 1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self._sent: dict[str, cdr.Fields] = {}
-        self._lock = Lock()
+        self._lock = RLock()  # because a signal handler may send, too
 
     def sendTransform(  # noqa: N802
             self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:
@@ -44,9 +44,7 @@ class StaticTransformBroadcaster:
         """
         transforms = as_list(transform)
         with explain_bad_fields(transforms), self._lock:
-            sent = dict(self._sent)
-            for fields in fields_to_send(transforms):
-                sent[fields[3].removeprefix('/')] = fields
-            data = cdr.pack_fields(sent.values())
-            self._sent = sent
-            self.pub_tf.publish(data)
+            new = fields_to_send(transforms)
+            cdr.pack_fields(new)  # raises the errors before anything changes
+            self._sent.update((fields[3].removeprefix('/'), fields) for fields in new)
+            self.pub_tf.publish(cdr.pack_fields([*self._sent.values()]))

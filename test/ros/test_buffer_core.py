@@ -88,6 +88,15 @@ def test_a_stamp_of_another_type():
         BufferCore().set_transform(made, 'test')
 
 
+def test_a_stamp_of_numpy():
+    """Its integers do not overflow."""
+    made = transform('PARENT', 'THISFRAME', Time(seconds=1).to_msg())
+    made.header.stamp.sec = np.int32(1_700_000_000)
+    buffer = BufferCore()
+    buffer.set_transform(made, 'test')
+    assert buffer.get_latest_common_time('PARENT', 'THISFRAME') == Time(seconds=1_700_000_000)
+
+
 def test_an_interval_of_length_zero():
     """tf2 returns NaN, which is an error here."""
     buffer = BufferCore()

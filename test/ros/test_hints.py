@@ -1,6 +1,7 @@
 """The hints of a program with a Buffer and a TransformListener, from its clock and ROS graph."""
 
 import gc
+import re
 import weakref
 
 from geometry_msgs.msg import PointStamped, TransformStamped
@@ -81,6 +82,17 @@ def logged(capfd, text):
         return text in error
 
     return is_logged
+
+
+def test_the_clock_is_known_without_a_listener(ros):
+    """Also after a listener has ended."""
+    buffer = Buffer(node=ros.node)
+    buffer.set_transform(stamped('map', 'base', now_of(ros) - 30 * S), 'test')
+    buffer.set_transform(stamped('map', 'base', now_of(ros) - 29 * S), 'test')
+    before = str(error_of(buffer, now_of(ros)))
+    assert re.search(r'29\.\d+ s old', before)
+    TransformListener(buffer, ros.node).unregister()
+    assert re.search(r'29\.\d+ s old', str(error_of(buffer, now_of(ros))))
 
 
 def test_another_namespace(ros, buffer):

@@ -2,7 +2,7 @@
 
 from decimal import Decimal
 import math
-from typing import Any
+from typing import Any, cast
 import warnings
 
 from geometry_msgs.msg import TransformStamped
@@ -16,6 +16,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
+from ros_node import run_in_thread
 
 from dummy_arm.tf import StaticTransformBroadcaster, TFMessage, TransformBroadcaster
 from dummy_arm.tf._core import texts
@@ -161,6 +162,27 @@ def test_a_list_with_one_bad_element_sends_nothing(ros, received):
     broadcaster.sendTransform(transform('a', 'c'))
     ros.until(lambda: received)
     assert received == [[transform('a', 'c')]]
+
+
+def test_a_signal_handler_may_send_statics(ros):
+    """Also while the program sends; nothing is lost."""
+    broadcaster, sent = StaticTransformBroadcaster(ros.node), list[bytes]()
+    publisher = broadcaster.pub_tf
+
+    class Interrupted:
+        def publish(self, data):
+            if not sent:
+                sent.append(data)
+                broadcaster.sendTransform(transform('map', 'last'))
+            publisher.publish(data)
+
+    broadcaster.pub_tf = cast(Any, Interrupted())
+    run_in_thread(lambda: broadcaster.sendTransform(transform('map', 'first')))
+    broadcaster.sendTransform(transform('map', 'end'))
+    late: list[TFMessage] = []
+    ros.node.create_subscription(TFMessage, '/tf_static', late.append, LATCHED)
+    ros.until(lambda: late)
+    assert {each.child_frame_id for each in late[-1].transforms} == {'first', 'last', 'end'}
 
 
 def test_statics_accumulate(ros):

@@ -141,6 +141,16 @@ def test_a_sample_of_several_files(monkeypatch, counts):
     assert number / 40 <= sample.step <= number / 10
 
 
+def test_frames_without_times(monkeypatch):
+    """A frame counts once, however many messages have it."""
+    monkeypatch.setattr(headers, '_MOST_BYTES', 100)
+    sample = headers.Headers()
+    for _ in range(100):
+        sample.add_frame(header_of(T, 'laser'))
+    sample.add_frame(header_of(T, 'camera'))
+    assert [*sample.frames] == ['laser', 'camera']
+
+
 def test_an_unknown_number_of_messages(monkeypatch):
     """If the number of messages is not known, the sample becomes thinner while it grows."""
     monkeypatch.setattr(headers, '_MOST', 20)

@@ -381,6 +381,19 @@ def test_an_unknown_frame_is_answered_with_the_nearest():
         f"not exist. Nearest known: 'imu'.{see}")
 
 
+def test_the_roots_of_an_earlier_time():
+    """They are those of the time of the lookup: later, the frame has moved to the other tree."""
+    buffer = TransformBuffer()
+    put(buffer, 'world', 'left', is_static=True)
+    put(buffer, 'map', 'right', is_static=True)
+    for second, parent in enumerate(['left', 'left', 'left', 'right', 'right']):
+        put(buffer, parent, 'tool', T + second * S)
+    with pytest.raises(ConnectivityException) as caught:
+        buffer.lookup_transform('right', 'tool', T + S)
+    assert "'right' is in the tree with root 'map', 'tool' in the tree with root 'world'." in str(
+        caught.value)
+
+
 def test_two_trees_are_answered_with_their_roots():
     """The hint follows tf2's words."""
     buffer = TransformBuffer()
@@ -817,8 +830,10 @@ def test_the_chain_between_two_frames():
     assert buffer.chain('map', 'left') == ['left', 'base', 'odom', 'map']
     assert buffer.chain('left', 'odom') == ['odom', 'base', 'left']
     assert buffer.chain('map', 'map') == ['map']
-    with pytest.raises(TransformException, match='"nobody" passed to canTransform'):
+    with pytest.raises(LookupException, match='"nobody" passed to lookupTransform'):
         buffer.chain('map', 'nobody')
+    with pytest.raises(InvalidArgumentException, match='"/map"'):
+        buffer.chain('/map', 'left')
 
 
 def test_an_error_that_nobody_has_read_keeps_names_only():

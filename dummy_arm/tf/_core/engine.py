@@ -9,6 +9,7 @@ thread that holds the lock already neither updates nor waits. Such lookups are t
 
 from array import array
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import suppress
 from functools import partial
 import logging
 from operator import index
@@ -75,7 +76,9 @@ class Engine:
         self.lookups = Lookups(self.tree)
         self.insertion = Insertion(self.lookups, max_frames, max_samples)
         #: Returns what hints may use; a buffer with a clock, or a listener, assigns it.
+        #: Returns the surroundings; without the listener that knows them, those of the buffer.
         self.look: Look = Surroundings
+        self.own_look: Look = Surroundings
         # An error that nobody has read does not keep the data alive.
         self.tree.look = partial(_look, ref(self))
         #: Returns False when blocked lookups should give up, as when ROS is shut down.
@@ -267,7 +270,7 @@ class Engine:
         self.lock = RLock()  # another thread may have held the old one
         self._sources, self._waiters, self.wakes = (), (), set()
         self.is_alive = lambda: True
-        self.look = Surroundings  # locks of the ROS graph may be held for good
+        self.look = self.own_look = Surroundings  # locks of the ROS graph may be held for good
         self.insertion.log.write = logging.getLogger('dummy_arm.tf').warning
         self.tree.release()
         self._mend()  # another thread may have been inserting
@@ -278,10 +281,10 @@ def _look(reference: 'ref[Engine]') -> Surroundings:
     engine = reference()
     if engine is None or engine.is_held():
         return Surroundings()
-    try:
-        return engine.look()
-    except Exception:  # the node is destroyed, or ROS is shut down
-        return Surroundings()
+    for look in engine.look, engine.own_look:
+        with suppress(Exception):  # the listener has ended, the node is destroyed, ROS shut down
+            return look()
+    return Surroundings()
 
 
 #: All engines of this process.

@@ -136,7 +136,10 @@ class Lookups:
         If the path goes to the fixed frame and back along the same edges, these edges are left
         out.
         """
-        self.check_full(target, target_time, source, source_time, fixed)
+        self.tree.check_for_lookup(
+            target_frame=target, source_frame=source, fixed_frame=fixed)
+        self.check(target, fixed, target_time)
+        self.check(fixed, source, source_time)
         from_source = self._frames(fixed, source, source_time)
         from_target = self._frames(fixed, target, target_time)
         while len(from_source) > 1 and len(from_target) > 1 and from_source[-2] == from_target[-2]:

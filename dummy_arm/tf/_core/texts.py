@@ -380,5 +380,8 @@ class ThrottledLog:
 
     def flush(self) -> None:
         while self._queue:
-            problem, end = self._queue.popleft()
+            try:
+                problem, end = self._queue.popleft()
+            except IndexError:  # another thread has written it
+                return
             self.write(problem + end())

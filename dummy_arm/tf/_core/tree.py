@@ -195,7 +195,7 @@ class FrameTree:
         if frame != top:
             if stopped_at is not None:
                 raise self._extrapolation(stopped_at, time, target, source)
-            raise self._unconnected(target, source)
+            raise self._unconnected(target, source, time or _END)
         while from_source and from_target and from_source[-1] == from_target[-1]:
             from_source.pop()
             from_target.pop()
@@ -259,16 +259,6 @@ class FrameTree:
         while (history := self.histories[frame]) and (parent := history.parent_at(0)):
             yield frame, parent
             frame = parent
-
-    def root(self, frame: str) -> str:
-        """Return the root of the tree of a frame; only the newest parents are followed."""
-        seen = {frame}
-        for _, parent in self._ancestors(frame):
-            frame = parent
-            if frame in seen:
-                break
-            seen.add(frame)
-        return frame
 
     def has_no_loop_above(self, frame: str) -> bool:
         """
@@ -419,10 +409,11 @@ class FrameTree:
         return partial(hints.unconnected, self.look, target, target_root, source, source_root,
                        self.advice)
 
-    def _unconnected(self, target: str, source: str) -> ConnectivityException:
+    def _unconnected(self, target: str, source: str, time: int = _END) -> ConnectivityException:
+        from_source, from_target, _ = self._chains_to_meeting(source, target, time)
         return with_hint(
             ConnectivityException(texts.unconnected(target, source)),
-            self._why_unconnected(target, self.root(target), source, self.root(source)))
+            self._why_unconnected(target, [*from_target][-1], source, [*from_source][-1]))
 
 
 def _union(stamps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:

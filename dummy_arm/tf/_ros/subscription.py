@@ -5,6 +5,7 @@ from functools import partial
 from itertools import islice
 from math import inf
 from operator import itemgetter
+import sys
 from time import monotonic
 from typing import Any, Optional
 
@@ -39,7 +40,9 @@ class TopicSubscription:
         self.name: str = subscription.topic_name
         self.handle: Any = subscription.handle
         self.is_static = is_static
-        self.max_messages = max(_MAX_MESSAGES, int(subscription.qos_profile.depth))
+        qos = subscription.qos_profile
+        self.max_messages = max(_MAX_MESSAGES, int(qos.depth)) if (
+            qos.history == HistoryPolicy.KEEP_LAST) else sys.maxsize
         self.reader = MessageReader(on_fault)
         self._take = partial(take_message, self.handle, TFMessage, True)
 

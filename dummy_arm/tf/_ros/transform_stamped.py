@@ -5,6 +5,7 @@ from copy import copy
 from functools import lru_cache
 import math
 from numbers import Real
+from operator import index
 import struct
 from typing import Any, Optional, Union
 
@@ -57,7 +58,8 @@ def row_of(message: TransformStamped) -> Row:
         message = copy(message)
         message.header = Header(stamp=stamp.to_msg(), frame_id=message.header.frame_id)
         return row_of(message)
-    return Row(sec * SECOND + nanosec, frame_id, child_frame_id, pose)
+    # Integers of numpy would overflow.
+    return Row(index(sec) * SECOND + index(nanosec), frame_id, child_frame_id, pose)
 
 
 def fields_of(message: TransformStamped) -> cdr.Fields:

@@ -54,8 +54,7 @@ class Headers:
             stamp, name = self._header(data)
         except struct.error:
             return
-        number = self._numbers.get(name)
-        if number is None and (number := self._learn(name)) is None:
+        if (number := self._learn(name)) is None:
             return
         if len(self.stamps) >= _MOST:
             self._halve()
@@ -71,8 +70,9 @@ class Headers:
 
     def _learn(self, name: bytes) -> Optional[int]:
         """Return the number of a frame; None if there are too many."""
-        if len(self._numbers) >= _MOST_FRAMES or self._size > _MOST_BYTES:
-            return None
-        self._size += len(name)
-        text = name.partition(b'\0')[0].decode('utf-8', 'replace')
-        return self._numbers.setdefault(name, self.frames.setdefault(text, len(self.frames)))
+        number = self._numbers.get(name)
+        if number is None and len(self._numbers) < _MOST_FRAMES and self._size <= _MOST_BYTES:
+            self._size += len(name)
+            text = name.partition(b'\0')[0].decode('utf-8', 'replace')
+            number = self._numbers[name] = self.frames.setdefault(text, len(self.frames))
+        return number
