@@ -238,7 +238,7 @@ def test_hand_ins_that_are_not_run(tmp_path, monkeypatch, capsys):
         ("'=1+2" if name == '=1+2' else visible(name), verdict_of(name)) for name in REFUSED]
 
 
-@pytest.mark.parametrize(('arguments', 'suffix'), [((), '.py'), (('--frames',), '.pdf')])
+@pytest.mark.parametrize(('arguments', 'suffix'), [((), '.py'), (('--frames',), '.gv')])
 def test_a_path_that_is_too_long(capsys, arguments, suffix):
     """It is not ok, and the others are judged."""
     assert main([*arguments, 'x' * 300 + suffix, f'y{suffix}']) == 1
