@@ -160,7 +160,8 @@ class Interrupted:
     def check(self, frame, when, timeout=None):
         """Look a transform up; its x must be that of its stamp."""
         found = self.buffer.lookup_transform('map', frame, when, timeout or Duration())
-        if found.transform.translation.x * 10**6 != ns(found.header.stamp):
+        # In place of a lost sample is one between its neighbours, with rounding errors.
+        if abs(found.transform.translation.x * 10**6 - ns(found.header.stamp)) > 1.0:
             self.problems.append(f'{frame}: {found}')
         return found
 
