@@ -206,22 +206,20 @@ class JointCommanders:
         self._node, self._next = node, 0.0
         #: By topic, and the namespace of a node that listens to it.
         self._commanders: dict[tuple[str, str], JointCommander] = {}
-        self._listeners: list[tuple[str, str]] = []  # the same of all nodes that listen
+        self._listeners: list[tuple[str, str]] = []  # the same of all nodes, the nearest last
         self.controls: list[JointControl] = []
 
     def update(self, descriptions: Mapping[str, DescriptionOrWhy]) -> None:
         if is_due := monotonic() >= self._next:
             self._next = monotonic() + _PERIOD
-            self._listeners = sorted(islice(self._listening(), _MOST))
+            self._listeners = sorted(islice(self._listening(), _MOST), key=lambda each: (
+                each[0], len(each[1]), each[1]))
         # Others listen, too, such as a recorder; of several, that in the longest namespace counts.
-        namespaces: dict[str, tuple[str, Description]] = {}
-        for topic, namespace in self._listeners:
-            description = descriptions.get(full_name(namespace, TOPIC))
-            if isinstance(description, Description) and len(namespace) >= len(
-                    namespaces.get(topic, ('',))[0]):
-                namespaces[topic] = namespace, description
+        nearest = {topic: (namespace, description) for topic, namespace in self._listeners
+                   if isinstance(description := descriptions.get(full_name(namespace, TOPIC)),
+                                 Description)}
         found = {(topic, namespace): description
-                 for topic, (namespace, description) in namespaces.items()}
+                 for topic, (namespace, description) in nearest.items()}
         for key in self._commanders.keys() - found.keys():
             self._commanders.pop(key).close()
         for key, description in found.items():

@@ -76,8 +76,8 @@ class Engine:
         self.lookups = Lookups(self.tree)
         self.insertion = Insertion(self.lookups, max_frames, max_samples)
         #: Returns what hints may use; a buffer with a clock, or a listener, assigns it.
-        #: Returns the surroundings; without the listener that knows them, those of the buffer.
         self.look: Look = Surroundings
+        #: The same without the listener, for the time after its end.
         self.own_look: Look = Surroundings
         # An error that nobody has read does not keep the data alive.
         self.tree.look = partial(_look, ref(self))

@@ -138,8 +138,7 @@ class Lookups:
         """
         self.tree.check_for_lookup(
             target_frame=target, source_frame=source, fixed_frame=fixed)
-        self.check(target, fixed, target_time)
-        self.check(fixed, source, source_time)
+        self.check_full(target, target_time, source, source_time, fixed)
         from_source = self._frames(fixed, source, source_time)
         from_target = self._frames(fixed, target, target_time)
         while len(from_source) > 1 and len(from_target) > 1 and from_source[-2] == from_target[-2]:
