@@ -4,7 +4,7 @@ import re
 import sys
 from xml.etree import ElementTree
 
-LEAST = 1400
+LEAST = 1900
 REASONS = [
     r"could not import '.*': No module named '(lz4|pypdf|rosbags|tf_transformations|viser)'",
     'dummy-arm-tf2, of compat, is not installed',
