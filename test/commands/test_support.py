@@ -6,7 +6,7 @@ import subprocess
 import sys
 
 from cli_runner import call
-from processes import ARM, is_running, Process
+from processes import ARM, is_running, Process, reserved_domain
 import pytest
 from ros_node import Ros
 from rosgraph_msgs.msg import Clock
@@ -23,11 +23,21 @@ def test_another_process_that_publishes_in_the_domain_is_named(ros):
         try:
             named = [f'/dummy_arm of process {arm.pid & 0xffff}']
             ros.until(lambda: ros.foreign_publishers() == named)
-            with pytest.raises(AssertionError, match=r'in vain; in the domain \d+ of this test, '):
+            with pytest.raises(AssertionError, match=r'^Waited in vain\. In the domain '):
                 ros.until(lambda: False, 0.1)
         finally:
             arm.send_signal(signal.SIGINT)
     ros.until(lambda: not ros.foreign_publishers())
+
+
+def test_a_domain_that_another_process_uses_is_left_to_it(monkeypatch):
+    domain, other = next(reserved_domain()), next(reserved_domain())
+    assert domain != other
+    monkeypatch.setattr('processes.random.sample', lambda *_: [domain, other])
+    assert next(reserved_domain()) == domain
+    process = Ros(domain)
+    assert next(reserved_domain()) == other
+    process.close()
 
 
 def test_what_a_process_has_left_behind_is_ended(domain_id):

@@ -18,6 +18,8 @@ from typing import Any
 from environment import code_without, ROS
 import pytest
 
+from dummy_arm.grading.processes import FIRST_PORT, PORTS, udp_ports
+
 TIMEOUT = 60.0  # s; most waits take well under a second, unless the machine is overloaded
 _GRACE = 10.0  # s; a process normally ends within 0.2 s
 #: Variables with which a process uses the libraries of the environment of the tests.
@@ -53,13 +55,17 @@ def reserved_domain() -> Iterator[int]:
     """
     Reserve a ROS domain id, so that tests that run at the same time are separated.
 
-    Other programs do not reserve theirs: see `Ros.foreign_publishers`.
+    Other programs do not reserve theirs. A domain that one of them uses is left to it; if one
+    starts later, `Ros.foreign_publishers` names it.
     """
     # Each worker of pytest-xdist has its own share of the domains. Domain 0 is left to other
     # programs, since it is their default.
     worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
     share = range(1 + worker, 101, int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1')))
+    used = {(port - FIRST_PORT) // PORTS for port in udp_ports()}
     for domain in random.sample(share, len(share)):
+        if domain in used:
+            continue
         with socket.socket() as reservation:
             try:
                 reservation.bind(('127.0.0.1', 23400 + domain))

@@ -45,7 +45,7 @@ class Ros:
         """Spin until the condition holds; fail if it does not within the timeout (s)."""
         deadline = time.monotonic() + timeout
         while not condition():
-            assert time.monotonic() < deadline, f'waited in vain{self.foreign_publishers_text()}'
+            assert time.monotonic() < deadline, f'Waited in vain. {self.foreign_publishers_text()}'
             self.executor.spin_once(timeout_sec=0.05)
 
     @contextmanager
@@ -83,8 +83,8 @@ class Ros:
     def foreign_publishers_text(self) -> str:
         """Return a text that names the foreign publishers and the remedy; '' if there is none."""
         if publishers := self.foreign_publishers():
-            return (f'; in the domain {self.context.get_domain_id()} of this test, other '
-                    f'processes publish TF: {", ".join(publishers)}. End them')
+            return (f'In the domain {self.context.get_domain_id()} of this test, other processes '
+                    f'publish TF: {", ".join(publishers)}. End them.')
         return ''
 
     def close(self) -> None:
