@@ -6,6 +6,8 @@ INSTALLED := $(VENV)/installed
 TEST_TOOLS := $(INSTALLED)-bag,test
 # On two cores; the tests mostly wait. Where colcon runs them by itself, pytest-xdist is not needed.
 PARALLEL := -n 6 --dist worksteal
+# Otherwise, each process of pytest-xdist prints the warnings.
+WARN_ONCE := -p no:colcon_core_warnings_stderr
 
 export ROS_AUTOMATIC_DISCOVERY_RANGE ?= LOCALHOST
 # A ROS installation that is sourced is for another Python; the venv brings all of its own.
@@ -24,13 +26,13 @@ demo: $(INSTALLED)
 listen: $(INSTALLED)
 	@$(VENV)/bin/python docs/examples/listen.py
 
-# The short suite: three minutes.
+# The short suite: three minutes, longer on a busy machine.
 test: $(TEST_TOOLS)
 	@rm -rf build/dummy_arm
 	$(VENV)/bin/colcon build
-	$(VENV)/bin/colcon test --event-handlers console_direct+ --return-code-on-test-failure \
-	    --pytest-args $(PARALLEL) $(PYTEST_ARGS); code=$$?; \
-	    $(VENV)/bin/colcon test-result --verbose && exit $$code
+	$(VENV)/bin/colcon test --event-handlers console_direct+ console_stderr- \
+	    --return-code-on-test-failure --pytest-args $(WARN_ONCE) $(PARALLEL) $(PYTEST_ARGS); code=$$?; \
+	    $(VENV)/bin/colcon test-result && exit $$code
 	@$(VENV)/bin/colcon test-result | awk '/^Summary:/ { ran = $$2 - $$8 } \
 	    END { if (ran < 1) { print "no test ran"; exit 1 } }'
 
