@@ -13,7 +13,7 @@ import sys
 import time
 from typing import Any, NamedTuple, Optional
 
-from dummy_arm.tf.formatting import abbreviated, visible
+from dummy_arm.tf.domains import ros_domains
 
 #: prctl(2)
 _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
@@ -21,8 +21,6 @@ _PR_SET_PDEATHSIG, _PR_SET_CHILD_SUBREAPER = 1, 36
 _SI_USER, _SI_TKILL, _SI_KERNEL = 0, -6, 128
 #: How long to kill processes, until those that are left are given up (s).
 _LONGEST_END = 20.0
-#: The ports of a ROS domain begin at `FIRST_PORT + PORTS * domain` (RTPS specification, 9.6.2).
-FIRST_PORT, PORTS = 7400, 250
 #: The program of a Worker.
 _MAIN = """
 import json, os, sys
@@ -233,51 +231,7 @@ def how_it_ended(code: int) -> str:
     return f'by signal {-code}' if code < 0 else f'with exit code {code}'
 
 
-def command_of(pid: int) -> list[str]:
-    """Return the command line of a process; empty if it has ended."""
-    try:
-        line = Path(f'/proc/{pid}/cmdline').read_bytes()
-    except OSError:
-        return []
-    return [os.fsdecode(argument) for argument in line.split(b'\0')[:-1]]
-
-
-def short_command(pid: int) -> str:
-    """Return the command line of a process for a text; '' if it has ended."""
-    return abbreviated(visible(' '.join(command_of(pid))))
-
-
 # ROS
-
-
-def udp_ports() -> dict[int, str]:
-    """Return the UDP ports that are in use, each with the number of its socket."""
-    found = {}
-    for path in '/proc/net/udp', '/proc/net/udp6':
-        with suppress(OSError):
-            for line in Path(path).read_text().splitlines()[1:]:
-                fields = line.split()
-                found[int(fields[1].rpartition(':')[2], 16)] = fields[9]
-    return found
-
-
-def ros_domains(pids: Collection[int]) -> dict[int, int]:
-    """Return the ROS domains in which processes take part, each with one of the process ids."""
-    # A participant binds the ports 10 + 2 i and 11 + 2 i of its domain for data that is sent to it
-    # alone. Other sockets may have single ports of this range.
-    sockets = {f'socket:[{inode}]': port for port, inode in udp_ports().items()}
-    found = {}
-    for pid in pids:
-        ports = set()
-        with suppress(OSError):
-            for path in Path(f'/proc/{pid}/fd').iterdir():
-                with suppress(OSError):
-                    ports.add(sockets.get(os.readlink(path), 0))
-        for port in ports:
-            domain, offset = divmod(port - FIRST_PORT, PORTS)
-            if domain >= 0 and offset >= 10 and offset % 2 == 0 and port + 1 in ports:
-                found[domain] = pid
-    return found
 
 
 def pid_of_publisher(gid: str) -> int:

@@ -16,7 +16,8 @@ from typing import Optional
 
 from dummy_arm.cli.parser import CommandError
 from dummy_arm.cli.signals import wait_until
-from dummy_arm.grading.processes import command_of, end_with_parent, how_it_ended
+from dummy_arm.grading.processes import end_with_parent, how_it_ended
+from dummy_arm.tf.domains import command_of
 from dummy_arm.tf.formatting import abbreviated, visible
 
 #: How long to wait until a program has ended after SIGINT (s).

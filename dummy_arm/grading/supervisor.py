@@ -24,14 +24,9 @@ from dummy_arm.grading.processes import (
     become_subreaper,
     descendants,
     end_descendants,
-    FIRST_PORT,
     how_it_ended,
     low_pid,
     next_signal,
-    PORTS,
-    ros_domains,
-    short_command,
-    udp_ports,
     Worker,
 )
 from dummy_arm.grading.program import (
@@ -42,6 +37,7 @@ from dummy_arm.grading.program import (
     ProgramError,
 )
 from dummy_arm.grading.records import Grade, NOT_JUDGED, NOT_OK, OK
+from dummy_arm.tf.domains import ros_domains, short_command, used_domains
 
 #: ROS domains whose ports are outside the range from which Linux takes ports for clients.
 DOMAINS = range(215, 232)
@@ -261,7 +257,7 @@ def _free_domain(on_wait: Callable[[], object]) -> Iterator[int]:
     """
     deadline = time.monotonic() + _PATIENCE
     while time.monotonic() < deadline:
-        used = {(port - FIRST_PORT) // PORTS for port in udp_ports()}
+        used = used_domains()
         for domain in random.sample(DOMAINS, len(DOMAINS)):
             if domain in used:
                 continue

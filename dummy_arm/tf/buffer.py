@@ -17,10 +17,11 @@ from rclpy.time import Time
 from rclpy.utilities import get_default_context
 
 from dummy_arm.tf._core.buffer_base import debug_tuple
+from dummy_arm.tf._core.hints import clock_publishers
 from dummy_arm.tf._core.times import nanoseconds, SECOND
 from dummy_arm.tf._core.waiting import wait, why_not
 from dummy_arm.tf._ros.futures import PendingFutures
-from dummy_arm.tf._ros.graph import clock_surroundings
+from dummy_arm.tf._ros.graph import clock_nodes
 from dummy_arm.tf._ros.messages import FrameGraph
 from dummy_arm.tf.buffer_core import BufferCore, to_message
 from dummy_arm.tf.buffer_interface import BufferInterface, NO_WAIT
@@ -52,20 +53,22 @@ class Buffer(BufferCore, BufferInterface):
         """
         BufferCore.__init__(self, cache_time, max_frames=max_frames, max_samples=max_samples)
         BufferInterface.__init__(self)
-        self._futures = PendingFutures(node)
+        self._node, self._futures = node, PendingFutures(node)
         self._engine.add_waiter(self._futures)
         self._engine.insertion.log.write = get_logger('tf2_buffer').warning
         self._engine.is_alive = (get_default_context() if node is None else node.context).ok
         self.clock = Clock() if node is None else node.get_clock()
         if node is not None:
             self.srv = _create_frames_service(node, self)
-        self._engine.look = self._engine.own_look = partial(clock_surroundings, self.clock)
         self.jump_handle = create_jump_handle(self.clock, self)
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
-        """Clear the buffer, and log a warning."""
-        get_logger('tf2_buffer').warning('Detected jump back in time. Clearing tf buffer.')
+        """Clear the buffer, and log a warning, at most once a second."""
+        self._engine.insertion.log.warn_once(
+            'jump', 'Detected jump back in time. Clearing tf buffer.', 1.0,
+            lambda: clock_publishers(clock_nodes(self._node)))
         self.clear()
+        self._engine.insertion.log.flush()
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: Time,
                          timeout: Duration = NO_WAIT) -> TransformStamped:

@@ -10,12 +10,14 @@ class TransformException(Exception):
     """Base class of the errors of a lookup."""
 
     #: tf2's words, and the hint; None after the text was read.
-    _parts: Optional[tuple[str, Callable[[], str]]] = None
+    _parts: Optional[tuple[str, Callable[[float], str]]] = None
+    #: How long the lookup has waited (s).
+    _waited = 0.0
 
     def __str__(self) -> str:
         if (parts := self._parts) is not None:  # two threads may come here
             words, hint = parts
-            self.args = (words + hint(),)
+            self.args = (words + hint(self._waited),)
             self._parts = None
         return super().__str__()
 
@@ -48,9 +50,11 @@ class TimeoutException(TransformException):
     """The transform is still not available when the timeout of a future expires."""
 
 
-def with_hint(error: _Error, hint: Callable[[], str]) -> _Error:
+def with_hint(error: _Error, hint: Callable[[float], str]) -> _Error:
     """
     Append a hint to the text of an error; it is computed when the text is first read.
+
+    `hint` is called with the time that the lookup has waited (s).
 
     While a lookup or a future waits, many errors are raised and discarded. A hint can take long to
     compute, so do not read the text while you hold the lock of the buffer.

@@ -282,9 +282,8 @@ class MessageFilter:
 
     def time_jump_callback(self, time_jump: TimeJump) -> None:
         """Drop all messages, because the clock of the node has jumped back or was switched."""
-        if self._waiting or self._due:
-            self._node.get_logger().warning(
-                'Detected jump back in time. Clearing the message filter.')
+        if (self._waiting or self._due) and self._log.is_due('jump', _LOG_PERIOD):
+            self._log.write('Detected jump back in time. Clearing the message filter.')
         self.clear()
 
     # Settings

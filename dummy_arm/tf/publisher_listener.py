@@ -233,6 +233,11 @@ class PublisherListener(TransformListener):
         """Return why transforms may not arrive; '' if there is no sign of it."""
         return hints.topics(self._surroundings())
 
+    def why_nothing(self) -> str:
+        """Return why nothing at all was received; '' if something was."""
+        around = self._surroundings()
+        return hints.topics(around) or hints.nothing(around)
+
     def _surroundings(self) -> hints.Surroundings:
         return super()._surroundings()._replace(ended={
             gid: node for gid, (node, _) in tuple(self._nodes.items())

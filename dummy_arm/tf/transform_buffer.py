@@ -34,6 +34,7 @@ class TransformBuffer(BufferBase):
         :raises ValueError: if the cache time is negative, or `max_samples` is less than 1.
         """
         super().__init__(cache_time, max_frames, max_samples)
+        self._engine.tree.takes_ns = True
 
     def set_transform(self, transform: Transform, authority: str = 'default_authority') -> bool:
         """

@@ -20,6 +20,7 @@ from dummy_arm.tf._core.texts import ThrottledLog
 from dummy_arm.tf._ros.graph import surroundings
 from dummy_arm.tf._ros.listener_thread import ListenerThread, NodeThread, Round, SpinThread
 from dummy_arm.tf._ros.messages import TFMessage
+from dummy_arm.tf._ros.other_topics import OtherTopics
 from dummy_arm.tf._ros.qos import profile
 from dummy_arm.tf._ros.rclpy_private import subscribe
 from dummy_arm.tf._ros.subscription import AUTHORITY, NoMessages, QosMonitor, SubscriptionSource
@@ -89,6 +90,8 @@ class TransformListener:
         self.tf_static_sub = self._subscribe(
             tf_static_topic, self.static_callback,
             profile(static_qos, 100, durability=DurabilityPolicy.TRANSIENT_LOCAL))
+        self._other_topics = OtherTopics(
+            node, [each.topic_name for each in self.subscriptions])
         self._qos_monitors: list[QosMonitor] = []
         self._thread: NodeThread
         self._source: Any
@@ -175,13 +178,12 @@ class TransformListener:
 
     def _surroundings(self) -> Surroundings:
         """Return what hints may use: the clock and the publishers."""
-        topics = [each.topic_name for each in self.subscriptions]
         tree = None if self._engine is None else self._engine.tree
+        has_data = tree is not None and bool(tree.histories)
         is_fed = tree is not None and (
-            tree.has_dynamic() or (bool(tree.histories) and topics[-1] != '/tf'))
-        durability = self.tf_static_sub.qos_profile.durability
+            tree.has_dynamic() or (has_data and self.subscriptions[-1].topic_name != '/tf'))
         return surroundings(
-            self.node, topics, durability == DurabilityPolicy.VOLATILE, is_fed)
+            self.node, self.subscriptions, is_fed, has_data, self._other_topics.find)
 
     def callback(self, data: TFMessage) -> None:
         """Insert a message of /tf; called only if the listener uses subscriptions of the node."""

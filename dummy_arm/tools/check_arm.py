@@ -8,7 +8,7 @@ import os
 from pathlib import Path
 import re
 import sys
-from typing import Optional, TYPE_CHECKING
+from typing import Optional
 
 from dummy_arm.cli.bag_options import add_bag_options, bag_progress, check_bag_options
 from dummy_arm.cli.files import whole_file
@@ -17,16 +17,12 @@ from dummy_arm.cli.progress import wait
 from dummy_arm.grading import grade
 from dummy_arm.grading.drawing import fault_of_drawing
 from dummy_arm.grading.observer import MOST, Observer, START
-from dummy_arm.grading.processes import processes, ros_domains, short_command
 from dummy_arm.grading.records import Grade, Message, NOT_JUDGED, NOT_OK, NOT_RUN, OK, Report
 from dummy_arm.grading.requirements import check
 from dummy_arm.grading.supervisor import DOMAINS
 from dummy_arm.inspection.terminal import padded, wrapped
 from dummy_arm.tf.bag import messages
-from dummy_arm.tf.formatting import comma_list, visible
-
-if TYPE_CHECKING:
-    from rclpy.node import Node
+from dummy_arm.tf.formatting import visible
 
 #: The default and the largest time to observe an arm (s). The default is more than a period of the
 #: slowest joint: 20.9 s if 0.3 rad/s is the speed of the phase, 16.4 s if it is that of the joint.
@@ -150,22 +146,12 @@ def _check_running(seconds: float, namespace: str, ros_args: Sequence[str]) -> R
                 wait(seconds, 'observing the arm', lambda: observer.poll() and False)
             elif not observer.messages:
                 raise CommandError(f'no transform was received within {START:g} s. '
-                                   f'{observer.listener.why_no_frames()}{_other_domains(node)}')
+                                   f'{observer.listener.why_no_frames()}')
             if hint := observer.listener.wrong_type_hint():
                 print(f'check_arm: warning: {visible(hint)}', file=sys.stderr)
             return observer.report()
         except KeyboardInterrupt:
             raise CommandError('interrupted: nothing was judged') from None
-
-
-def _other_domains(node: 'Node') -> str:
-    """Return in which other ROS domains programs of this machine are; '' if in none."""
-    domains = ros_domains(processes().keys())
-    domains.pop(node.context.get_domain_id(), None)
-    others = [f'{domain} (PID {pid}: {short_command(pid)})'
-              for domain, pid in sorted(domains.items())]
-    return (f' On this machine, programs run in other ROS domains: {comma_list(others, _SHOWN)}.'
-            if others else '')
 
 
 def _check_bag(bag: Sequence[str], namespace: str, partial: bool) -> Report:

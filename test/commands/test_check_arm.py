@@ -8,9 +8,10 @@ from processes import tool
 from ros_node import eventually, stamped
 
 from dummy_arm.grading.observer import Observer
-from dummy_arm.grading.processes import processes, ros_domains
+from dummy_arm.grading.processes import processes
 from dummy_arm.grading.records import OK
 from dummy_arm.tf import StaticTransformBroadcaster
+from dummy_arm.tf.domains import ros_domains
 from dummy_arm.tools import check_arm
 from dummy_arm.tools.check_arm import main
 

@@ -18,7 +18,7 @@ from typing import Any
 from environment import code_without, ROS
 import pytest
 
-from dummy_arm.grading.processes import FIRST_PORT, PORTS, udp_ports
+from dummy_arm.tf.domains import used_domains
 
 TIMEOUT = 60.0  # s; most waits take well under a second, unless the machine is overloaded
 _GRACE = 10.0  # s; a process normally ends within 0.2 s
@@ -62,7 +62,7 @@ def reserved_domain() -> Iterator[int]:
     # programs, since it is their default.
     worker = int(os.environ.get('PYTEST_XDIST_WORKER', 'gw0').removeprefix('gw'))
     share = range(1 + worker, 101, int(os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1')))
-    used = {(port - FIRST_PORT) // PORTS for port in udp_ports()}
+    used = used_domains()
     for domain in random.sample(share, len(share)):
         if domain in used:
             continue

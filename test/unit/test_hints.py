@@ -2,20 +2,24 @@
 
 import pickle
 import re
+from time import monotonic_ns
+from typing import Any
 
 from environment import ROOT
 import pytest
 
 from dummy_arm.tf import TransformBuffer, TransformException
 from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._core.hints import Publisher, Surroundings
+from dummy_arm.tf._core.hints import Elsewhere, Publisher, Surroundings
 
 S = 1_000_000_000
 T = 1_700_000_000 * S
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
 TOPICS = '/tf_static', '/tf'
 TF = 'tf2_msgs/msg/TFMessage'
-ARM = Publisher('/arm', '/tf', TF, True, 'ab')
+ARM = Publisher('/arm', '/tf', TF, 'ab')
+HEARD: dict[str, Any] = {
+    'topics': TOPICS, 'publishers': [ARM], 'is_fed': True, 'has_data': True, 'node': '/me'}
 
 
 def buffer_of(*stamps, authority='ab', cache_time=10 * S, **surroundings):
@@ -44,80 +48,180 @@ def hint_of(buffer, time=0, source='base'):
     return hint
 
 
-FUTURE = 'See troubleshooting.md: Extrapolation into the future.'
-PAST = 'See troubleshooting.md: Extrapolation into the past.'
-CLOCKS = ('Set use_sim_time in all nodes, or in none. See troubleshooting.md: use_sim_time and '
-          'the wall clock.')
-WAIT = 'Pass timeout= to wait for it, or time 0 (Time()) for the latest transform.'
+@pytest.fixture
+def silent(monkeypatch):
+    """Let some seconds pass after the last arrival, by `silent(seconds)`."""
+    def wait(seconds):
+        monkeypatch.setattr('dummy_arm.tf._core.tree.monotonic_ns',
+                            lambda: monotonic_ns() + int(seconds * S))
+
+    return wait
+
+
+def see(heading):
+    return f'See troubleshooting.md: {heading}.'
+
+
+FUTURE = see('Extrapolation into the future')
+PAST = see('Extrapolation into the past')
+ONE_TIME = see('Only one time is in the buffer')
+CLOCKS = ('Set use_sim_time in all nodes, or in none; if it is set alike, synchronise the clocks '
+          'of the computers.')
+ON_ITS_WAY = ('Data still arrive, so this transform is on its way. Pass timeout= to wait for '
+              f'it, or time 0 (Time()) for the latest transform. {FUTURE}')
+LATEST = 'or look up time 0 (Time()) for the latest transform.'
+
+
+# A buffer without a listener
+
+
+@pytest.mark.parametrize(('stamps', 'time', 'hint'), [
+    ([T - S, T], T + S // 2, 'are from 1699999999.000000000 to 1700000000.000000000 and end '
+     f'0.500000000 s before that time. {FUTURE}'),
+    ([T - S, T], T + 10**9 * S, 'are from 1699999999.000000000 to 1700000000.000000000 and end '
+     f'1000000000.000000000 s before that time. {FUTURE}'),
+    ([T], T + S, 'are all at 1700000000.000000000 and end 1.000000000 s before that time. '
+     f'{FUTURE}'),
+    ([T - S, T], T - 3 * S, 'are from 1699999999.000000000 to 1700000000.000000000 and begin '
+     f'2.000000000 s after that time. {PAST}'),
+    ([-S, S], -2 * S, 'are from -1.000000000 to 1.000000000 and begin 1.000000000 s after that '
+     f'time. {PAST}')])
+def test_without_a_listener_only_the_data_are_named(stamps, time, hint):
+    """Nothing is known of publishers, clocks or of what comes, as in a bag."""
+    assert str(error_of(buffer_of(*stamps), time)).endswith(
+        f"The data of edge 'map' -> 'base' {hint}")
+
+
+@pytest.mark.parametrize(('time', 'is_told'), [
+    (T // S, True), (T // S - 5, True), (T // S - 6, False), (T // S + 1, False), (T, False)])
+def test_a_time_in_seconds_is_told(time, is_told):
+    buffer = buffer_of(T - 5 * S, T)
+    text = str(error_of(buffer, time)) if time != T else ''
+    assert (f'Times are in ns: {time} s is within the data, {time} ns is not.' in text) == is_told
+
+
+def test_without_a_listener_nothing_is_awaited():
+    """Frames that do not exist, two trees, a cleared buffer."""
+    buffer = buffer_of()
+    assert str(error_of(buffer)).endswith('The buffer is empty.')
+    buffer = buffer_of(T)
+    assert hint_of(buffer, source='tool') == f"Known frames: 'base', 'map'. {MISSING}"
+    buffer.insert(0, 'world', 'lamp', STILL, is_static=True)
+    assert hint_of(buffer, source='lamp') == (
+        "Tf has two or more unconnected trees. 'map' is in the tree with root 'map', 'lamp' in "
+        f"the tree with root 'world'. " f'{see("Two unconnected trees")}')
+    buffer.clear()
+    assert str(error_of(buffer, T)).endswith(
+        "No transform of 'base' has been received since the buffer was cleared, or mended after "
+        f'an interrupted insertion. {see("A jump back in time")}')
+
+
+MISSING = see('A frame does not exist')
+
+
+# Arrivals
 
 
 @pytest.mark.parametrize(('ahead', 'surroundings', 'hint'), [
-    (S // 2, {}, 'If data still come, this transform is on its way, otherwise the publisher has '
-     f'stopped. {WAIT} {FUTURE}'),
-    (S // 2, {'now': T + S // 2},
-     f'Data still come, so this transform is on its way. {WAIT} {FUTURE}'),
-    (S, {'now': T - S}, f'Data still come, so this transform is on its way. {WAIT} {FUTURE}'),
+    (S // 2, {}, ON_ITS_WAY),
+    (S // 2, {'now': T + S // 2}, ON_ITS_WAY),
+    (S, {'now': T - S}, ON_ITS_WAY),
     (5 * S, {'now': T + S}, 'That time is 4.0 s later than the clock of this node, and data still '
-     'come. Check the clock that has stamped it, or look up time 0 (Time()) for the latest '
-     f'transform. {FUTURE}')])
-def test_a_transform_that_comes_later(ahead, surroundings, hint):
-    """While data still come, waiting helps; without a clock, this is a condition."""
-    assert hint_of(buffer_of(T - S, T, **surroundings), T + ahead) == hint
+     f'arrive. Check the clock that has stamped it, {LATEST} {FUTURE}'),
+    (S // 10, {'now': T + 5 * S}, 'Data still arrive, 5.0 s behind the clock of this node (a '
+     'recording, or clocks that differ); this transform is on its way: pass timeout= to wait for '
+     f'it, or time 0 (Time()) for the latest transform. {FUTURE}'),
+    (5 * S, {'now': T + 5 * S}, 'Data still arrive, 5.0 s behind the clock of this node (a '
+     'recording, or clocks that differ); this transform is on its way: pass timeout= to wait for '
+     f'it, or time 0 (Time()) for the latest transform. {FUTURE}'),
+    (S // 10, {'now': T + 60 * S}, 'Data still arrive, 60.0 s behind the clock of this node (a '
+     'recording, or clocks that differ); this transform is on its way: pass timeout= to wait for '
+     f'it, or time 0 (Time()) for the latest transform. {CLOCKS} {FUTURE}')])
+def test_data_that_arrive_are_not_silent(ahead, surroundings, hint):
+    """However old their stamps are."""
+    assert hint_of(buffer_of(T - S, T, **HEARD, **surroundings), T + ahead) == hint
+
+
+@pytest.mark.parametrize(('stamps', 'silence', 'arrives'), [
+    ([T - S, T], 0.9, True), ([T - S, T], 3.5, False), ([T - S, T], 2.9, True),
+    ([T - 1, T], 1.5, False), ([T - 10 * S, T], 25, True), ([T - 10 * S, T], 31, False),
+    ([T], 0.5, True), ([T], 2, False)])
+def test_arrivals_are_judged_by_their_period(silent, stamps, silence, arrives):
+    """One that is sent every 10 s is not silent after 25 s."""
+    buffer = buffer_of(*stamps, **HEARD)
+    silent(silence)
+    assert hint_of(buffer, T + S // 2).startswith('Data still arrive, ') == arrives
 
 
 @pytest.mark.parametrize(('surroundings', 'cause'), [
-    ({}, 'the publisher is silent or gone. Check the publisher'),
-    ({'topics': TOPICS, 'publishers': [ARM]},
-     '/arm, which has published it, still exists, but is silent. Check /arm'),
-    ({'topics': TOPICS, 'ended': {'ab': '/arm'}, 'publishers': [ARM._replace(gid='cd')]},
-     '/arm, which has published it, has ended. Check /arm'),
-    ({'topics': TOPICS, 'publishers': [ARM._replace(topic='/tf_static', gid='cd')]},
-     'nothing publishes on /tf any more. Check the publisher'),
-    ({'topics': TOPICS, 'publishers': [ARM._replace(gid='2', node='/b\n'), ARM._replace(gid='1')]},
-     r'the publisher is silent or gone; the publishers on /tf are /arm, /b\n. Check the '
-     'publisher')])
-def test_data_that_have_stopped(surroundings, cause):
-    """The age of the newest is named, and the node if it is known."""
-    buffer = buffer_of(T - S, T, now=T + 5 * S, **surroundings)
-    assert hint_of(buffer, T + 4 * S) == (
-        f'The newest is 5.0 s old: {cause}, or look up time 0 (Time()) for the latest transform. '
-        f'{FUTURE}')
+    ({}, '/arm, which has published it, still exists, but is silent. Check /arm'),
+    ({'ended': {'ab': '/arm'}, 'publishers': [ARM._replace(gid='cd')]},
+     '/arm, which has published it, has ended. Start /arm again'),
+    ({'publishers': [ARM._replace(topic='/tf_static', gid='cd')]},
+     'nothing publishes on /tf any more. Start the publisher again'),
+    ({'publishers': [ARM._replace(gid='2', node='/b\n'), ARM._replace(gid='1')]},
+     r'its publisher is silent or gone. Check /arm, /b\n, on /tf now')])
+def test_data_that_have_stopped(silent, surroundings, cause):
+    """The time since the last arrival is named, and the node if it is known."""
+    buffer = buffer_of(T - S, T, now=T + 5 * S, **{**HEARD, **surroundings})
+    silent(5)
+    assert hint_of(buffer, T + 4 * S) == f'None has arrived for 5.0 s: {cause}, {LATEST} {FUTURE}'
+
+
+def test_a_publisher_that_ended_long_ago_is_no_other_clock(silent):
+    buffer = buffer_of(T - S, T, now=T + 300 * S, **{**HEARD, 'publishers': ()})
+    silent(300)
+    assert hint_of(buffer, T + 300 * S) == (
+        'None has arrived for 300.0 s: nothing publishes on /tf any more. Start the publisher '
+        f'again, {LATEST} {FUTURE}')
+
+
+def test_a_bag_that_was_played_without_clock_and_has_ended_is_another_clock(silent):
+    buffer = buffer_of(T - S, T, now=2 * T, **{**HEARD, 'publishers': ()})
+    silent(300)
+    assert hint_of(buffer, 2 * T) == (
+        'None has arrived for 300.0 s: nothing publishes on /tf any more. Start the publisher '
+        f'again, {LATEST} And the requested time is on the system clock of this node, the data '
+        f'are not. {CLOCKS} {FUTURE}')
 
 
 @pytest.mark.parametrize(('time', 'surroundings', 'which'), [
-    (T + 61 * S, {}, ', or nothing has been sent since'),
-    (T - 62 * S, {}, ''),
-    (T + 10**9 * S, {'now': T + 10**9 * S}, ': the requested time is on the system clock of this '
-     'node, the data are not, or nothing has been sent since'),
-    (5 * S, {'now': 5 * S, 'is_simulated': True},
-     ': the requested time is on the simulated clock of this node, the data are not'),
-    (5 * S, {'now': T}, ': the data are on the system clock of this node, the requested time is '
-     'not'),
-    (5 * S, {'now': 2 * T}, ': neither is on the system clock of this node')])
-def test_times_of_different_clocks(time, surroundings, which):
-    """More than 60 s between the requested time and the data are two clocks."""
-    assert hint_of(buffer_of(T - S, T, **surroundings), time) == (
-        f'These times are probably from different clocks{which}. {CLOCKS}')
+    (T + 61 * S, {}, 'the requested time and the data are from different clocks, or from a '
+     'recording'),
+    (T + 10**9 * S, {'now': T + 10**9 * S}, 'the requested time is on the system clock of this '
+     'node, the data are not'),
+    (2 * T, {'now': T}, 'the data are on the system clock of this node, the requested time is '
+     'not')])
+def test_arriving_data_of_another_clock(time, surroundings, which):
+    """60 s between the requested time and what arrives."""
+    assert hint_of(buffer_of(T - S, T, **HEARD, **surroundings), time) == (
+        f'Data still arrive, but {which}. {CLOCKS} {see("use_sim_time and the wall clock")}')
 
 
-def test_a_publisher_that_ended_long_ago_is_no_other_clock():
-    """Its data are old, too, but the ROS graph does not have it any more."""
-    buffer = buffer_of(T - S, T, now=T + 300 * S, topics=TOPICS)
-    assert hint_of(buffer, T + 300 * S).startswith(
-        'The newest is 300.0 s old: nothing publishes on /tf any more. ')
+@pytest.mark.parametrize(('surroundings', 'which'), [
+    ({'now': 5 * S, 'is_simulated': True},
+     'The requested time is on the simulated clock of this node, the data are not'),
+    ({'now': T},
+     'The data are on the system clock of this node, the requested time is not')])
+def test_a_time_of_another_clock(surroundings, which):
+    """Days before the data."""
+    assert hint_of(buffer_of(T - S, T, **HEARD, **surroundings), 5 * S) == (
+        f'{which}. {CLOCKS} {see("use_sim_time and the wall clock")}')
 
 
-def test_days_are_another_clock_even_without_a_publisher():
-    """A bag that was played without --clock has ended."""
-    buffer = buffer_of(T - S, T, now=2 * T, topics=TOPICS)
-    assert hint_of(buffer, 2 * T).endswith(CLOCKS)
+def test_an_old_message_may_be_stamped_by_another_clock():
+    """Both causes are possible at a minute before the data."""
+    assert hint_of(buffer_of(T - S, T, now=T, **HEARD), T - 70 * S) == (
+        f'If that stamp is not so old, the clocks differ. {CLOCKS} The buffer keeps the last 10 s '
+        f'of each frame. Pass a longer cache_time to the buffer, or look up sooner. {PAST}')
 
 
 def test_times_that_are_not_kept_any_more():
     """The cache time is named; also if samples were dropped since there were too many."""
-    assert hint_of(buffer_of(T - S, T), T - 15 * S) == (
-        'The buffer keeps the last 10 s of each frame. Pass a longer cache_time to the buffer, or '
-        f'look up sooner. {PAST}')
+    for surroundings in {}, HEARD:
+        assert hint_of(buffer_of(T - S, T, **surroundings), T - 15 * S) == (
+            'The buffer keeps the last 10 s of each frame. Pass a longer cache_time to the '
+            f'buffer, or look up sooner. {PAST}')
     buffer = TransformBuffer(max_samples=2)
     for i in range(4):
         buffer.insert(T + i * S, 'map', 'base', STILL)
@@ -128,22 +232,23 @@ def test_times_that_are_not_kept_any_more():
 
 def test_times_before_the_start():
     """Within the cache time, the frame was not published yet, or the listener not there."""
-    assert hint_of(buffer_of(T - S, T), T - 5 * S) == (
+    assert hint_of(buffer_of(T - S, T, **HEARD), T - 5 * S) == (
         'That time is before the first transform that was received. Skip such times, or start '
         f'the listener before its data come. {PAST}')
 
 
-@pytest.mark.parametrize(('time', 'now', 'is_once'), [
-    (T + S, 0, True), (T - S, 0, True), (T + 300 * S, T + 300 * S, True),
-    (T + S, T + S // 2, False), (T - S, T + S // 2, False), (2 * T, 2 * T, False)])
-def test_a_frame_that_was_sent_once(time, now, is_once):
-    """A frame that has just been sent for the first time is none; nor is an old clock."""
-    buffer = buffer_of(T, now=now)
-    text = str(error_of(buffer, time))
-    assert text.endswith(
-        'It was sent once as a dynamic transform, or always with the same stamp. Send it again '
-        'and again with new stamps or, if it does not move, with a StaticTransformBroadcaster. '
-        'See troubleshooting.md: Only one time is in the buffer.') == is_once
+@pytest.mark.parametrize(('stamps', 'silence', 'how'), [
+    ([T], 5, 'It was sent once as a dynamic transform'),
+    ([T] * 30, 0, 'It was sent 30 times, always with this stamp'),
+    ([T] * 30, 5, 'It was sent 30 times, always with this stamp'),
+    ([T], 0, '')])
+def test_a_frame_with_one_stamp(silent, stamps, silence, how):
+    """One that has just arrived for the first time is not sent once."""
+    buffer = buffer_of(*stamps, **HEARD)
+    silent(silence)
+    remedy = ('. Send it again and again with new stamps or, if it does not move, with a '
+              f'StaticTransformBroadcaster. {ONE_TIME}')
+    assert hint_of(buffer, T + S) == (how + remedy if how else ON_ITS_WAY)
 
 
 def test_a_frame_of_which_one_sample_is_kept():
@@ -151,29 +256,108 @@ def test_a_frame_of_which_one_sample_is_kept():
     buffer = TransformBuffer(max_samples=1)
     for i in range(3):
         buffer.insert(T + i * S, 'map', 'base', STILL)
+    engine_of(buffer).look = lambda: Surroundings(**HEARD)
     assert hint_of(buffer, T).startswith('Its earlier transforms have been dropped. ')
+
+
+@pytest.mark.parametrize(('authority', 'surroundings', 'by', 'end'), [
+    ('ab', HEARD, ' from /arm', ''),
+    ('default_authority', HEARD, '', ' Publishers on /tf: /arm.'),
+    ('default_authority', {}, '', ''),
+    ('sim', {}, ' from sim', '')])
+def test_refused_transforms_are_counted(logs, authority, surroundings, by, end):
+    """After a reset, one late transform of the old run makes all new ones old."""
+    buffer = buffer_of(T + 5 * S, T + 100 * S, **surroundings)
+    for i in range(50):
+        assert not buffer.insert(T + 6 * S + i, 'map', 'base', STILL, authority)
+    hint = (f"50 transforms of 'base'{by} were refused, since one at 1700000100.000000000 is "
+            'newer by more than the cache time. If the time was reset, clear the buffer; otherwise, '
+            f'stop the node with the later clock.{end} {see("TF_OLD_DATA")}')
+    assert hint_of(buffer, T + 6 * S) == hint
+    assert '50 transforms' not in hint_of(buffer, T + 9 * S)  # they would not help
+    buffer.clear()  # the remedy
+    assert buffer.insert(T + 6 * S, 'map', 'base', STILL)
+    assert buffer.lookup_transform('map', 'base', T + 6 * S)
+
+
+def test_a_buffer_that_was_cleared_logs_again(logs):
+    """Once per frame, from the beginning."""
+    buffer = buffer_of(T)
+    for count in 1, 2:
+        for _ in range(5):
+            buffer.insert(T - 11 * S, 'map', 'base', STILL)
+        assert len(logs) == count
+        buffer.clear()
+        buffer.insert(T, 'map', 'base', STILL)
+
+
+def test_a_buffer_that_is_cleared_again_and_again_logs_once_a_second(logs):
+    """As with two publishers of /clock."""
+    buffer = buffer_of()
+    for _ in range(20):
+        buffer.insert(T, 'map', 'base', STILL)
+        buffer.insert(T - 11 * S, 'map', 'base', STILL)
+        buffer.clear()
+    assert len(logs) <= 2
+
+
+# A lookup that blocks
+
+
+@pytest.mark.parametrize(('publishers', 'blocked', 'reason'), [
+    ([ARM], {'/arm': 'and cannot.'}, '/arm publishes it, and cannot.'),
+    ([ARM._replace(node='/me')], {'/me': 'and cannot.'}, 'This node publishes it, and cannot.'),
+    ([ARM._replace(gid='1', node='/me')], {'/me': 'and cannot.'},
+     'This node publishes it, and cannot.'),
+    ([ARM._replace(gid='1', node='/me'), ARM._replace(gid='2')], {'/me': 'and cannot.'}, ''),
+    ([ARM], {'/me': 'and cannot.'}, '')])
+@pytest.mark.parametrize('waited', [0.0, 0.01])
+def test_a_lookup_that_keeps_the_publisher_from_publishing(publishers, blocked, reason, waited):
+    """If all who can have published the edge are blocked, and nothing has arrived meanwhile."""
+    buffer = buffer_of(T - S, T, **{**HEARD, 'publishers': publishers}, blocked=blocked)
+    with pytest.raises(TransformException) as raised:
+        buffer.lookup_transform('map', 'base', T + S // 2, timeout=int(waited * S))
+    section = see('A lookup that waits for its own node')
+    expected = f'{reason} {section}' if reason and waited else ON_ITS_WAY
+    assert str(raised.value).endswith(f'that time. {expected}')
+
+
+def test_a_lookup_that_keeps_the_only_publisher_from_its_first_transform():
+    buffer = buffer_of(topics=TOPICS, publishers=[ARM], blocked={'/arm': 'and cannot.'})
+    with pytest.raises(TransformException) as raised:
+        buffer.lookup_transform('map', 'base', 0, timeout=1)
+    assert str(raised.value).endswith(
+        'No transform has been received yet. /arm is the only known publisher, and cannot. '
+        f'{see("A lookup that waits for its own node")}')
+
+
+# What the ROS graph shows
 
 
 @pytest.mark.parametrize(('surroundings', 'hint'), [
     ({'publishers': [ARM._replace(type='geometry_msgs/msg/TransformStamped')]},
      '/arm publishes geometry_msgs/msg/TransformStamped on /tf. The type must be '
      'tf2_msgs/msg/TFMessage: send transforms with a TransformBroadcaster or a '
-     'StaticTransformBroadcaster. See troubleshooting.md: A frame does not exist.'),
-    ({'publishers': [ARM, ARM._replace(topic='/tf_static', node='/lamp')]},
+     f'StaticTransformBroadcaster. {MISSING}'),
+    ({'publishers': [ARM, ARM._replace(topic='/tf_static', node='/lamp',
+                                       lacks='transient local')]},
      'Nothing arrives on /tf_static from /lamp, whose publisher is not transient local. Send with '
-     'a StaticTransformBroadcaster. See troubleshooting.md: The QoS of /tf_static.'),
+     f'a StaticTransformBroadcaster. {see("The QoS of /tf_static")}'),
+    ({'publishers': [ARM._replace(lacks='reliable'), ARM._replace(topic='/tf_static')]},
+     'Nothing arrives on /tf from /arm, whose publisher is not reliable. Send with a '
+     'TransformBroadcaster, or pass a best-effort qos to the TransformListener. '
+     f'{see("The QoS of /tf_static")}'),
     ({'is_volatile': True},
      'This listener of /tf_static is not transient local, so it misses what was sent before its '
-     'start. Omit static_qos, or make it transient local. See troubleshooting.md: The QoS of '
-     '/tf_static.'),
+     f'start. Omit static_qos, or make it transient local. {see("The QoS of /tf_static")}'),
     ({'other_topics': ['/robot1/tf', '/robot2/tf']},
      'No transform has arrived on /tf, but transforms are published on /robot1/tf, /robot2/tf. '
      "To listen to /robot1/tf, pass tf_topic='/robot1/tf', tf_static_topic='/robot1/tf_static' "
-     'to the TransformListener; in commands, pass --namespace robot1. See troubleshooting.md: A '
-     'leading slash, or a namespace.')])
+     'to the TransformListener; in commands, pass --namespace robot1. '
+     f'{see("A leading slash, or a namespace")}')])
 def test_frames_that_cannot_arrive(surroundings, hint):
     """A frame does not exist, or two trees are not connected, for a cause in the ROS graph."""
-    buffer = buffer_of(T, topics=TOPICS, **surroundings)
+    buffer = buffer_of(T, topics=TOPICS, has_data=True, **surroundings)
     buffer.insert(0, 'world', 'lamp', STILL, is_static=True)
     assert hint_of(buffer, source='bass') == f"Nearest known: 'base'. {hint}"
     assert hint_of(buffer, source='lamp').endswith(f"the tree with root 'world'. {hint}")
@@ -189,6 +373,48 @@ def test_other_topics_without_a_namespace(topic, remedy):
     buffer = buffer_of(topics=('/a/tf_static', '/a/tf'), other_topics=[topic])
     assert f'No transform has arrived on /a/tf, but transforms are published on {topic}. To ' \
         f'listen to {topic}, pass {remedy}' in hint_of(buffer)
+
+
+@pytest.mark.parametrize(('edge', 'source', 'is_named'), [
+    (('odom', 'tool'), 'tool', True), (('tool', 'grip'), 'tool', True),
+    (('odom', 'foot'), 'tool', False), (('base', 'world'), 'lamp', True),
+    (('world', 'sun'), 'lamp', False)])
+def test_half_a_namespace(edge, source, is_named):
+    """A missing frame, or the parent of a root, is published on a topic to which none listens."""
+    parent, child = edge
+    found = Elsewhere(parent, child, '/robot1/tf', ('/robot1/driver',))
+    buffer = buffer_of(T, **HEARD, other_topics=['/robot1/tf'], elsewhere=lambda is_wanted: (
+        found if is_wanted(found) else None))
+    buffer.insert(0, 'world', 'lamp', STILL, is_static=True)
+    assert hint_of(buffer, source=source).endswith(
+        f'{parent!r} -> {child!r} is published on /robot1/tf by /robot1/driver, but this '
+        'listener is on /tf and /tf_static. Remap both /tf and /tf_static in all nodes of a '
+        f'robot, or none. {see("A leading slash, or a namespace")}') == is_named
+
+
+@pytest.mark.parametrize(('surroundings', 'hint'), [
+    ({}, '0 publishers on /tf and /tf_static in ROS domain 7, as far as it is discovered.'),
+    ({'other_domains': lambda: ' Others are in 5.', 'hides_others': 'LOCALHOST'},
+     '0 publishers on /tf and /tf_static in ROS domain 7, as far as it is discovered. Others are '
+     'in 5. ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST hides other machines.'),
+    ({'joint_states': '/joint_states'}, '/joint_states has a publisher, but nothing publishes '
+     'transforms: start robot_state_publisher FILE.'),
+    ({'publishers': [ARM]}, 'Nothing has arrived yet from /arm.')])
+def test_nothing_at_all(surroundings, hint):
+    buffer = buffer_of(topics=TOPICS, domain=7, **surroundings)
+    assert hint_of(buffer) == f'No transform has been received yet. {hint} {MISSING}'
+
+
+@pytest.mark.parametrize(('nodes', 'text'), [
+    ((), ''), (('/sim',), ' Publisher of /clock: /sim.'),
+    (('/a', '/b'), ' 2 nodes publish /clock, so that the time jumps between them: /a, /b. Stop '
+     'all but one.')])
+def test_a_cleared_buffer(nodes, text):
+    buffer = buffer_of(T, **HEARD, is_simulated=True, clock_nodes=nodes)
+    buffer.clear()
+    assert str(error_of(buffer, T)).endswith(
+        f'an interrupted insertion.{text} Pass timeout= to wait for the next one. '
+        f'{see("A jump back in time")}')
 
 
 @pytest.mark.parametrize(('authority', 'publishers', 'end'), [
@@ -226,10 +452,10 @@ def test_nobody_is_asked_unless_a_text_is_read():
 
 def test_nobody_is_asked_while_the_lock_is_held():
     """A query of the ROS graph takes other locks."""
-    buffer = buffer_of(T - S, T, now=T)
+    buffer = buffer_of(T - S, T, **HEARD)
     with buffer.updated():
-        assert 'If data still come' in str(error_of(buffer, T + 1))
-    assert 'Data still come' in str(error_of(buffer, T + 1))
+        assert 'Data still arrive' not in str(error_of(buffer, T + 1))
+    assert 'Data still arrive' in str(error_of(buffer, T + 1))
 
 
 def test_a_hint_survives_what_it_asks():
@@ -240,7 +466,7 @@ def test_a_hint_survives_what_it_asks():
         raise RuntimeError
 
     engine_of(buffer).look = fail
-    assert 'If data still come' in str(error_of(buffer, T + 1))
+    assert str(error_of(buffer, T + 1)).endswith(f'before that time. {FUTURE}')
 
 
 def test_the_sections_that_hints_name_exist():

@@ -71,7 +71,7 @@ PROVOKED = {
         lambda _: error_of(time=-T // S + 5), 'different clocks'),
     'The QoS of /tf_static': (
         lambda _: error_of('lidar', topics=('/tf_static', '/tf'), publishers=[
-            Publisher('/lidar', '/tf_static', TF, True, 'ab')]), 'not transient local'),
+            Publisher('/lidar', '/tf_static', TF, 'ab', 'transient local')]), 'not transient local'),
     'No static transforms from a bag': (
         lambda _: report(missing_part='b_1.mcap is without the first part'), 'missing_part'),
     'A frame jumps or flickers': (

@@ -75,10 +75,8 @@ class Engine:
         self.tree = FrameTree(cache_time)
         self.lookups = Lookups(self.tree)
         self.insertion = Insertion(self.lookups, max_frames, max_samples)
-        #: Returns what hints may use; a buffer with a clock, or a listener, assigns it.
+        #: Returns what hints may use; a listener assigns it.
         self.look: Look = Surroundings
-        #: The same without the listener, for the time after its end.
-        self.own_look: Look = Surroundings
         # An error that nobody has read does not keep the data alive.
         self.tree.look = partial(_look, ref(self))
         #: Returns False when blocked lookups should give up, as when ROS is shut down.
@@ -270,7 +268,7 @@ class Engine:
         self.lock = RLock()  # another thread may have held the old one
         self._sources, self._waiters, self.wakes = (), (), set()
         self.is_alive = lambda: True
-        self.look = self.own_look = Surroundings  # locks of the ROS graph may be held for good
+        self.look = Surroundings  # locks of the ROS graph may be held for good
         self.insertion.log.write = logging.getLogger('dummy_arm.tf').warning
         self.tree.release()
         self._mend()  # another thread may have been inserting
@@ -281,9 +279,8 @@ def _look(reference: 'ref[Engine]') -> Surroundings:
     engine = reference()
     if engine is None or engine.is_held():
         return Surroundings()
-    for look in engine.look, engine.own_look:
-        with suppress(Exception):  # the listener has ended, the node is destroyed, ROS shut down
-            return look()
+    with suppress(Exception):  # the listener has ended, the node is destroyed, ROS shut down
+        return engine.look()
     return Surroundings()
 
 

@@ -5,9 +5,9 @@ A hint is written when the text of an error is first read, without the lock of t
 the facts of the failed lookup, and the surroundings as they are when the text is read.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import NamedTuple, Optional
 
 from dummy_arm.tf._core.texts import (
     comma_list,
@@ -18,15 +18,16 @@ from dummy_arm.tf._core.texts import (
     suggest_names,
     TF_MESSAGE,
 )
-from dummy_arm.tf._core.times import SECOND
+from dummy_arm.tf._core.times import exact_time, SECOND
 
-#: Times that are farther apart (ns) are from different clocks, unless the frame was sent only
-#: once, or its publisher is gone. Then only days are a sign of different clocks.
+#: Times that are farther apart (ns) are probably, or certainly, not from one clock.
 _OTHER_CLOCK, _DAY = 60 * SECOND, 24 * 3600 * SECOND
-#: If the newest stamp is at most this old (ns), data still come. Up to this time into the future,
-#: a transform is on its way.
+#: Data still arrive if this time (ns), or three periods of the edge, is not over. Up to this time
+#: after the newest stamp, a transform is on its way.
 _RECENT = SECOND
 _LATEST = 'time 0 (Time()) for the latest transform'
+_CLOCKS = ('Set use_sim_time in all nodes, or in none; if it is set alike, synchronise the clocks '
+           'of the computers.')
 
 
 class Publisher(NamedTuple):
@@ -35,8 +36,17 @@ class Publisher(NamedTuple):
     node: str  #: the full name of its node
     topic: str
     type: str  #: such as TF_MESSAGE
-    is_volatile: bool
     gid: str  #: in hex
+    lacks: str = ''  #: what the listener's QoS requires: 'reliable' or 'transient local'
+
+
+class Elsewhere(NamedTuple):
+    """An edge that was received on a topic to which the listener does not listen."""
+
+    parent: str
+    child: str
+    topic: str
+    nodes: Sequence[str] = ()  #: the nodes that publish on the topic
 
 
 class Surroundings(NamedTuple):
@@ -44,14 +54,27 @@ class Surroundings(NamedTuple):
 
     now: int = 0  #: the time of the node (ns); 0: not known
     is_simulated: bool = False  #: True if the clock of the node is simulated
-    #: The topics of the listener: of static transforms, and of dynamic ones.
+    clock_nodes: Sequence[str] = ()  #: the nodes that publish on /clock
+    #: The topics of the listener: of static transforms, and of dynamic ones. Empty: there is no
+    #: listener, so nothing is known of publishers, and nothing will arrive.
     topics: Sequence[str] = ()
     publishers: Sequence[Publisher] = ()  #: all publishers on these topics
     ended: Mapping[str, str] = MappingProxyType({})  #: by gid: the nodes of ended publishers
     is_volatile: bool = False  #: True if the subscription to static transforms is volatile
-    #: While nothing arrives on the topic of dynamic transforms: other topics with publishers of
-    #: transforms, without the ending '_static'.
+    is_fed: bool = False  #: whether the topic of dynamic transforms has data or a publisher
+    has_data: bool = False  #: whether any transform was received
+    #: Other topics with publishers of transforms, without the ending '_static', the nearest first.
     other_topics: Sequence[str] = ()
+    #: Returns the first edge on these topics that is wanted; may listen to them for a moment.
+    elsewhere: Callable[[Callable[[Elsewhere], bool]], Optional[Elsewhere]] = lambda _: None
+    joint_states: str = ''  #: the topic of joint states if it has a publisher
+    domain: int = 0  #: the ROS domain
+    #: Returns a sentence on other ROS domains with processes of this machine; '' if there is none.
+    other_domains: Callable[[], str] = str
+    hides_others: str = ''  #: the discovery range, if it hides other machines
+    node: str = ''  #: the full name of the listener's node
+    #: The nodes that cannot call back while this thread waits; each with the reason and remedy.
+    blocked: Mapping[str, str] = MappingProxyType({})
 
     def nodes(self, topic: str) -> list[str]:
         """Return the nodes that publish transforms on a topic."""
@@ -71,30 +94,55 @@ Look = Callable[[], Surroundings]
 # Frames that are missing
 
 
-def unknown_frame(look: Look, name: str, known: tuple[str, ...], advice: str) -> str:
-    hint = topics(look())
-    return suggest_names(name, known) + (
-        _missing_part(advice) if advice else
-        f' {hint}' if hint else see('A frame does not exist'))
+def unknown_frame(look: Look, name: str, known: tuple[str, ...], advice: str, waited: float
+                  ) -> str:
+    around = look()
+    if not known and not around.topics:
+        return f'The buffer is empty.{_missing_part(advice) if advice else ""}'
+    if advice:
+        cause = _missing_part(advice)
+    elif cause := (_elsewhere(around, name, ()) or topics(around)
+                   or _all_blocked(around, waited) or nothing(around)):
+        cause = f' {cause}'
+    else:
+        cause = see('A frame does not exist')
+    return suggest_names(name, known) + cause
 
 
 def unconnected(look: Look, target: str, target_root: str, source: str, source_root: str,
-                advice: str) -> str:
-    remedy = topics(look()) or (
-        f'Publish a transform between the two trees.{see("Two unconnected trees")}')
+                advice: str, waited: float) -> str:
+    around = look()
+    if advice or not around.topics:
+        remedy = _missing_part(advice) if advice else see('Two unconnected trees')
+    else:
+        remedy = ' ' + (
+            _elsewhere(around, '', (target_root, source_root)) or topics(around)
+            or _all_blocked(around, waited)
+            or f'Publish a transform between the two trees.{see("Two unconnected trees")}')
     return (f' {quoted(target)} is in the tree with root {quoted(target_root)}, '
-            f'{quoted(source)} in the tree with root {quoted(source_root)}.'
-            f'{_missing_part(advice) if advice else f" {remedy}"}')
+            f'{quoted(source)} in the tree with root {quoted(source_root)}.{remedy}')
 
 
 def _missing_part(advice: str) -> str:
     return advice + see('No static transforms from a bag')
 
 
+def _elsewhere(around: Surroundings, name: str, roots: Collection[str]) -> str:
+    """Say that a missing frame, or the parent of a root, is published on another topic."""
+    edge = around.elsewhere(lambda each: name in each[:2] or each.child in roots) if (
+        around.other_topics) else None
+    if edge is None:
+        return ''
+    return (f'{quoted(edge.parent)} -> {quoted(edge.child)} is published on {in_log(edge.topic)} '
+            f'by {comma_list(edge.nodes, MAX_TOPICS, in_log)}, but this listener is on '
+            f'{" and ".join(around.topics[::-1])}. Remap both /tf and /tf_static in all nodes of '
+            f'a robot, or none.{see("A leading slash, or a namespace")}')
+
+
 def topics(around: Surroundings) -> str:
     """Say why transforms may not arrive on the topics; '' if there is no sign of it."""
     for find, section in ((wrong_type, 'A frame does not exist'),
-                          (_static_qos, 'The QoS of /tf_static'),
+                          (_qos, 'The QoS of /tf_static'),
                           (other_topics, 'A leading slash, or a namespace')):
         if hint := find(around):
             return hint + see(section)
@@ -112,25 +160,28 @@ def wrong_type(around: Surroundings) -> str:
             'with a TransformBroadcaster or a StaticTransformBroadcaster.')
 
 
-def _static_qos(around: Surroundings) -> str:
-    """Say why static transforms may be lost: an end of /tf_static is not transient local."""
-    if not around.topics:
-        return ''
-    topic = around.topics[0]
+def _qos(around: Surroundings) -> str:
+    """Say which transforms are lost, since the QoS of publisher and listener do not match."""
     if around.is_volatile:
-        return (f'This listener of {topic} is not transient local, so it misses what was sent '
-                'before its start. Omit static_qos, or make it transient local.')
-    nodes = sorted({in_log(each.node) for each in around.publishers
-                    if each.topic == topic and each.type == TF_MESSAGE and each.is_volatile})
-    if not nodes:
-        return ''
-    return (f'Nothing arrives on {topic} from {comma_list(nodes, MAX_TOPICS)}, whose publisher is '
-            'not transient local. Send with a StaticTransformBroadcaster.')
+        return (f'This listener of {around.topics[0]} is not transient local, so it misses what '
+                'was sent before its start. Omit static_qos, or make it transient local.')
+    for lack, remedy in (
+            ('transient local', 'Send with a StaticTransformBroadcaster.'),
+            ('reliable', 'Send with a TransformBroadcaster, or pass a best-effort qos to the '
+             'TransformListener.')):
+        nodes: dict[str, set[str]] = {}
+        for each in around.publishers:
+            if each.type == TF_MESSAGE and each.lacks == lack:
+                nodes.setdefault(each.topic, set()).add(in_log(each.node))
+        for topic, names in nodes.items():
+            return (f'Nothing arrives on {topic} from {comma_list(sorted(names), MAX_TOPICS)}, '
+                    f'whose publisher is not {lack}. {remedy}')
+    return ''
 
 
 def other_topics(around: Surroundings) -> str:
     """Say which other topics have transforms, and how to receive them."""
-    if not around.other_topics:
+    if around.is_fed or not around.other_topics:
         return ''
     first = in_log(around.other_topics[0])
     namespace, _, name = first.rpartition('/')
@@ -140,6 +191,38 @@ def other_topics(around: Surroundings) -> str:
             f'{comma_list(around.other_topics, MAX_TOPICS, in_log)}. To listen to {first}, pass '
             f"tf_topic='{first}', tf_static_topic='{first}_static' to the TransformListener; in "
             f'commands, {option}.')
+
+
+def nothing(around: Surroundings) -> str:
+    """Say why nothing at all has been received; '' if something has, or without a listener."""
+    if around.has_data or not around.topics:
+        return ''
+    if around.publishers:
+        nodes = sorted({in_log(each.node) for each in around.publishers})
+        text = f'Nothing has arrived yet from {comma_list(nodes, MAX_TOPICS)}.'
+    elif around.joint_states:
+        text = (f'{around.joint_states} has a publisher, but nothing publishes transforms: start '
+                'robot_state_publisher FILE.')
+    else:
+        hidden = (f' ROS_AUTOMATIC_DISCOVERY_RANGE={around.hides_others} hides other machines.'
+                  if around.hides_others else '')
+        text = (f'0 publishers on {" and ".join(around.topics[::-1])} in ROS domain '
+                f'{around.domain}, as far as it is discovered.{around.other_domains()}{hidden}')
+    return text + see('A frame does not exist')
+
+
+def _all_blocked(around: Surroundings, waited: float) -> str:
+    nodes = {each.node for each in around.publishers if each.type == TF_MESSAGE}
+    return _blocked(around, nodes, 'is the only known publisher,') if waited else ''
+
+
+def _blocked(around: Surroundings, nodes: Collection[str], verb: str) -> str:
+    """Say why none of these nodes can publish while the lookup waits; '' if one can."""
+    if not nodes or not around.blocked.keys() >= {*nodes}:
+        return ''
+    node = min(nodes)
+    who = 'This node' if node == around.node else in_log(node)
+    return f'{who} {verb} {around.blocked[node]}{see("A lookup that waits for its own node")}'
 
 
 def loop(chain: Sequence[str]) -> str:
@@ -166,107 +249,171 @@ class Edge(NamedTuple):
     cache_time: int
     has_dropped: bool  #: True if it may have had older samples
     authority: str  #: the publisher
+    silence: int  #: since the last transform of the child has arrived
+    repeated: int  #: the number of transforms that have arrived again
+    refused: int  #: the number of transforms that were older than the cache
+    refused_stamp: int  #: the stamp of the last one
+    refused_authority: str  #: its publisher
+    takes_ns: bool  #: True if the times of the buffer are integers
+
+    @property
+    def still_arrives(self) -> bool:
+        """Whether transforms arrive, as often as before; stamps may be from another clock."""
+        period = (self.latest - self.oldest) // max(self.samples - 1, 1)
+        return self.silence <= max(_RECENT, 3 * min(period, _OTHER_CLOCK))
 
 
-def cleared(frame: str) -> str:
-    return (f' No transform of {quoted(frame)} has been received since the buffer was cleared, or '
-            'mended after an interrupted insertion. Pass timeout= to wait for the next one.'
-            f'{see("A jump back in time")}')
+def cleared(look: Look, frame: str, waited: float) -> str:
+    around = look()
+    text = (f' No transform of {quoted(frame)} has been received since the buffer was cleared, or '
+            'mended after an interrupted insertion.')
+    section = see('A jump back in time')
+    if not around.topics:
+        return text + section
+    clocks = clock_publishers(around.clock_nodes) if around.is_simulated else ''
+    return f'{text}{clocks} Pass timeout= to wait for the next one.{section}'
 
 
-def extrapolation(look: Look, edge: Edge, time: int) -> str:
+def clock_publishers(nodes: Sequence[str]) -> str:
+    """Name the publishers of /clock; several make the time jump."""
+    if len(nodes) < 2:
+        return f' Publisher of /clock: {in_log(nodes[0])}.' if nodes else ''
+    return (f' {len(nodes)} nodes publish /clock, so that the time jumps between them: '
+            f'{comma_list(nodes, MAX_TOPICS, in_log)}. Stop all but one.')
+
+
+def extrapolation(look: Look, edge: Edge, time: int, waited: float) -> str:
     """Say how far a time is from the samples of an edge, why, and what to do."""
     name = f'{quoted(edge.parent)} -> {quoted(edge.child)}'
     is_late = time > edge.latest
-    distance = time - edge.latest if is_late else edge.oldest - time
-    words = (f'end {_exact_seconds(distance)} before' if is_late else
-             f'begin {_exact_seconds(distance)} after')
+    where = (f'end {exact_time(time - edge.latest)} s before that time' if is_late else
+             f'begin {exact_time(edge.oldest - time)} s after that time')
+    span = (f'are from {exact_time(edge.oldest)} to {exact_time(edge.latest)} and'
+            if edge.oldest != edge.latest else f'are all at {exact_time(edge.latest)} and')
     around = look()
-    # A stamp in the future is recent, too.
-    is_recent = bool(around.now) and around.now - edge.latest <= _RECENT
-    if distance > _DAY:
-        cause = _clock(edge, time, around)
-    elif edge.samples == 1 and not edge.has_dropped and not is_recent:
-        cause = _one_sample()
-    elif distance > _OTHER_CLOCK and not (is_late and _is_gone(edge, around)):
-        cause = _clock(edge, time, around)
+    if not around.topics:
+        cause = _without_listener(edge, time)
     elif is_late:
-        cause = _late(edge, time, around, is_recent)
+        cause = _late(edge, time, around, waited)
     else:
-        cause = _early(edge, time)
-    return f' The data of edge {name} {words} that time. {cause}'
+        cause = _early(edge, time, around)
+    return f' The data of edge {name} {span} {where}.{cause}'
 
 
-def _exact_seconds(duration: int) -> str:
-    return f'{duration // SECOND}.{duration % SECOND:09d} s'
+def _without_listener(edge: Edge, time: int) -> str:
+    """Say what is known of a buffer that a program has filled, or a bag."""
+    if time > edge.latest:
+        return see('Extrapolation into the future')
+    if edge.takes_ns and edge.oldest <= time * SECOND <= edge.latest:
+        return f' Times are in ns: {time} s is within the data, {time} ns is not.'
+    return (_refused(edge, Surroundings(), time) or _dropped(edge, time)
+            or see('Extrapolation into the past'))
 
 
-def _one_sample() -> str:
-    return ('It was sent once as a dynamic transform, or always with the same stamp. Send it '
-            'again and again with new stamps or, if it does not move, with a '
-            'StaticTransformBroadcaster.'
-            f'{see("Only one time is in the buffer")}')
-
-
-def _clock(edge: Edge, time: int, around: Surroundings) -> str:
-    which = ''
-    if around.now:
-        clock = f"the {'simulated' if around.is_simulated else 'system'} clock of this node"
-        is_time = abs(time - around.now) <= _OTHER_CLOCK
-        is_data = edge.oldest - _OTHER_CLOCK <= around.now <= edge.latest + _OTHER_CLOCK
-        which = (f': the requested time is on {clock}, the data are not' if is_time and not is_data
-                 else f': the data are on {clock}, the requested time is not' if is_data
-                 else f': neither is on {clock}')
-    stopped = ', or nothing has been sent since' if time > edge.latest else ''
-    return (f'These times are probably from different clocks{which}{stopped}. Set use_sim_time in '
-            f'all nodes, or in none.{see("use_sim_time and the wall clock")}')
-
-
-def _late(edge: Edge, time: int, around: Surroundings, is_recent: bool) -> str:
+def _late(edge: Edge, time: int, around: Surroundings, waited: float) -> str:
+    ahead, behind = time - edge.latest, around.now - edge.latest
     section = see('Extrapolation into the future')
-    if not around.now:
-        return ('If data still come, this transform is on its way, otherwise the publisher has '
-                f'stopped. Pass timeout= to wait for it, or {_LATEST}.{section}')
-    if not is_recent:
-        node = in_log(around.node_of(edge.authority))
-        check = f'Check {node}' if node else 'Check the publisher'
-        return (f'The newest is {(around.now - edge.latest) / SECOND:.1f} s old: '
-                f'{_why_silent(edge, around)}. {check}, or look up {_LATEST}.{section}')
-    if time - edge.latest <= _RECENT:
-        return ('Data still come, so this transform is on its way. Pass timeout= to wait for it, '
-                f'or {_LATEST}.{section}')
-    return (f'That time is {(time - around.now) / SECOND:.1f} s later than the clock of this '
-            'node, and data still come. Check the clock that has stamped it, or '
-            f'look up {_LATEST}.{section}')
+    if edge.oldest == edge.latest and (edge.repeated or not edge.still_arrives):
+        return _one_time(edge)
+    nodes = [node] if (node := around.node_of(edge.authority)) else around.nodes(around.topics[-1])
+    if 0 < waited * SECOND <= edge.silence and (
+            reason := _blocked(around, nodes, 'publishes it,')):
+        return f' {reason}'
+    if not edge.still_arrives:
+        clocks = ('' if ahead - edge.silence <= _OTHER_CLOCK else
+                  f' And {_which_clocks(edge, time, around)} {_CLOCKS}')
+        return (f' None has arrived for {edge.silence / SECOND:.1f} s: '
+                f'{_why_silent(edge, around)}, or look up {_LATEST}.{clocks}{section}')
+    if ahead > _OTHER_CLOCK:
+        return (f' Data still arrive, but {_which_clocks(edge, time, around)} {_CLOCKS}'
+                f'{see("use_sim_time and the wall clock")}')
+    if around.now and behind > _RECENT:
+        clocks = f' {_CLOCKS}' if behind >= _OTHER_CLOCK else ''
+        return (f' Data still arrive, {behind / SECOND:.1f} s behind the clock of this node (a '
+                'recording, or clocks that differ); this transform is on its way: pass timeout= '
+                f'to wait for it, or {_LATEST}.{clocks}{section}')
+    if around.now and ahead > _RECENT:
+        return (f' That time is {(time - around.now) / SECOND:.1f} s later than the clock of this '
+                'node, and data still arrive. Check the clock that has stamped it, or '
+                f'look up {_LATEST}.{section}')
+    return (' Data still arrive, so this transform is on its way. Pass timeout= to wait for it, '
+            f'or {_LATEST}.{section}')
 
 
-def _is_gone(edge: Edge, around: Surroundings) -> bool:
-    return edge.authority in around.ended or (
-        len(around.topics) == 2 and not around.nodes(around.topics[1]))
+def _one_time(edge: Edge) -> str:
+    number = edge.samples + edge.repeated
+    how = ('It was sent once as a dynamic transform' if number == 1 else
+           f'It was sent {number} times, always with this stamp' if not edge.has_dropped else
+           'Only the last one is kept')
+    return (f' {how}. Send it again and again with new stamps or, if it does not move, with a '
+            f'StaticTransformBroadcaster.{see("Only one time is in the buffer")}')
+
+
+def _which_clocks(edge: Edge, time: int, around: Surroundings) -> str:
+    """Say which of the two times is on the clock of the node."""
+    clock = f"the {'simulated' if around.is_simulated else 'system'} clock of this node"
+    is_time = abs(time - around.now) <= _OTHER_CLOCK
+    is_data = edge.oldest - _OTHER_CLOCK <= around.now <= edge.latest + _OTHER_CLOCK
+    if not around.now or is_time == is_data:
+        return 'the requested time and the data are from different clocks, or from a recording.'
+    return (f'the requested time is on {clock}, the data are not.' if is_time else
+            f'the data are on {clock}, the requested time is not.')
 
 
 def _why_silent(edge: Edge, around: Surroundings) -> str:
+    """Say what has become of the publisher, and what to check."""
     if node := in_log(around.node_of(edge.authority)):
-        return (f'{node}, which has published it, has ended' if edge.authority in around.ended else
-                f'{node}, which has published it, still exists, but is silent')
-    if _is_gone(edge, around):
-        return f'nothing publishes on {around.topics[1]} any more'
-    nodes = around.nodes(around.topics[-1]) if around.topics else []
-    return 'the publisher is silent or gone' + (
-        f'; the publishers on {around.topics[-1]} are {comma_list(nodes, MAX_TOPICS, in_log)}'
-        if nodes else '')
+        return (f'{node}, which has published it, has ended. Start {node} again'
+                if edge.authority in around.ended else
+                f'{node}, which has published it, still exists, but is silent. Check {node}')
+    nodes = comma_list(around.nodes(around.topics[-1]), MAX_TOPICS, in_log)
+    if not nodes:
+        return f'nothing publishes on {around.topics[-1]} any more. Start the publisher again'
+    return f'its publisher is silent or gone. Check {nodes}, on {around.topics[-1]} now'
 
 
-def _early(edge: Edge, time: int) -> str:
+def _early(edge: Edge, time: int, around: Surroundings) -> str:
+    if refused := _refused(edge, around, time):
+        return refused
+    if edge.oldest == edge.latest and not edge.still_arrives and not edge.has_dropped:
+        return _one_time(edge)
+    distance = edge.oldest - time
+    if distance > _DAY:
+        clocks = _which_clocks(edge, time, around)
+        return (f' {clocks[0].upper()}{clocks[1:]} {_CLOCKS}'
+                f'{see("use_sim_time and the wall clock")}')
+    if dropped := _dropped(edge, time):
+        return dropped if distance <= _OTHER_CLOCK else (
+            f' If that stamp is not so old, the clocks differ. {_CLOCKS}{dropped}')
+    return (
+        ' That time is before the first transform that was received. Skip such times, or start '
+        f'the listener before its data come.{see("Extrapolation into the past")}')
+
+
+def _dropped(edge: Edge, time: int) -> str:
+    """Say that earlier transforms have been dropped; '' if none has."""
     section = see('Extrapolation into the past')
     if time < edge.latest - edge.cache_time:
-        return (f'The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame. Pass a '
+        return (f' The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame. Pass a '
                 f'longer cache_time to the buffer, or look up sooner.{section}')
     if edge.has_dropped:
-        return ('Its earlier transforms have been dropped. Pass a longer cache_time, or a larger '
+        return (' Its earlier transforms have been dropped. Pass a longer cache_time, or a larger '
                 f'max_samples, to the buffer.{section}')
-    return ('That time is before the first transform that was received. Skip such times, or start '
-            f'the listener before its data come.{section}')
+    return ''
+
+
+def _refused(edge: Edge, around: Surroundings, time: int) -> str:
+    """Say that the transforms of that time were refused; '' if they were not."""
+    if not edge.refused or time > edge.refused_stamp + _RECENT:
+        return ''
+    authority = edge.refused_authority
+    node = around.node_of(authority) if around.topics else authority
+    by = f' from {in_log(node)}' if node not in ('', 'default_authority') else ''
+    publishers = '' if by else _publisher(around, authority, False)
+    return (f' {edge.refused} transforms of {quoted(edge.child)}{by} were refused, since one at '
+            f'{exact_time(edge.latest)} is newer by more than the cache time. If the time was '
+            'reset, clear the buffer; otherwise, stop the node with the later clock.'
+            f'{publishers}{see("TF_OLD_DATA")}')
 
 
 # Transforms that are refused

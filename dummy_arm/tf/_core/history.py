@@ -71,10 +71,15 @@ class History:
     `only_parent`. Otherwise `only_parent` is '', and `parents[i]` is the parent of sample i. The
     keys of the dict `all_parents` are all parents that occur in the samples, and perhaps some
     parents that occurred only in samples that have been dropped.
+
+    `arrival` is the monotonic time (ns) at which the last transform arrived, also if it was not
+    inserted: `repeated` transforms were in the history already, and `refused` ones were too old.
+    `refused_stamp` is the stamp (ns) of the last of these, `refused_authority` its publisher.
     """
 
-    __slots__ = ('all_parents', 'authority', 'cache_time', 'only_parent', 'parents', 'poses',
-                 'stamps', 'start')
+    __slots__ = ('all_parents', 'arrival', 'authority', 'cache_time', 'only_parent', 'parents',
+                 'poses', 'refused', 'refused_authority', 'refused_stamp', 'repeated', 'stamps',
+                 'start')
 
     is_static = False
 
@@ -87,6 +92,8 @@ class History:
         self.only_parent = ''
         self.parents: Optional[list[str]] = None
         self.all_parents: dict[str, None] = {}
+        self.arrival = self.repeated = self.refused = self.refused_stamp = 0
+        self.refused_authority = ''
 
     def __len__(self) -> int:
         return len(self.stamps) - self.start
@@ -149,6 +156,8 @@ class History:
             if stamps[self.start] < earliest:
                 self.drop_before(bisect_left(stamps, earliest, self.start))
             if stamp < earliest:
+                self.refused += 1
+                self.refused_stamp, self.refused_authority = stamp, authority
                 return False
             position = bisect_right(stamps, stamp, self.start)
             if position > self.start and stamps[position - 1] == stamp:
@@ -156,6 +165,7 @@ class History:
                 if any(self.parent_of(i) == parent and self.pose(i) == pose
                        for i in range(first, position)):
                     self.authority = authority
+                    self.repeated += 1
                     return True
                 if position - first >= MAX_SAMPLES_PER_STAMP:
                     position -= 1

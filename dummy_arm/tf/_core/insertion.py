@@ -6,6 +6,7 @@ from itertools import starmap
 import math
 import struct
 import sys
+from time import monotonic_ns
 from traceback import format_exc
 from typing import Optional
 
@@ -84,6 +85,7 @@ class Insertion:
         history = self._tree.histories[child]
         if not isinstance(history, History):
             return is_accepted
+        history.arrival = monotonic_ns()
         if not is_accepted:
             self.log.warn(child, old_data(
                 child, stamp, authority, history.latest, self._tree.cache_time), end=partial(
@@ -116,6 +118,7 @@ class Insertion:
         Most transforms of a batch are newer than all samples of their child frame, and have the
         same parent. If all poses of the batch are finite, such transforms are appended unchecked.
         """
+        now = monotonic_ns()
         for batch in batches:
             try:
                 if isinstance(batch, Rows):
@@ -133,6 +136,7 @@ class Insertion:
                             and history.only_parent == parent
                             and history.append(batch.stamps, by_frame[i * size:(i + 1) * size],
                                                batch.authority)):
+                        history.arrival = now
                         self._room -= count
                         if self._room < 0 or (
                                 len(history.stamps) - history.start > self._max_samples_per_frame):
@@ -146,7 +150,8 @@ class Insertion:
                 self.mend()
 
     def clear(self) -> None:
-        """Remove all dynamic transforms."""
+        """Remove all dynamic transforms, and forget which frames there was a warning of."""
+        self.log.forget()
         self._tree.clear()
         self._lookups.paths.clear()
         self._count_samples()

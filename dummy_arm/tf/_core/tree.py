@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from functools import partial, reduce
 from itertools import pairwise, takewhile
+from time import monotonic_ns
 from typing import Any, Optional
 
 import numpy as np
@@ -44,6 +45,7 @@ class FrameTree:
         #: A hint that follows if frames are unknown or not connected, as when a part of a bag is
         #: missing.
         self.advice = ''
+        self.takes_ns = False  #: True if the buffer's times are integers (ns)
         #: What the hints of errors use; called when a text is read.
         self.look: hints.Look = hints.Surroundings
 
@@ -128,7 +130,7 @@ class FrameTree:
                     raise TransformException(words)
                 raise with_hint(TransformException(f'{words}. '), self._unknown(name))
 
-    def _unknown(self, name: str) -> Callable[[], str]:
+    def _unknown(self, name: str) -> Callable[[float], str]:
         return partial(hints.unknown_frame, self.look, name, self.names, self.advice)
 
     def _problem(self, name: str) -> Optional[str]:
@@ -304,7 +306,7 @@ class FrameTree:
             edges = self.newest_edges()
             raise with_hint(
                 LookupException(texts.LOOP),
-                lambda: f'{as_string(edges)}\n{hints.loop(chain)}')
+                lambda _: f'{as_string(edges)}\n{hints.loop(chain)}')
 
     def states(self, until: int = 0) -> list[tuple[str, State]]:
         """Return the name and state of each frame with samples up to a time (ns; 0: no limit)."""
@@ -346,7 +348,7 @@ class FrameTree:
             ExtrapolationException(words), self._why_not_at(time, target, source, frame))
 
     def _why_not_at(self, time: int, target: str, source: str, stopped_at: str
-                    ) -> Callable[[], str]:
+                    ) -> Callable[[float], str]:
         """
         Return the hint of an ExtrapolationException.
 
@@ -370,10 +372,12 @@ class FrameTree:
         history = self.histories[worst]
         assert isinstance(history, History)
         if not len(history):
-            return partial(hints.cleared, worst)
+            return partial(hints.cleared, self.look, worst)
         return partial(hints.extrapolation, self.look, hints.Edge(
             history.parent_at(0) or '', worst, len(history), history.oldest, history.latest,
-            self.cache_time, history.start > 0, history.authority), time)
+            self.cache_time, history.start > 0, history.authority,
+            monotonic_ns() - history.arrival, history.repeated, history.refused,
+            history.refused_stamp, history.refused_authority, self.takes_ns), time)
 
     def _chains_to_meeting(self, source: str, target: str, time: int = _END
                            ) -> tuple[dict[str, None], dict[str, None], Optional[str]]:
@@ -401,11 +405,11 @@ class FrameTree:
         return *chains, None
 
     def _why_unconnected(self, target: str, target_root: str, source: str, source_root: str
-                         ) -> Callable[[], str]:
+                         ) -> Callable[[float], str]:
         """Return the hint for two frames that have different roots."""
         for root in source_root, target_root:
             if (history := self.histories[root]) is not None and not len(history):
-                return partial(hints.cleared, root)
+                return partial(hints.cleared, self.look, root)
         return partial(hints.unconnected, self.look, target, target_root, source, source_root,
                        self.advice)
 

@@ -43,8 +43,9 @@ def wait(engine: Engine, timeout: float, lookup: Callable[..., _Result], *argume
             seen = engine.update_for_user()
             try:
                 return engine.read_now(lookup, *arguments)
-            except TransformException:
+            except TransformException as error:
                 if is_over or monotonic() >= deadline:
+                    error._waited = timeout
                     raise
             next_attempt = min(deadline, monotonic() + _RETRY_INTERVAL)
             while (wake.wait(max(0.0, next_attempt - monotonic()))

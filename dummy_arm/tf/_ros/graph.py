@@ -1,14 +1,22 @@
 """What hints may use of the clock and the ROS graph of a node."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from itertools import takewhile
+import os
+import sys
+from typing import Optional
 
-from rclpy.clock import Clock, ROSClock
+from rclpy.clock import ROSClock
+from rclpy.executors import Executor, MultiThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dummy_arm.tf._core.hints import Publisher, Surroundings
+from dummy_arm.tf._core.hints import Elsewhere, Publisher, Surroundings
 from dummy_arm.tf._core.texts import full_name, TF_MESSAGE
+from dummy_arm.tf._ros.domains import other_domains
 from dummy_arm.tf._ros.rclpy_private import GID_SIZE
 
 #: The name of a publisher whose node is not known.
@@ -28,31 +36,80 @@ def node_of(info: TopicEndpointInfo) -> str:
             else full_name(info.node_namespace, info.node_name))
 
 
-def clock_surroundings(clock: Clock) -> Surroundings:
-    return Surroundings(
-        clock.now().nanoseconds, isinstance(clock, ROSClock) and clock.ros_time_is_active)
+def clock_nodes(node: Optional[Node]) -> list[str]:
+    """Return the nodes that publish on /clock."""
+    return [] if node is None else sorted(
+        {node_of(info) for info in node.get_publishers_info_by_topic('/clock')})
 
 
-def surroundings(node: Node, topics: Sequence[str], is_volatile: bool, is_fed: bool
+def surroundings(node: Node, subscriptions: Sequence[Subscription], is_fed: bool, has_data: bool,
+                 elsewhere: Callable[[Callable[[Elsewhere], bool]], Optional[Elsewhere]]
                  ) -> Surroundings:
     """
     Return the surroundings of a listener.
 
-    :param topics: of static transforms, and of dynamic ones.
-    :param is_fed: whether transforms arrive, so that other topics need not be searched.
+    :param subscriptions: to static transforms, and to dynamic ones.
+    :param is_fed: whether dynamic transforms have arrived.
+    :param has_data: whether any transform has arrived.
     """
+    topics = [each.topic_name for each in subscriptions]
     publishers = [
-        Publisher(node_of(info), topic, info.topic_type,
-                  info.qos_profile.durability == DurabilityPolicy.VOLATILE, gid_of(info))
-        for topic in topics for info in node.get_publishers_info_by_topic(topic)]
-    is_fed = is_fed or any(
-        each.topic == topics[-1] and each.type == TF_MESSAGE for each in publishers)
-    return clock_surroundings(node.get_clock())._replace(
-        topics=topics, publishers=publishers, is_volatile=is_volatile,
-        other_topics=() if is_fed else [*dict.fromkeys(_other_topics(node, topics))])
+        Publisher(node_of(info), each.topic_name, info.topic_type, gid_of(info),
+                  _lack(info.qos_profile, each.qos_profile))
+        for each in subscriptions for info in node.get_publishers_info_by_topic(each.topic_name)]
+    clock, durability = node.get_clock(), subscriptions[0].qos_profile.durability
+    domain = node.context.get_domain_id()
+    joint_states = topics[0].rpartition('/')[0] + '/joint_states'
+    return Surroundings(
+        clock.now().nanoseconds, isinstance(clock, ROSClock) and clock.ros_time_is_active,
+        clock_nodes(node), topics, publishers,
+        is_volatile=durability == DurabilityPolicy.VOLATILE, has_data=has_data,
+        is_fed=is_fed or any(
+            each.topic == topics[-1] and each.type == TF_MESSAGE for each in publishers),
+        other_topics=[*dict.fromkeys(
+            topic.removesuffix('_static') for topic in other_topics(node, topics))],
+        elsewhere=elsewhere,
+        joint_states=joint_states if node.count_publishers(joint_states) else '',
+        domain=domain, other_domains=partial(other_domains, domain),
+        hides_others=discovery_range if (
+            discovery_range := os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', '')
+            ).upper() in ('LOCALHOST', 'OFF') else '',
+        node=node.get_fully_qualified_name(), blocked=_blocked_nodes(node))
 
 
-def _other_topics(node: Node, topics: Sequence[str]) -> Iterator[str]:
-    for topic, types in sorted(node.get_topic_names_and_types()):
-        if TF_MESSAGE in types and topic not in topics and node.count_publishers(topic):
-            yield topic.removesuffix('_static')
+def _lack(offered: QoSProfile, requested: QoSProfile) -> str:
+    """Return what a publisher does not offer, but the listener requests; '' if they match."""
+    if requested.durability == DurabilityPolicy.TRANSIENT_LOCAL != offered.durability:
+        return 'transient local'
+    if requested.reliability == ReliabilityPolicy.RELIABLE != offered.reliability:
+        return 'reliable'
+    return ''
+
+
+def other_topics(node: Node, topics: Sequence[str]) -> list[str]:
+    """Return the other topics with publishers of transforms: the nearest to the node first."""
+    own = node.get_namespace().strip('/').split('/')
+
+    def distance(topic: str) -> tuple[int, str]:
+        parts = topic.strip('/').split('/')[:-1]
+        common = len([*takewhile(lambda pair: pair[0] == pair[1], zip(own, parts))])
+        return len(own) + len(parts) - 2 * common, topic
+
+    return sorted((topic for topic, types in node.get_topic_names_and_types()
+                   if TF_MESSAGE in types and topic not in topics
+                   and node.count_publishers(topic)), key=distance)
+
+
+def _blocked_nodes(node: Node) -> dict[str, str]:
+    """Return the nodes whose callbacks wait until this thread goes on, and why."""
+    frame = sys._getframe()
+    while frame := frame.f_back:  # type: ignore[assignment]
+        if (frame.f_globals.get('__name__') == 'rclpy.executors'
+                and isinstance(executor := frame.f_locals.get('self'), Executor)):
+            return {} if isinstance(executor, MultiThreadedExecutor) else {
+                each.get_fully_qualified_name():
+                'and cannot while this lookup blocks its executor: await lookup_transform_async '
+                'instead, in a callback group of its own.' for each in executor.get_nodes()}
+    return {} if node.executor is not None else {
+        node.get_fully_qualified_name():
+        'but nothing spins this node while the lookup waits: spin it in a thread.'}
