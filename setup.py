@@ -1,7 +1,9 @@
+import os
 from pathlib import Path
 import re
 
 from setuptools import find_packages, setup
+from setuptools.command.build_py import build_py
 
 package_name = 'dummy_arm'
 home = 'https://github.com/dummy-arm/dummy_arm'
@@ -18,9 +20,20 @@ import names of tf2 (Linux x86-64; elsewhere, leave out `ros` and `dummy-arm-tf2
 All that follows is about a clone of the repository.
 """
 
+
+class BuildWithPage(build_py):
+    """Install the page that `tf_doctor --explain` prints; a checkout has it in docs/."""
+
+    def finalize_options(self):
+        super().finalize_options()
+        self.data_files.append((f'{package_name}.doctor', 'docs', os.path.join(
+            self.build_lib, package_name, 'doctor'), ['troubleshooting.md']))
+
+
 setup(
     name=package_name,
     version='0.3.0',
+    cmdclass={'build_py': BuildWithPage},
     packages=find_packages(include=[package_name, f'{package_name}.*']),
     package_data={package_name: ['py.typed', 'urdf/*.urdf']},
     data_files=[

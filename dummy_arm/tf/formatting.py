@@ -16,6 +16,7 @@ from dummy_arm.tf._core.texts import (
     match_candidates,
     namespace_path,
     quoted,
+    SECTION_NAMES,
     see,
     shortened,
     suggest_names,
@@ -28,6 +29,7 @@ from dummy_arm.tf._core.times import display_time, in_seconds, SECOND
 __all__ = [
     'LONGEST',
     'SECOND',
+    'SECTION_NAMES',
     'TF_MESSAGE',
     'abbreviated',
     'comma_list',

@@ -29,8 +29,6 @@ from dummy_arm.tf.formatting import visible
 DEFAULT_TIME, _LONGEST = 25.0, 3600.0
 #: Spreadsheets take a cell that begins with one of these characters for a formula.
 _FORMULA = r'=+\-@\t\r'
-#: The largest number of processes that a text lists.
-_SHOWN = 6
 
 
 # Hand-ins

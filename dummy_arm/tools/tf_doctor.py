@@ -27,11 +27,18 @@ from dummy_arm.doctor.explanation import explain, Explanation
 from dummy_arm.doctor.observation import Endpoint, Observation
 from dummy_arm.doctor.report import check_codes, examine, examine_bag, Report
 from dummy_arm.doctor.tf_statistics import Statistics
-from dummy_arm.inspection.terminal import wrapped
+from dummy_arm.doctor.troubleshooting import find, section
+from dummy_arm.inspection.terminal import column_width, wrapped
 from dummy_arm.inspection.traffic import SETTLING
 from dummy_arm.robot.observed import RobotListener, robots_in_bag
 from dummy_arm.tf.bag import messages, NOT_RECORDED, read, recordings
-from dummy_arm.tf.formatting import in_seconds, TF_MESSAGE, visible
+from dummy_arm.tf.formatting import (
+    in_seconds,
+    SECTION_NAMES,
+    suggest_names,
+    TF_MESSAGE,
+    visible,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -51,7 +58,8 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
             duration: Optional[float] = None, as_json: bool = False,
             ignore: Sequence[str] = (), list_codes: bool = False,
             bag: Optional[Sequence[str]] = None, namespace: str = '', partial: bool = False,
-            jobs: Optional[int] = None, *, ros_args: Sequence[str] = ()) -> int:
+            jobs: Optional[int] = None, words: Optional[Sequence[str]] = None, *,
+            ros_args: Sequence[str] = ()) -> int:
     """Print what is wrong with the transforms, or explain the path between two frames."""
     ends = [name.removeprefix('/') for name in (frame_a, frame_b) if name is not None]
     if len(ends) == 1 or not all(ends):
@@ -75,6 +83,9 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
             print(f'{check.code} ({check.severity})',
                   *wrapped(f'{check.meaning} {check.remedy}', '    '), sep='\n')
         return 0
+    if words is not None:
+        _print_sections(' '.join(words))
+        return 0
     if ends:
         explanation = (_explain_live((ends[0], ends[1]), t, duration, ros_args, namespace)
                        if bag is None else
@@ -88,6 +99,20 @@ def command(frame_a: Optional[str] = None, frame_b: Optional[str] = None, t: int
     report = examine(_observe_live(duration, ros_args, namespace), ignore=ignore)
     print(json.dumps(report.as_dict(), indent=2) if as_json else report)
     return int(report.has_errors)
+
+
+def _print_sections(words: str) -> None:
+    """Print sections of docs/troubleshooting.md, or without words, the names of all."""
+    if not words.strip():
+        columns = column_width(map(len, SECTION_NAMES.values()))
+        for heading, name in SECTION_NAMES.items():
+            print(f'{name:{columns}}  {heading}')
+        return
+    headings = find(words)
+    if not headings:
+        names = (*SECTION_NAMES.values(), *CHECKS)
+        raise UsageError(f'no section explains {words!r}. {suggest_names(words, names, "names")}')
+    print('\n\n'.join('\n'.join(section(heading)) for heading in headings))
 
 
 def _explanation_data(explanation: Explanation) -> dict[str, Any]:
@@ -343,7 +368,7 @@ def main(args: Optional[Sequence[str]] = None) -> int:
         'transform between the two frames.',
         'examples: tf_doctor\n          tf_doctor --bag robot.mcap\n'
         '          tf_doctor --bag recordings/*.mcap --jobs 4 --json\n'
-        '          tf_doctor map end_effector')
+        '          tf_doctor map end_effector\n          tf_doctor --explain future')
     parser.add_argument('frame_a', nargs='?')
     parser.add_argument('frame_b', nargs='?')
     parser.add_argument('-t', type=seconds, default=0, metavar='TIME',
@@ -357,6 +382,10 @@ def main(args: Optional[Sequence[str]] = None) -> int:
                         help='leave out findings with this code; can be given several times')
     parser.add_argument('--list', dest='list_codes', action='store_true',
                         help='print the codes of all findings with their meanings, then exit')
+    parser.add_argument('--explain', dest='words', nargs='*', metavar='WORDS',
+                        help='explain an error: print the section that has a short name, explains '
+                        'the code of a finding, or has some words in its heading; without words, '
+                        'list the sections')
     parser.add_argument('--jobs', type=int, metavar='N',
                         help='with several bags: how many are examined at the same time '
                         '(default: 1)')

@@ -11,6 +11,7 @@ from dummy_arm.grading.observer import Observer
 from dummy_arm.grading.processes import processes
 from dummy_arm.grading.records import OK
 from dummy_arm.tf import StaticTransformBroadcaster
+from dummy_arm.tf._ros import domains
 from dummy_arm.tf.domains import ros_domains
 from dummy_arm.tools import check_arm
 from dummy_arm.tools.check_arm import main
@@ -34,12 +35,12 @@ def test_the_arm_that_is_running(start, domain_id):
 def test_no_arm(domain_id, arm_domain, monkeypatch):
     """What to check is named, also an arm in another domain."""
     monkeypatch.setattr(check_arm, 'START', 0.5)
-    monkeypatch.setattr(check_arm, '_SHOWN', 1000)
+    monkeypatch.setattr(domains, '_MOST_SHOWN', 1000)
     eventually(lambda: arm_domain in ros_domains(processes().keys()))
     result = call(main, domain=domain_id)
     assert (result.code, result.stdout) == (1, '')
     assert 'check_arm: no transform was received within 0.5 s. ' in result.stderr
-    assert f'ROS_DOMAIN_ID (here: {domain_id})' in result.stderr
+    assert f'in ROS domain {domain_id}, ' in result.stderr
     others = result.stderr.partition('programs run in other ROS domains: ')[2]
     assert re.search(rf'\b{arm_domain} \(PID \d+: .*dummy_arm', others)
     assert not re.search(rf'\b{domain_id} \(PID', others)

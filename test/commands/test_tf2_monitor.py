@@ -79,10 +79,10 @@ def test_late_transforms(ros):
 def test_it_continues_when_something_is_missing(ros):
     """It prints what is missing, and continues; a static path has no delay."""
     broadcaster = StaticTransformBroadcaster(ros.node)
-    steps = [('No transform has been received yet. Publishers on ', ('map', 'robo')),
+    steps = [('Nothing has arrived yet from /test.', ('map', 'robo')),
              ('Waiting for transform map ->  robot: Invalid frame ID "robot" passed to '
               'canTransform argument source_frame - frame does not exist. Nearest known: '
-              "'robo'. See troubleshooting.md: A frame does not exist.\n", ('map', 'robot')),
+              "'robo'. More: tf_doctor --explain missing_frame\n", ('map', 'robot')),
              ('Chain is: map -> robot\nNet delay     none: all transforms are static, or the time '
               'is not known\n', ('moon', 'robot')),
              ('not part of the same tree', ('map', 'robot')),

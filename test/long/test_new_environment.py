@@ -33,12 +33,12 @@ IMPORT = """if True:
 
 def test_programs_and_evo(tmp_path):
     """
-    The programs for tf2_ros run, and evo reads poses.
+    The programs for tf2_ros run, `tf_doctor --explain` has its page, and evo reads poses.
 
     It imports tf2_py to read a bag, and reads the file of tf_trajectory, whose positions differ
     from the analytic motion of the arm by less than 1e-6 m.
     """
-    for path in 'dummy_arm', 'compat', 'launch', 'resource', 'rviz':
+    for path in 'docs', 'dummy_arm', 'compat', 'launch', 'resource', 'rviz':
         shutil.copytree(ROOT / path, tmp_path / path,
                         ignore=shutil.ignore_patterns('*.egg-info', 'build'))
     for name in 'README.md', 'package.xml', 'setup.cfg', 'setup.py':
@@ -61,6 +61,8 @@ def test_programs_and_evo(tmp_path):
         ROOT / 'test' / 'once' / 'test_tf2_ros_programs.py',
         TEST_PYTHON=str(directory / 'python'))
     assert run(directory / 'python', '-c', IMPORT) == 'site-packages\n'
+    assert run(directory / 'tf_doctor', '--explain', 'past').startswith(
+        'Extrapolation into the past\n\nCause. ')
     if sys.version_info < (3, 11):
         return
     run(directory / 'pip', 'install', 'evo', HOME=os.environ.get('HOME', ''))

@@ -152,7 +152,7 @@ def test_joint_states_without_a_robot_state_publisher(ros):
     ros.node.create_publisher(JointState, '/joint_states', 1)
     ros.until(lambda: feed.why_no_frames() == (
         '/joint_states has a publisher, but nothing publishes transforms: start '
-        'robot_state_publisher FILE'))
+        'robot_state_publisher FILE. More: tf_doctor --explain missing_frame'))
 
 
 def test_a_description_of_another_type(ros, offer):

@@ -64,7 +64,7 @@ except TransformException as error:
     unread = error
 
 def look():
-    assert "Nearest known: 'tool'. See " in str(unread), unread
+    assert "Nearest known: 'tool'. More: " in str(unread), unread
     assert threading.active_count() == 1
     before = x()
     assert before >= sent, (before, sent)

@@ -34,7 +34,7 @@ from dummy_arm.tf import (
 from dummy_arm.tf.publisher_listener import PublisherListener
 
 S = 10**9
-FUTURE = 'See troubleshooting.md: Extrapolation into the future.'
+FUTURE = 'More: tf_doctor --explain future'
 
 
 @pytest.fixture
@@ -143,7 +143,7 @@ def test_another_robot_is_not_half_a_namespace(ros, other, buffer):
     send_to_robot2(stamped('robot2/odom', 'robot2/base', S))
     ros.until(lambda: buffer._engine.look().other_topics)
     assert str(error_of(buffer, source='bass')).endswith(
-        "Nearest known: 'base'. See troubleshooting.md: A frame does not exist.")
+        "Nearest known: 'base'. More: tf_doctor --explain missing_frame")
 
 
 def test_the_nearest_namespace_is_proposed(ros):
@@ -243,8 +243,8 @@ def waving(ros):
 
 
 BLOCKED = ('This node publishes it, and cannot while this lookup blocks its executor: await '
-           'lookup_transform_async instead, in a callback group of its own. See '
-           'troubleshooting.md: A lookup that waits for its own node.')
+           'lookup_transform_async instead, in a callback group of its own. More: '
+           'tf_doctor --explain own_node')
 
 
 def test_a_lookup_that_blocks_the_broadcaster_of_its_node(ros, waving):
@@ -280,8 +280,8 @@ def test_a_node_that_nobody_spins(ros, waving):
     node = waving(None)
     assert node.look_up().endswith(
         'No transform has been received yet. This node is the only known publisher, but nothing '
-        'spins this node while the lookup waits: spin it in a thread. See troubleshooting.md: A '
-        'lookup that waits for its own node.')
+        'spins this node while the lookup waits: spin it in a thread. More: tf_doctor --explain '
+        'own_node')
     node.executor = SingleThreadedExecutor(context=ros.context)
     node.executor.add_node(node.node)
     thread = threading.Thread(target=node.executor.spin, daemon=True)
@@ -328,7 +328,7 @@ def test_another_namespace(ros, buffer):
         'No transform has been received yet. No transform has arrived on /tf, but transforms are '
         "published on /robot1/tf. To listen to /robot1/tf, pass tf_topic='/robot1/tf', "
         "tf_static_topic='/robot1/tf_static' to the TransformListener; in commands, pass "
-        '--namespace robot1. See troubleshooting.md: A leading slash, or a namespace.'))
+        '--namespace robot1. More: tf_doctor --explain namespace'))
     listener = TransformListener(
         buffer, ros.node, tf_topic='/robot1/tf', tf_static_topic='/robot1/tf_static')
     assert 'robot1' not in str(error_of(buffer))
@@ -342,8 +342,8 @@ def test_another_type(ros, other, buffer):
         False, 'Invalid frame ID "map" passed to canTransform argument target_frame - frame does '
         'not exist. No transform has been received yet. /test publishes '
         'geometry_msgs/msg/TransformStamped on /tf. The type must be tf2_msgs/msg/TFMessage: send '
-        'transforms with a TransformBroadcaster or a StaticTransformBroadcaster. See '
-        'troubleshooting.md: A frame does not exist.'))
+        'transforms with a TransformBroadcaster or a StaticTransformBroadcaster. More: '
+        'tf_doctor --explain missing_frame'))
 
 
 def test_a_publisher_that_is_not_latched(ros, buffer):
@@ -353,8 +353,8 @@ def test_a_publisher_that_is_not_latched(ros, buffer):
     ros.node.create_publisher(TFMessage, '/tf_static', 10)
     ros.until(lambda: str(error_of(buffer, source='world')).endswith(
         "in the tree with root 'world'. Nothing arrives on /tf_static from /test, whose publisher "
-        'is not transient local. Send with a StaticTransformBroadcaster. See '
-        'troubleshooting.md: The QoS of /tf_static.'))
+        'is not transient local. Send with a StaticTransformBroadcaster. More: tf_doctor '
+        '--explain tf_static'))
 
 
 def test_a_listener_that_is_not_latched(ros):
@@ -363,8 +363,8 @@ def test_a_listener_that_is_not_latched(ros):
     listener = TransformListener(buffer, ros.node, static_qos=QoSProfile(depth=10))
     assert str(error_of(buffer)).endswith(
         'This listener of /tf_static is not transient local, so it misses what was sent before '
-        'its start. Omit static_qos, or make it transient local. See troubleshooting.md: The QoS '
-        'of /tf_static.')
+        'its start. Omit static_qos, or make it transient local. More: tf_doctor '
+        '--explain tf_static')
     listener.unregister()
 
 
@@ -437,7 +437,7 @@ def test_two_clocks(ros, simulated):
     assert str(error_of(buffer, 100 * S)).endswith(
         'The requested time is on the simulated clock of this node, the data are not. Set '
         'use_sim_time in all nodes, or in none; if it is set alike, synchronise the clocks of the '
-        'computers. See troubleshooting.md: use_sim_time and the wall clock.')
+        'computers. More: tf_doctor --explain clock')
     listener.unregister()
 
 
@@ -450,7 +450,7 @@ def test_a_message_filter_logs_the_cause(ros, buffer, capfd):
         message = PointStamped()
         message.header.frame_id, message.header.stamp.sec = 'base', stamp
         message_filter.add(message)
-    ros.until(logged(capfd, '--namespace robot1. See troubleshooting.md: A leading slash, or a '))
+    ros.until(logged(capfd, '--namespace robot1. More: tf_doctor --explain namespace'))
 
 
 def test_an_old_transform_is_logged_with_its_node(ros, other, capfd):
@@ -460,7 +460,7 @@ def test_an_old_transform_is_logged_with_its_node(ros, other, capfd):
     publisher = send(ros, other, buffer, 100 * S)
     ros.until(lambda: ('/test', '/tf') in listener.publishers().values())
     publisher.publish(TFMessage(transforms=[stamped('map', 'base', 50 * S)]))
-    ros.until(logged(capfd, 'Publisher: /test. See troubleshooting.md: TF_OLD_DATA.'))
+    ros.until(logged(capfd, 'Publisher: /test. More: tf_doctor --explain old_data'))
     listener.unregister()
 
 

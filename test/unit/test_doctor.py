@@ -585,8 +585,7 @@ def test_the_text(capsys, tmp_path):
         'error static_and_dynamic: base_link',
         '    base_link: 100 transforms on /tf, 1 on /tf_static.',
         '    On /tf_static, /tf.',
-        f'    {CHECKS["static_and_dynamic"].remedy} See troubleshooting.md: A frame jumps or '
-        'flickers.',
+        f'    {CHECKS["static_and_dynamic"].remedy} More: tf_doctor --explain jump',
         '',
         'not checked: volatile_listener, incompatible_qos: a bag does not record the listeners',
         'not checked: static_not_latched: the bag does not record the QoS of the publishers',

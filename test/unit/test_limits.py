@@ -385,10 +385,10 @@ def test_near_names_are_searched_among_1000(compared):
         buffer.insert(T, 'map', f'frame_{i}', STILL, is_static=True)
     assert error_text(buffer, 'fr').endswith(
         "Nearest known: 'frame_0', 'frame_1', 'frame_2', 'frame_3', 'frame_4'."
-        ' See troubleshooting.md: A frame does not exist.')
+        ' More: tf_doctor --explain missing_frame')
     assert error_text(buffer, 'tool').endswith(
         "Known frames: 'frame_0', 'map', 'frame_1', 'frame_2', 'frame_3' and 2996 more."
-        ' See troubleshooting.md: A frame does not exist.')
+        ' More: tf_doctor --explain missing_frame')
     assert [len(names) for names in compared] == [1000, 1000]
 
 
@@ -399,7 +399,7 @@ def test_long_names_are_neither_compared_nor_shown_in_full(compared):
         buffer.insert(T, 'map', f'{"x" * 500}{i}', STILL, is_static=True)
     text = error_text(buffer, 'tool')
     first, *others = (f"'{'x' * 49}...{'x' * 47}{i}'" for i in range(4))
-    assert f" Known frames: {first}, 'map', {', '.join(others)} and 6 more. See " in text
+    assert f" Known frames: {first}, 'map', {', '.join(others)} and 6 more. More: " in text
     error_text(buffer, 'y' * 500)
     assert compared == [['map']]
 

@@ -27,6 +27,19 @@ def test_setup_py_and_package_xml_agree():
         maintainer.text, maintainer.get('email')]
 
 
+def test_the_page_of_tf_doctor_is_in_sdist_and_wheel(tmp_path):
+    """The package has the page that `tf_doctor --explain` prints."""
+    subprocess.run([sys.executable, 'setup.py', '-q', 'egg_info', '--egg-base', str(tmp_path),
+                    'build', '--build-base', str(tmp_path)],
+                   cwd=ROOT, capture_output=True, check=True, timeout=60)
+    page = ROOT / 'docs' / 'troubleshooting.md'
+    (installed,) = (tmp_path / 'lib' / 'dummy_arm').rglob(page.name)
+    assert installed == tmp_path / 'lib' / 'dummy_arm' / 'doctor' / page.name
+    assert installed.read_text() == page.read_text()
+    sources = tmp_path / 'dummy_arm.egg-info' / 'SOURCES.txt'
+    assert 'docs/troubleshooting.md' in sources.read_text().splitlines()
+
+
 def test_the_changelog_has_this_version():
     """It has a section for the version, in the form that catkin_prepare_release reads."""
     version = ElementTree.parse(ROOT / 'package.xml').findtext('version')

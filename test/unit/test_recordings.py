@@ -68,7 +68,7 @@ def test_a_later_part_that_rosbag_has_split():
     assert str(error.value).endswith(
         f"Known frames: 'base_link', 'map'. {SPLIT}/robot_1.bag is without the first part of "
         f'its recording, which usually has all static transforms: read {SPLIT}/robot_0.bag, too. '
-        'See troubleshooting.md: No static transforms from a bag.')
+        'More: tf_doctor --explain split_bag')
 
 
 @pytest.mark.parametrize('kind', ['mcap', 'db3', 'mcap file', 'db3 file', 'mcap storage'])
@@ -203,7 +203,7 @@ def test_a_later_part_with_static_transforms(tmp_path):
     (file,) = parts(tmp_path, numbers=[0])
     later = file.rename(tmp_path / 'robot_3.mcap')
     with pytest.raises(LookupException, match=(
-            r"Known frames: 'odom', 'map', 'base_link'\. See troubleshooting\.md: A frame ")):
+            r"Known frames: 'odom', 'map', 'base_link'\. More: tf_doctor --explain missing_")):
         read(later).lookup_transform('map', 'laser')
 
 

@@ -204,7 +204,7 @@ def test_rows_without_a_transform_are_left_out_and_counted(run, tmp_path):
         'tf_trajectory: 3 of 7 rows are left out, without a transform; the first, at '
         '1.000000000 s: '
         'Lookup would require extrapolation into the past.')
-    assert "The data of edge 'odom' -> 'base' begin 0.750000000 s after" in line
+    assert "edge 'odom' -> 'base' are from 1.750000000 to 4.000000000 and begin 0.75" in line
     _, error = run('--bag', bag, 'map', 'base', '--every', '0.0001')  # more than one part
     assert '12501 rows from 1.750000000 s to 3.000000000 s' in error
     assert '17500 of 30001 rows are left out, without a transform; the first, at 1.00' in error

@@ -305,8 +305,8 @@ def test_the_edge_that_an_error_names_is_short_where_frames_change_their_parents
 
 
 HINT = re.compile(
-    r"\. The data of edge '(\w+)' -> '(\w+)' (end|begin) (\d+\.\d{9}) s (before|after) "
-    r'that time\. \w.* See troubleshooting\.md: [\w ]+\.$')
+    r"\. The data of edge '(\w+)' -> '(\w+)' are [\w. ]+ and (end|begin) (\d+\.\d{9}) s "
+    r'(before|after) that time\. .*More: tf_doctor --explain \w+$')
 
 
 @given(uneven_trees(), st.data())

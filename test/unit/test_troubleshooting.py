@@ -11,6 +11,8 @@ from dummy_arm.doctor.checks import CHECKS, SECTIONS
 from dummy_arm.tf import TransformBuffer, TransformException
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.hints import Publisher, Surroundings
+from dummy_arm.tf.formatting import SECTION_NAMES
+from dummy_arm.tools.tf_doctor import main
 
 PAGE = (ROOT / 'docs' / 'troubleshooting.md').read_text()
 STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
@@ -21,7 +23,7 @@ ROWS = {heading: (cause, re.findall('`([a-z_0-9]+)`', codes)) for heading, cause
 ROBOT = [tf(i, i, 'odom base') for i in range(0, 20_000, 20)]
 
 
-def error_of(source='base', time=0, stamps=range(0, 20), **surroundings):
+def error_of(source='base', time=0, stamps=range(0, 20), timeout=0, **surroundings):
     """Return the text of the error of a lookup."""
     buffer = TransformBuffer(cache_time=10 * S)
     for second in stamps:
@@ -32,7 +34,7 @@ def error_of(source='base', time=0, stamps=range(0, 20), **surroundings):
         buffer.insert(T, 'map', 'base', STILL)
         buffer.clear()
     with pytest.raises(TransformException) as raised:
-        buffer.lookup_transform('map', source, T + time * S if time else 0)
+        buffer.lookup_transform('map', source, T + time * S if time else 0, timeout)
     return str(raised.value)
 
 
@@ -68,10 +70,11 @@ PROVOKED = {
     'Messages are earlier than all data in the cache': (
         lambda _: report(messages=[(15_000 + i, i) for i in range(99)]), 'error message_too_old'),
     'use_sim_time and the wall clock': (
-        lambda _: error_of(time=-T // S + 5), 'different clocks'),
+        lambda _: error_of(time=-T // S + 5, topics=('/tf_static', '/tf')), 'different clocks'),
     'The QoS of /tf_static': (
         lambda _: error_of('lidar', topics=('/tf_static', '/tf'), publishers=[
-            Publisher('/lidar', '/tf_static', TF, 'ab', 'transient local')]), 'not transient local'),
+            Publisher('/lidar', '/tf_static', TF, 'ab', 'transient local')]),
+        'not transient local'),
     'No static transforms from a bag': (
         lambda _: report(missing_part='b_1.mcap is without the first part'), 'missing_part'),
     'A frame jumps or flickers': (
@@ -81,17 +84,20 @@ PROVOKED = {
     'A leading slash, or a namespace': (
         lambda _: error_of('lidar', topics=('/tf_static', '/tf'), other_topics=['/robot1/tf']),
         '/robot1/tf'),
+    'A lookup that waits for its own node': (
+        lambda _: error_of(time=20, timeout=1, topics=('/tf_static', '/tf'), publishers=[
+            Publisher('/me', '/tf', TF, 'ab')], blocked={'/me': 'and cannot.'}),
+        '/me publishes it, and cannot.'),
 }
 
 
-def test_the_table_has_the_fifteen_symptoms():
+def test_the_table_has_all_symptoms():
     """In the order of their sections; each has its test here, and its codes exist."""
     headings = re.findall('^## (.*)$', PAGE, re.M)
     assert [*ROWS, 'Other faults'] == headings
-    assert len(ROWS) == 15
     assert ROWS.keys() == PROVOKED.keys()
     for heading, (_, codes) in ROWS.items():
-        assert codes
+        assert codes or heading == 'A lookup that waits for its own node'
         assert {*codes} <= CHECKS.keys()
         assert {*codes} >= {*SECTIONS.get(heading, ())}
         section = PAGE.split(f'\n## {heading}\n')[1].split('\n## ')[0]
@@ -107,4 +113,70 @@ def test_a_symptom_leads_to_its_section(logs, heading):
     provoke, words = PROVOKED[heading]
     text = ' '.join(provoke(logs).split())
     assert words in text
-    assert f'See troubleshooting.md: {heading}.' in text
+    assert f' More: tf_doctor --explain {SECTION_NAMES[heading]}' in text
+
+
+# tf_doctor --explain
+
+
+def explained(capsys, *words):
+    """Return what `tf_doctor --explain` prints."""
+    assert main(['--explain', *words]) == 0
+    return capsys.readouterr().out
+
+
+def test_the_sections_are_listed(capsys):
+    """In the order of the page, each with a short name of its own."""
+    lines = [line.split(maxsplit=1) for line in explained(capsys).splitlines()]
+    assert [heading for _, heading in lines] == re.findall('^## (.*)$', PAGE, re.M)
+    assert len({name for name, _ in lines}) == len(lines)
+    assert all(SECTION_NAMES[heading] == name for name, heading in lines)
+
+
+@pytest.mark.parametrize('heading', SECTION_NAMES)
+def test_a_section_as_text(capsys, heading):
+    """It has all words and code of the section, and nothing of Markdown but the quotes of code."""
+    section = PAGE.split(f'\n## {heading}\n')[1].split('\n## ')[0]
+    text = explained(capsys, SECTION_NAMES[heading])
+    assert text.startswith(f'{heading}\n\n')
+    assert not re.search(r'\*\*|```|]\(|\n\n\n\n', text)
+    plain = re.sub(r'\]\([^)]*\)|[][*]|```\w*', '', section)
+    assert f'{heading} {plain}'.split() == re.sub(r'[][]', '', text).split()
+    for code in re.findall(r'```python\n(.*?)```', section, re.S):
+        assert ''.join(f'    {line}'.rstrip() + '\n' for line in code.splitlines()) in text
+
+
+@pytest.mark.parametrize(('words', 'headings'), [
+    (['two_trees'], ['Two unconnected trees']),
+    (['TF_OLD_DATA'], ['TF_OLD_DATA']),
+    (['leading', 'SLASH'], ['A leading slash, or a namespace']),
+    (['A leading slash, or a namespace'], ['A leading slash, or a namespace']),
+    (['extrapolation'], ['Extrapolation into the future', 'Extrapolation into the past']),
+    (['future'], ['Extrapolation into the future']),  # the name, and not the code of a finding
+    (['one_shot'], ['Only one time is in the buffer']),
+    (['message_too_old'], ['Messages are earlier than all data in the cache']),
+    (['rep_105'], ['Other faults'])])
+def test_words_and_codes_lead_to_sections(capsys, words, headings):
+    """A short name, a code of `--list` or some words of the headings, in upper or lower case."""
+    lines = explained(capsys, *words).splitlines()
+    assert [line for line in lines if line in SECTION_NAMES] == headings
+
+
+def test_every_code_leads_to_its_section(capsys):
+    """The row of the section in the table of symptoms has the code; other faults have no row."""
+    for code in CHECKS.keys() - SECTION_NAMES.values():
+        heading, *lines = explained(capsys, code).splitlines()
+        assert code in ROWS[heading][1] if heading in ROWS else f'`{code}`' in '\n'.join(lines)
+
+
+@pytest.mark.parametrize(('words', 'end'), [
+    (['one_shoot'], "no section explains 'one_shoot'. Nearest known: 'one_shot'.\n"),
+    (['two_tree'], "Nearest known: 'two_trees'.\n"),
+    (['map', 'base_link'], "no section explains 'map base_link'. Known names: 'future', 'past', "
+     f"'one_time', 'missing_frame', 'two_trees' and {len(SECTION_NAMES) + len(CHECKS) - 5} more."
+     '\n')])
+def test_unknown_words(failed, words, end):
+    """The exit code is 2, and the error has the nearest names."""
+    code, error = failed(main, '--explain', *words)
+    assert code == 2
+    assert error.endswith(end)

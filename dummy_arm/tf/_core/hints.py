@@ -207,7 +207,8 @@ def nothing(around: Surroundings) -> str:
         hidden = (f' ROS_AUTOMATIC_DISCOVERY_RANGE={around.hides_others} hides other machines.'
                   if around.hides_others else '')
         text = (f'0 publishers on {" and ".join(around.topics[::-1])} in ROS domain '
-                f'{around.domain}, as far as it is discovered.{around.other_domains()}{hidden}')
+                f'{around.domain}, as far as it is discovered.{around.other_domains()}{hidden} '
+                'Start a program that publishes, with the same ROS_DOMAIN_ID.')
     return text + see('A frame does not exist')
 
 
@@ -302,6 +303,8 @@ def extrapolation(look: Look, edge: Edge, time: int, waited: float) -> str:
 
 def _without_listener(edge: Edge, time: int) -> str:
     """Say what is known of a buffer that a program has filled, or a bag."""
+    if edge.oldest == edge.latest and not edge.has_dropped and not edge.refused:
+        return see('Only one time is in the buffer')
     if time > edge.latest:
         return see('Extrapolation into the future')
     if edge.takes_ns and edge.oldest <= time * SECOND <= edge.latest:

@@ -148,14 +148,37 @@ def comma_list(texts: Sequence[str], shown: int, write: Callable[[str], str] = s
     return f'{", ".join(map(write, texts[:shown]))}{more}'
 
 
+#: By heading: the short names of the sections of docs/troubleshooting.md.
+SECTION_NAMES = {
+    'Extrapolation into the future': 'future',
+    'Extrapolation into the past': 'past',
+    'Only one time is in the buffer': 'one_time',
+    'A frame does not exist': 'missing_frame',
+    'Two unconnected trees': 'two_trees',
+    'TF_OLD_DATA': 'old_data',
+    'TF_REPEATED_DATA': 'repeated_data',
+    'The queue of a message filter is full': 'full_queue',
+    'Messages are earlier than all data in the cache': 'old_messages',
+    'use_sim_time and the wall clock': 'clock',
+    'The QoS of /tf_static': 'tf_static',
+    'No static transforms from a bag': 'split_bag',
+    'A frame jumps or flickers': 'jump',
+    'A jump back in time': 'jump_back',
+    'A leading slash, or a namespace': 'namespace',
+    'A lookup that waits for its own node': 'own_node',
+    'Other faults': 'other'}
+
+
 def see(heading: str) -> str:
     """
-    Return the last sentence of a hint: it names a section of docs/troubleshooting.md.
+    Return the end of a hint: the command that prints a section of docs/troubleshooting.md.
+
+    There is no period after the command, so that it can be copied.
 
     >>> see('TF_OLD_DATA')
-    ' See troubleshooting.md: TF_OLD_DATA.'
+    ' More: tf_doctor --explain old_data'
     """
-    return f' See troubleshooting.md: {heading}.'
+    return f' More: tf_doctor --explain {SECTION_NAMES[heading]}'
 
 
 def namespace_path(namespace: str) -> str:

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from inspect import currentframe
 from itertools import takewhile
 import os
-import sys
 from typing import Optional
 
 from rclpy.clock import ROSClock
@@ -102,8 +102,8 @@ def other_topics(node: Node, topics: Sequence[str]) -> list[str]:
 
 def _blocked_nodes(node: Node) -> dict[str, str]:
     """Return the nodes whose callbacks wait until this thread goes on, and why."""
-    frame = sys._getframe()
-    while frame := frame.f_back:  # type: ignore[assignment]
+    frame = currentframe()
+    while frame := frame and frame.f_back:
         if (frame.f_globals.get('__name__') == 'rclpy.executors'
                 and isinstance(executor := frame.f_locals.get('self'), Executor)):
             return {} if isinstance(executor, MultiThreadedExecutor) else {
