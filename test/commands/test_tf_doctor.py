@@ -11,7 +11,7 @@ from typing import Any
 
 from cli_runner import call
 from geometry_msgs.msg import PointStamped, TransformStamped
-from processes import Process, TIMEOUT, tool
+from processes import Process, TIMEOUT, tool, tool_without_ros
 import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -126,6 +126,13 @@ def test_publishers_and_headers(ros):
     assert found['other_clock']['frames'] == ['wheel']
     assert found['other_clock']['nodes'] == ['/other']
     assert not [text for text in data['not_checked'] if not text.startswith('headers on')]
+
+
+def test_a_section_without_ros(start):
+    """The command at the end of an error works wherever the package is installed."""
+    process = start(*tool_without_ros('tf_doctor', '--explain', 'clock'))
+    assert process.exit_code() == 0
+    assert process.output.startswith('use_sim_time and the wall clock\n\nCause. Some nodes ')
 
 
 URDF = """<robot name="gripper">

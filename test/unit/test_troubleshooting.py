@@ -3,6 +3,7 @@
 import re
 
 from environment import ROOT
+from pages import PAGES
 import pytest
 from recorded import observed, S, T, tf
 
@@ -167,6 +168,13 @@ def test_every_code_leads_to_its_section(capsys):
     for code in CHECKS.keys() - SECTION_NAMES.values():
         heading, *lines = explained(capsys, code).splitlines()
         assert code in ROWS[heading][1] if heading in ROWS else f'`{code}`' in '\n'.join(lines)
+
+
+@pytest.mark.parametrize('page', PAGES, ids=lambda page: page.name)
+def test_the_names_in_the_pages_exist(page):
+    """So a command that a page shows can be typed."""
+    assert {*re.findall(r'tf_doctor --explain ([a-z]\w*)', page.read_text())} <= {
+        *SECTION_NAMES.values()}
 
 
 @pytest.mark.parametrize(('words', 'end'), [
