@@ -7,7 +7,7 @@ from typing import NamedTuple, TYPE_CHECKING
 from dummy_arm.inspection.forest import frequency, self_and_ancestors
 from dummy_arm.inspection.terminal import column_width, padded, width, wrapped
 from dummy_arm.tf import Frame
-from dummy_arm.tf.formatting import display_time, in_seconds, shortened, visible
+from dummy_arm.tf.formatting import exact_time, in_seconds, shortened, visible
 
 if TYPE_CHECKING:
     from dummy_arm.tf import BufferCore, TransformBuffer
@@ -31,7 +31,7 @@ class Explanation(NamedTuple):
                  'static' if frame.is_static else
                  '?' if (rate := frequency(frame)) is None else f'{rate:.1f} Hz',
                  '' if frame.is_static else
-                 f'{display_time(frame.oldest)} to {display_time(frame.latest)}',
+                 f'{exact_time(frame.oldest)} to {exact_time(frame.latest)}',
                  shortened(frame.authority)] for frame in self.path]
         widths = [column_width(map(width, column)) for column in zip(*rows)]
         lines = []
@@ -46,7 +46,7 @@ class Explanation(NamedTuple):
                 lines += ['', f'No edge connects {" and ".join(map(shortened, self.roots))}.']
             lines = [*wrapped(f'{what}, with the rate, the oldest and the newest stamp, and the '
                               'publisher of each edge:'), '', *lines, '']
-        when = f'at {display_time(self.stamp)}' if self.stamp else 'at all times'
+        when = f'at {exact_time(self.stamp)}' if self.stamp else 'at all times'
         return '\n'.join([*lines, *wrapped(visible(
             f'There is no transform from {second} to {first}: {self.why_not}'
             if self.why_not else
@@ -105,8 +105,8 @@ def _refusal(frame: Frame, stamp: int) -> str:
         return ''
     if stamp > frame.latest:
         return (f'its newest transform is {in_seconds(stamp - frame.latest):.3f} s older than '
-                f'{display_time(stamp)}: the pose at that time has not arrived yet, or its '
+                f'{exact_time(stamp)}: the pose at that time has not arrived yet, or its '
                 'publisher has stopped')
     return (f'its oldest transform is {in_seconds(frame.oldest - stamp):.3f} s newer than '
-            f'{display_time(stamp)}: the pose at that time was never received, or is no longer '
+            f'{exact_time(stamp)}: the pose at that time was never received, or is no longer '
             'kept')

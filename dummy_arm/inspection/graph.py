@@ -10,7 +10,7 @@ from tempfile import TemporaryFile
 
 from dummy_arm.inspection.forest import Forest, frequency
 from dummy_arm.tf import Frame
-from dummy_arm.tf.formatting import display_time, dot_quoted, in_seconds, visible
+from dummy_arm.tf.formatting import display_time, dot_quoted, exact_time, in_seconds, visible
 
 #: The interval of `tick` (s).
 _STEP = 0.05
@@ -64,8 +64,8 @@ def _edge_label(frame: Frame) -> str:
         rate = frequency(frame)
         lines += [f'Average rate: {"unknown" if rate is None else f"{rate:.3f} Hz"}',
                   f'Buffer length: {in_seconds(frame.latest - frame.oldest):.3f} s',
-                  f'Most recent transform: {display_time(frame.latest)}',
-                  f'Oldest transform: {display_time(frame.oldest)}']
+                  f'Most recent transform: {exact_time(frame.latest)}',
+                  f'Oldest transform: {exact_time(frame.oldest)}']
     return ''.join(f'  {line}\\l' for line in lines)
 
 

@@ -24,7 +24,7 @@ from dummy_arm.tf._core.texts import (
     visible,
     visible_lines,
 )
-from dummy_arm.tf._core.times import display_time, in_seconds, SECOND
+from dummy_arm.tf._core.times import display_time, exact_time, in_seconds, SECOND
 
 __all__ = [
     'LONGEST',
@@ -35,6 +35,7 @@ __all__ = [
     'comma_list',
     'display_time',
     'dot_quoted',
+    'exact_time',
     'full_name',
     'in_log',
     'in_seconds',

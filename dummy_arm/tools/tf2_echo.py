@@ -11,7 +11,7 @@ from dummy_arm.cli.parser import CommandError, number, Parser, run, seconds, Usa
 from dummy_arm.cli.signals import sleep
 from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import Transform, TransformException
-from dummy_arm.tf.formatting import in_log, SECOND, visible_lines
+from dummy_arm.tf.formatting import exact_time, in_log, SECOND, visible_lines
 from dummy_arm.tf.rotations import euler_from_quaternion
 
 RATE = 1.0  # Hz
@@ -30,7 +30,7 @@ def format_transform(transform: Transform, precision: int = PRECISION) -> str:
     """
     roll_pitch_yaw = euler_from_quaternion(transform.rotation)
     lines = [
-        f'At time {transform.stamp // SECOND}.{transform.stamp % SECOND:09d}',
+        f'At time {exact_time(transform.stamp)}',
         f'- Translation: {_bracketed(transform.translation, precision)}',
         f'- Rotation: in Quaternion {_bracketed(transform.rotation, precision)}',
         f'- Rotation: in RPY (radian) {_bracketed(roll_pitch_yaw, precision)}',

@@ -31,7 +31,7 @@ from dummy_arm.cli.progress import listen, progress
 from dummy_arm.cli.signals import check_signals, forget_signals
 from dummy_arm.inspection.terminal import is_terminal
 from dummy_arm.tf import TransformBuffer, TransformException
-from dummy_arm.tf.formatting import SECOND, shortened, visible
+from dummy_arm.tf.formatting import exact_time, SECOND, shortened, visible
 
 if TYPE_CHECKING:
     from dummy_arm.tf import BufferCore
@@ -92,9 +92,9 @@ class Trajectory:
                 yield self._part(times)
                 show_progress(begin + len(times))
         if not self.count:
-            raise CommandError(f'no row has a transform{" and a velocity" * self.has_twist}; the '
-                               f'first of {self.left_out}, at {_seconds(self.first_left_out)} s: '
-                               f'{self.reason}')
+            raise CommandError(
+                f'no row has a transform{" and a velocity" * self.has_twist}; the first of '
+                f'{self.left_out}, at {exact_time(self.first_left_out)} s: {self.reason}')
 
     def rows(self) -> Iterator[Rows]:
         """Look up the poses as `parts`, without the rows of NaN."""
@@ -207,7 +207,7 @@ def command(target_frame: str, source_frame: str, output: Optional[str] = None,
 
 def _print_summary(trajectory: Trajectory, path: Optional[Path], some: str) -> None:
     rows = '1 row' if trajectory.count == 1 else f'{trajectory.count} rows'
-    summary = (f'{rows} from {_seconds(trajectory.begin)} s to {_seconds(trajectory.end)} s'
+    summary = (f'{rows} from {exact_time(trajectory.begin)} s to {exact_time(trajectory.end)} s'
                f'{some}')
     if path is None:
         print(f'tf_trajectory: {summary}', file=sys.stderr)
@@ -217,7 +217,7 @@ def _print_summary(trajectory: Trajectory, path: Optional[Path], some: str) -> N
         velocity = ' or a velocity' if trajectory.has_twist else ''
         print(f'tf_trajectory: {left_out} of {len(trajectory.times)} rows '
               f'{"are" if left_out > 1 else "is"} left out, without a transform{velocity}; the '
-              f'first, at {_seconds(trajectory.first_left_out)} s: {visible(trajectory.reason)}',
+              f'first, at {exact_time(trajectory.first_left_out)} s: {visible(trajectory.reason)}',
               file=sys.stderr)
 
 
@@ -284,17 +284,6 @@ def _times(buffer: AnyBuffer, target: str, source: str, every: Optional[float]
     return first + period * np.arange(count, dtype=np.int64)
 
 
-def _seconds(stamp: int) -> str:
-    """
-    Format a time (ns) in s, without rounding.
-
-    >>> _seconds(1_700_000_000_000_000_001), _seconds(-1_500_000_000)
-    ('1700000000.000000001', '-1.500000000')
-    """
-    whole, fraction = divmod(abs(stamp), SECOND)
-    return f'{"-" if stamp < 0 else ""}{whole}.{fraction:09d}'
-
-
 def _write(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     """Write a file; for the title of a drawing, one of `step` rows is drawn."""
     if ending in DRAWINGS:
@@ -321,7 +310,7 @@ def _write_csv(file: TextIO, rows: Iterable[Rows], has_twist: bool) -> None:
 def _write_tum(file: TextIO, rows: Iterable[Rows]) -> None:
     for stamps, values in rows:
         file.write(''.join(
-            f'{_seconds(stamp)} {" ".join(map(repr, row))}\n'
+            f'{exact_time(stamp)} {" ".join(map(repr, row))}\n'
             for stamp, row in zip(stamps.tolist(), values[:, :7].tolist())))
 
 
@@ -359,7 +348,7 @@ def _draw(path: Path, ending: str, trajectory: Trajectory, step: int) -> None:
     rows = [figure.add_subplot(grid[0, 0])]
     rows += [figure.add_subplot(grid[i, 0], sharex=rows[0]) for i in range(1, panels)]
     _plot_over_time(rows, (stamps - trajectory.begin) / SECOND, values, style)
-    rows[-1].set_xlabel(f'time (s), from {_seconds(trajectory.begin)} s')
+    rows[-1].set_xlabel(f'time (s), from {exact_time(trajectory.begin)} s')
     figure.align_ylabels()
     _plot_path(figure.add_subplot(grid[:, 1]), values[:, 0], values[:, 1], style)
     some = f', one of {step} rows' if step > 1 else ''
@@ -379,8 +368,8 @@ def _check_drawable(trajectory: Trajectory, stamps: NDArray[np.int64],
         row, column = too_large[0]
         raise CommandError(
             f'the pose of {trajectory.source!r} in {trajectory.target!r} is too large to draw: '
-            f'{(*POSE, *TWIST)[column]} is {values[row, column]:g} at {_seconds(stamps[row])} s, '
-            f'and the limit is {LARGEST_DRAWN:g}. Write a table ({", ".join(TABLES)})')
+            f'{(*POSE, *TWIST)[column]} is {values[row, column]:g} at {exact_time(stamps[row])} '
+            f's, and the limit is {LARGEST_DRAWN:g}. Write a table ({", ".join(TABLES)})')
 
 
 def _plot_over_time(rows: list[Any], times: NDArray[np.float64], values: NDArray[np.float64],

@@ -23,7 +23,7 @@ from dummy_arm.inspection.forest import Forest, frequency
 from dummy_arm.inspection.graph import as_dot, draw, DrawingError
 from dummy_arm.inspection.terminal import column_width, height, padded, show, width, wrapped
 from dummy_arm.tf import Frame
-from dummy_arm.tf.formatting import display_time, in_seconds, shortened, suggest_names, visible
+from dummy_arm.tf.formatting import exact_time, in_seconds, shortened, suggest_names, visible
 
 if TYPE_CHECKING:
     from dummy_arm.inspection.frame_listener import FrameListener
@@ -172,8 +172,8 @@ def _span(forest: Forest, now: int) -> str:
     if not dynamic:
         return 'all transforms are static'
     begin, end = min(frame.oldest for frame in dynamic), max(frame.latest for frame in dynamic)
-    reference = 'the end' if end == now else f'the end of the bag, {display_time(now)} s'
-    return (f'from {display_time(begin)} s to {display_time(end)} s, '
+    reference = 'the end' if end == now else f'the end of the bag, {exact_time(now)} s'
+    return (f'from {exact_time(begin)} s to {exact_time(end)} s, '
             f'{in_seconds(end - begin):.3f} s; ages are relative to {reference}')
 
 

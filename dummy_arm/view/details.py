@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import Frame
-from dummy_arm.tf.formatting import comma_list, SECOND, visible
+from dummy_arm.tf.formatting import comma_list, exact_time, visible
 from dummy_arm.tf.rotations import euler_from_quaternion
 from dummy_arm.view.feed import Feed
 from dummy_arm.view.placement import MAX_FRAMES, Placement, REACH
@@ -111,8 +111,7 @@ def _pose(prefix: str, stamp: int, translation: NDArray[np.float64],
     quaternion = (*rotation.tolist(),)
     angles = [degrees(angle) for angle in euler_from_quaternion(quaternion)]
     return ''.join((
-        _row(f'{prefix}-time', 'time', f'{stamp // SECOND}.{stamp % SECOND:09d} s' if stamp else
-             'all times'),
+        _row(f'{prefix}-time', 'time', f'{exact_time(stamp)} s' if stamp else 'all times'),
         _row(f'{prefix}-translation', 'position (m)', _numbers(translation.tolist(), 3)),
         _row(f'{prefix}-quaternion', 'orientation', _numbers(quaternion, 4)),
         _row(f'{prefix}-rpy', 'RPY (°)', _numbers(angles, 2))))

@@ -10,7 +10,7 @@ import viser
 
 from dummy_arm.inspection.terminal import fixed_point
 from dummy_arm.tf import Transform
-from dummy_arm.tf.formatting import SECOND, visible
+from dummy_arm.tf.formatting import exact_time, SECOND, visible
 from dummy_arm.tf.rotations import euler_from_quaternion
 from dummy_arm.view.controls import FrameChoice
 from dummy_arm.view.copied import command_line, copied
@@ -138,7 +138,7 @@ def _as_table(transform: Transform) -> str:
     """Return a transform in HTML, in numbers that are rounded."""
     stamp, *_, translation, rotation = transform
     angles = euler_from_quaternion(rotation)
-    time = f'{stamp // SECOND}.{stamp % SECOND:09d} s' if stamp else 'all times'
+    time = f'{exact_time(stamp)} s' if stamp else 'all times'
     first, *others = transform.matrix().tolist()
     rows = ''.join((
         _row('translation (m)', translation, 3), _row('quaternion', rotation, 4),

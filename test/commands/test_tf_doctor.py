@@ -475,12 +475,12 @@ def test_the_path_between_two_frames(ros):
     code, output, _ = run(ros, 'camera', '/hand', send=send, publishers=publishers)
     assert code == 0
     lines = output.splitlines()
-    rate = r' +\d+\.\d Hz  \d+\.\d{6} to \d+\.\d{6}  /test'
+    rate = r' +\d+\.\d Hz  \d+\.\d{9} to \d+\.\d{9}  /test'
     for line, expected in zip(lines[2:5], (
             'base_link -> camera  static +/robot/other', f'base_link -> arm{rate}',
             f'arm -> hand{rate}')):
         assert re.fullmatch(expected, line)
-    assert re.fullmatch(r'The transform from hand to camera exists at \d+\.\d{6}, '
+    assert re.fullmatch(r'The transform from hand to camera exists at \d+\.\d{9}, '
                         r'\d+\.\d{3} s before the end of listening\.', lines[-1])
     code, output, _ = run(ros, 'camera', 'hand', '-t', '100', '--json', send=send,
                           publishers=publishers)

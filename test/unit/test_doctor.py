@@ -682,11 +682,21 @@ def test_a_path_that_exists(capsys, tmp_path):
     path = bags.make(tmp_path, 'bag', in_order(robot()))
     assert main(['--bag', str(path), 'map', '/arm']) == 0
     assert capsys.readouterr().out.splitlines()[2:] == [
-        'map -> odom        static                                           /fixed',
-        'odom -> base_link  50.0 Hz  1700000000.000000 to 1700000001.980000  /robot',
-        'base_link -> arm   50.0 Hz  1700000000.000000 to 1700000001.980000  /robot',
+        'map -> odom        static                                                 /fixed',
+        'odom -> base_link  50.0 Hz  1700000000.000000000 to 1700000001.980000000  /robot',
+        'base_link -> arm   50.0 Hz  1700000000.000000000 to 1700000001.980000000  /robot',
         '',
-        'The transform from arm to map exists at 1700000001.980000.']
+        'The transform from arm to map exists at 1700000001.980000000.']
+
+
+def test_the_ends_of_an_edge_can_be_typed(capsys, tmp_path):
+    """The path exists at the two printed times, which are those of the data to the ns."""
+    path = bags.make(tmp_path, 'mcap', in_order(robot(change=lambda i: {'stamp': at(i) + 789})))
+    assert main(['--bag', str(path), 'map', 'arm']) == 0
+    ends = re.findall(r' Hz  (\S+) to (\S+) ', capsys.readouterr().out)
+    assert ends == [('1700000000.000000789', '1700000001.980000789')] * 2
+    for end in ends[0]:
+        assert main(['--bag', str(path), 'map', 'arm', '-t', end]) == 0
 
 
 def explained(capsys, path, *arguments):

@@ -44,8 +44,8 @@ def test_labels(tmp_path):
     for line, number in (
             ('Broadcaster: /node', 2), ('Broadcaster: /other', 1), ('static', 1),
             ('Average rate: 10.000 Hz', 1), ('Average rate: unknown', 1),
-            ('Buffer length: 5.000 s', 1), ('Most recent transform: 100.000000', 1),
-            ('Oldest transform: 95.000000', 1), ('Recorded at time: 100.000000', 1)):
+            ('Buffer length: 5.000 s', 1), ('Most recent transform: 100.000000000', 1),
+            ('Oldest transform: 95.000000000', 1), ('Recorded at time: 100.000000', 1)):
         assert lines.count(line) == number, line
 
 

@@ -10,7 +10,7 @@ import pytest
 from dummy_arm.cli.parser import CommandError, UsageError
 from dummy_arm.inspection.forest import Forest
 from dummy_arm.tf import Frame
-from dummy_arm.tools import view_frames
+from dummy_arm.tools import tf2_echo, view_frames
 from dummy_arm.tools.view_frames import main
 
 S = 10**9
@@ -213,12 +213,23 @@ def test_a_bag_is_drawn(capsys, make_bag, there, kind, publisher):
     assert main(['--bag', make_bag(kind, bags.walk())]) == 0
     assert capsys.readouterr() == (
         'wrote frames.pdf and frames.gv: frames: 3, transforms: 2, root: map\n'
-        'from 100.000000 s to 110.000000 s, 10.000 s; ages are relative to the end\n', '')
+        'from 100.000000000 s to 110.000000000 s, 10.000 s; ages are relative to the end\n', '')
     text = pypdf.PdfReader('frames.pdf').pages[0].extract_text()
     for words in ('map', 'odom', 'base_link', 'static', 'Average rate: 10.000 Hz',
                   f'Broadcaster: {publisher}', 'Recorded at time: 110.000000',
-                  'Most recent transform: 110.000000', 'Buffer length: 10.000 s'):
+                  'Most recent transform: 110.000000000', 'Buffer length: 10.000 s'):
         assert words in text
+
+
+def test_the_ends_of_a_bag_can_be_typed(capsys, make_bag):
+    """There are transforms at both printed times, which are rounded to the ns only."""
+    bags = pytest.importorskip('bags')
+    bag = make_bag('mcap', bags.walk(begin=1_700_000_000_123_456_789))
+    assert main(['--text', '--bag', bag]) == 0
+    (ends,) = re.findall(r'from (\S+) s to (\S+) s, ', capsys.readouterr().out)
+    for end in ends:
+        assert tf2_echo.main(['--bag', bag, 'odom', 'base_link', '-t', end]) == 0
+        assert capsys.readouterr().out.startswith(f'At time {end}\n')
 
 
 def test_the_tree_of_a_bag(capsys, failed, make_bag):
@@ -232,7 +243,7 @@ def test_the_tree_of_a_bag(capsys, failed, make_bag):
         '└── odom              static                 /sender\n'
         '    ├── base_link    10.0 Hz    0.000 s old  /sender\n'
         '    └── cup             ? Hz   11.000 s old  /sender\n'
-        'from 99.000000 s to 110.000000 s, 11.000 s; ages are relative to the end\n', '')
+        'from 99.000000000 s to 110.000000000 s, 11.000 s; ages are relative to the end\n', '')
     bag = str(bags.file_of(Path(make_bag('mcap', bags.walk()))))
     Path(bag).write_bytes(Path(bag).read_bytes()[:-1000])
     code, line = failed(main, '--text', '--bag', bag)
@@ -276,10 +287,10 @@ def test_loops_are_reported(capsys, house, there):
 
 @pytest.mark.parametrize(('root', 'tree', 'span'), [
     ('/base_link', ['base_link', '└── arm', '    └── tool'],
-     'from 102.000000 s to 104.000000 s, 2.000 s; '
-     'ages are relative to the end of the bag, 110.000000 s'),
+     'from 102.000000000 s to 104.000000000 s, 2.000 s; '
+     'ages are relative to the end of the bag, 110.000000000 s'),
     ('odom', ['odom', '└── base_link', '    └── arm', '        └── tool'],
-     'from 100.000000 s to 110.000000 s, 10.000 s; ages are relative to the end'),
+     'from 100.000000000 s to 110.000000000 s, 10.000 s; ages are relative to the end'),
     ('tool', ['tool'], 'all transforms are static')])
 def test_the_tree_below_a_root(capsys, house, root, tree, span):
     """There is no warning of a loop elsewhere; ages are relative to the end of the whole bag."""

@@ -63,3 +63,14 @@ def display_time(time: int) -> str:
     '1700000000.123457'
     """
     return f'{in_seconds(time):.6f}'
+
+
+def exact_time(time: int) -> str:
+    """
+    Write a time (ns) as seconds with nine decimals, without rounding.
+
+    >>> exact_time(1_700_000_000_000_000_001), exact_time(-1_500_000_000)
+    ('1700000000.000000001', '-1.500000000')
+    """
+    whole, fraction = divmod(abs(time), SECOND)
+    return f'{"-" if time < 0 else ""}{whole}.{fraction:09d}'
