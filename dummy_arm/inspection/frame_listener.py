@@ -1,8 +1,11 @@
 """The TF listener of the commands: it knows who publishes a frame, and why a frame is missing."""
 
+from typing import Optional
+
 from rclpy.duration import Duration
 from rclpy.node import Node
 
+from dummy_arm.inspection.terminal import Once
 from dummy_arm.tf import Buffer, Frame
 from dummy_arm.tf.publisher_listener import PublisherListener
 
@@ -39,6 +42,19 @@ class FrameListener:
     def other_topics_hint(self) -> str:
         return self.publisher_listener.other_topics_hint()
 
-    def why_no_transform(self, target: str, source: str, time: int = 0) -> str:
-        """Return why there is no transform at a time (ns; 0: the latest); '' if there is one."""
-        return self.buffer.why_not(target, source, time)
+    def why_no_transform(self, target: str, source: str, time: int = 0,
+                         say: Optional[Once] = None) -> str:
+        """
+        Return why there is no transform, with a hint; '' if there is one.
+
+        :param time: (ns); 0: the latest time for which every edge on the path has data.
+        :param say: abbreviates the text to tf2's words.
+        """
+        words = self.buffer.why_not(target, source, time, has_hint=False)
+        why = words and (self.buffer.why_not(target, source, time) or words)
+        return say(why, words) if say else why
+
+    def nothing_received(self, say: Once) -> str:
+        """Return that there is no transform yet, and `why_no_frames`, which `say` leaves out."""
+        words = 'No transform has been received yet.'
+        return say(f'{words} {self.why_no_frames()}', words)

@@ -6,6 +6,7 @@ Control characters in names are escaped before names are printed: see `visible` 
 """
 
 from collections.abc import Iterable, Sequence
+import re
 import shutil
 import sys
 from textwrap import wrap
@@ -14,6 +15,8 @@ from unicodedata import combining, east_asian_width
 
 from dummy_arm.tf.formatting import LONGEST
 
+#: A number that is no part of a name.
+_NUMBER = re.compile(r'(?<![\w./-])-?\d+(\.\d+)?(?!\w)')
 _HOME_AND_CLEAR = '\x1b[H\x1b[2J'
 
 
@@ -51,6 +54,25 @@ def wrapped(text: str, indent: str = '') -> list[str]:
         return [indent + text]
     columns = shutil.get_terminal_size().columns
     return wrap(text, columns, initial_indent=indent, subsequent_indent=indent)
+
+
+class Once:
+    """
+    Abbreviates a text that is printed again and again, until more than its numbers changes.
+
+    But not `in_place`, where each text replaces the one before.
+
+    >>> once = Once()
+    >>> [once(f'No data at {i} s. The publisher has ended.', f'No data at {i} s.') for i in (1, 2)]
+    ['No data at 1 s. The publisher has ended.', 'No data at 2 s.']
+    """
+
+    def __init__(self, in_place: bool = False) -> None:
+        self._last, self._in_place = '', in_place
+
+    def __call__(self, text: str, short: str) -> str:
+        before, self._last = self._last, _NUMBER.sub('', text)
+        return short if self._last == before and not self._in_place else text
 
 
 def width(text: str) -> int:

@@ -50,6 +50,11 @@ class TimeoutException(TransformException):
     """The transform is still not available when the timeout of a future expires."""
 
 
+def tf2_words(error: TransformException) -> str:
+    """Return the text of an error without the hint; the text must not have been read yet."""
+    return str(error.args[0]).rstrip()
+
+
 def with_hint(error: _Error, hint: Callable[[float], str]) -> _Error:
     """
     Append a hint to the text of an error; it is computed when the text is first read.

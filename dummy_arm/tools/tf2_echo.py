@@ -9,8 +9,9 @@ from typing import Optional
 from dummy_arm.cli.bag_options import add_bag_options, read_bag
 from dummy_arm.cli.parser import CommandError, number, Parser, run, seconds, UsageError
 from dummy_arm.cli.signals import sleep
-from dummy_arm.inspection.terminal import fixed_point
+from dummy_arm.inspection.terminal import fixed_point, Once
 from dummy_arm.tf import Transform, TransformException
+from dummy_arm.tf.exceptions import tf2_words
 from dummy_arm.tf.formatting import exact_time, in_log, SECOND, visible_lines
 from dummy_arm.tf.rotations import euler_from_quaternion
 
@@ -78,7 +79,7 @@ def command(source_frame: str, target_frame: str, echo_rate: Optional[float] = N
 
 
 def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precision: int,
-          once: bool, ros_args: Sequence[str], namespace: str) -> int:
+          is_once: bool, ros_args: Sequence[str], namespace: str) -> int:
     from rclpy.time import Time
 
     from dummy_arm.cli.node import spinning_node
@@ -86,7 +87,8 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
     with spinning_node('tf2_echo', ros_args, namespace) as node:
         frame_listener = FrameListener(node)
         buffer = frame_listener.buffer
-        while why := frame_listener.why_no_transform(source_frame, target_frame, time):
+        say = Once()
+        while why := frame_listener.why_no_transform(source_frame, target_frame, time, say):
             node.get_logger().info(
                 f'Waiting for transform {in_log(source_frame)} ->  {in_log(target_frame)}: '
                 f'{visible_lines(why)}')
@@ -98,12 +100,15 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
             try:
                 print(format_transform(Transform.from_message(buffer.lookup_transform(
                     source_frame, target_frame, Time(nanoseconds=time))), precision))
-                if once:
+                if is_once:
                     return 0
+                say = Once()
             except TransformException as error:
+                words = tf2_words(error)
                 frames = buffer.all_frames_as_string()
                 print(visible_lines(
-                    f'Failure at {frame_listener.now() / SECOND:.3f}\nException thrown:{error}\n'
+                    f'Failure at {frame_listener.now() / SECOND:.3f}\n'
+                    f'Exception thrown:{say(str(error), words)}\n'
                     f'The current list of frames is:\n{frames}'))
             sleep(1.0 / hertz)
 

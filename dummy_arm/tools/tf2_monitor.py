@@ -5,7 +5,15 @@ from typing import Optional, TYPE_CHECKING
 
 from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
 from dummy_arm.cli.signals import sleep
-from dummy_arm.inspection.terminal import column_width, padded, show, width, wrapped
+from dummy_arm.inspection.terminal import (
+    column_width,
+    is_terminal,
+    Once,
+    padded,
+    show,
+    width,
+    wrapped,
+)
 from dummy_arm.inspection.traffic import Delays, NodeTraffic, summarize, Traffic, WINDOW
 from dummy_arm.tf import TransformException
 from dummy_arm.tf.formatting import SECOND, shortened, visible
@@ -22,6 +30,7 @@ class Chain:
 
     def __init__(self, frame_listener: 'FrameListener', ends: tuple[str, str]) -> None:
         self._frame_listener, self.ends = frame_listener, ends
+        self._say = Once(is_terminal())
         self._ages = Delays()
         self._latest = 0  #: the time of the last call of `sample` (ns)
         self._common = 0  #: the newest time (ns) with data of the whole path; 0: it is static
@@ -56,7 +65,7 @@ class Chain:
 
     def lines(self) -> list[str]:
         first, last = self.ends
-        if why := self._frame_listener.why_no_transform(first, last):
+        if why := self._frame_listener.why_no_transform(first, last, 0, self._say):
             return wrapped(visible(f'Waiting for transform {first} ->  {last}: {why}'))
         age = summarize([self._ages], self._frame_listener.now())
         return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',
@@ -114,7 +123,7 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
     from dummy_arm.inspection.frame_listener import FrameListener
     with spinning_node('tf2_monitor', ros_args, namespace) as node:
         traffic = Traffic(lambda: int(node.get_clock().now().nanoseconds))
-        frame_listener = FrameListener(node)
+        frame_listener, say = FrameListener(node), Once(is_terminal())
         chain = Chain(frame_listener, (ends[0], ends[1])) if len(ends) == 2 else None
         while True:
             dropped = 0
@@ -125,14 +134,14 @@ def command(source_frame: Optional[str] = None, target_frame: Optional[str] = No
                 if chain is not None:
                     chain.sample()
                 sleep(_REFRESH / _SAMPLES)
-            show(_results(frame_listener, traffic, chain, dropped))
+            show(_results(frame_listener, traffic, chain, dropped, say))
 
 
 def _results(frame_listener: 'FrameListener', traffic: Traffic, chain: Optional[Chain],
-             dropped: int) -> list[str]:
+             dropped: int, say: Once) -> list[str]:
     rows = traffic.by_node(frame_listener.publisher_listener)
     if not rows:
-        return wrapped(f'No transform has been received yet. {frame_listener.why_no_frames()}')
+        return wrapped(frame_listener.nothing_received(say))
     ends = 'all frames' if chain is None else ' to '.join(map(shortened, chain.ends))
     lines = [f'RESULTS: for {ends}, over the last {WINDOW} s']
     if not frame_listener.now():

@@ -21,7 +21,16 @@ from dummy_arm.cli.progress import DISCOVERY, wait
 from dummy_arm.cli.signals import check_signals, sleep
 from dummy_arm.inspection.forest import Forest, frequency
 from dummy_arm.inspection.graph import as_dot, draw, DrawingError
-from dummy_arm.inspection.terminal import column_width, height, padded, show, width, wrapped
+from dummy_arm.inspection.terminal import (
+    column_width,
+    height,
+    is_terminal,
+    Once,
+    padded,
+    show,
+    width,
+    wrapped,
+)
 from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import exact_time, in_seconds, shortened, suggest_names, visible
 
@@ -93,8 +102,9 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
     from dummy_arm.inspection.frame_listener import FrameListener
     with spinning_node('view_frames', ros_args, namespace) as node:
         frame_listener = FrameListener(node, max(10.0, seconds))
+        say = Once(is_terminal())
         while watch:
-            _show(frame_listener, root)
+            _show(frame_listener, root, say)
             sleep(_REFRESH)
         discovery = max(DISCOVERY, seconds)
         if not wait(discovery, 'waiting for transforms', frame_listener.buffer.frame_names):
@@ -107,11 +117,11 @@ def _listen(seconds: float, watch: bool, root: Optional[str], ros_args: Sequence
         return frames, now
 
 
-def _show(frame_listener: 'FrameListener', root: Optional[str]) -> None:
+def _show(frame_listener: 'FrameListener', root: Optional[str], say: Once) -> None:
     # The time first: reading and arranging 100,000 frames takes long, and would add to the ages.
     now, frames = frame_listener.now(), frame_listener.frames()
     if not frames:
-        show(wrapped(f'No transform has been received yet. {frame_listener.why_no_frames()}'))
+        show(wrapped(frame_listener.nothing_received(say)))
         return
     try:
         forest = _forest(frames, root)

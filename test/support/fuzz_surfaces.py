@@ -245,7 +245,7 @@ def _offline_listener() -> Any:
             for frame in buffer.frames():
                 self.buffer.insert(frame.latest, frame.parent, frame.name, bags.STILL,
                                    frame.authority, frame.is_static)
-            self._start, self._has_explained = 0.0, False
+            self._start = 0.0
 
         def now(self) -> int:
             return T

@@ -91,7 +91,7 @@ LATEST = 'or look up time 0 (Time()) for the latest transform.'
     ([T - S, T], T + 10**9 * S, 'are from 1699999999.000000000 to 1700000000.000000000 and end '
      f'1000000000.000000000 s before that time. {FUTURE}'),
     ([T], T + S, 'are all at 1700000000.000000000 and end 1.000000000 s before that time. '
-     f'{FUTURE}'),
+     f'{ONE_TIME}'),
     ([T - S, T], T - 3 * S, 'are from 1699999999.000000000 to 1700000000.000000000 and begin '
      f'2.000000000 s after that time. {PAST}'),
     ([-S, S], -2 * S, 'are from -1.000000000 to 1.000000000 and begin 1.000000000 s after that '
@@ -403,10 +403,12 @@ def test_half_a_namespace(edge, source, is_named):
 
 
 @pytest.mark.parametrize(('surroundings', 'hint'), [
-    ({}, '0 publishers on /tf and /tf_static in ROS domain 7, as far as it is discovered.'),
+    ({}, '0 publishers on /tf and /tf_static in ROS domain 7, as far as it is discovered. '
+     'Start a program that publishes, with the same ROS_DOMAIN_ID.'),
     ({'other_domains': lambda: ' Others are in 5.', 'hides_others': 'LOCALHOST'},
      '0 publishers on /tf and /tf_static in ROS domain 7, as far as it is discovered. Others are '
-     'in 5. ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST hides other machines.'),
+     'in 5. ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST hides other machines. Start a program that '
+     'publishes, with the same ROS_DOMAIN_ID.'),
     ({'joint_states': '/joint_states'}, '/joint_states has a publisher, but nothing publishes '
      'transforms: start robot_state_publisher FILE.'),
     ({'publishers': [ARM]}, 'Nothing has arrived yet from /arm.')])

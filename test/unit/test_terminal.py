@@ -83,3 +83,23 @@ def test_a_text_is_wrapped_at_the_width_of_the_terminal(monkeypatch):
     open_screen(monkeypatch)
     assert terminal.height() == 4
     assert terminal.wrapped('a long line', ' ') == [' a', ' long', ' line']
+
+
+@pytest.mark.parametrize(('texts', 'printed'), [
+    (['at 1.5 s: a, b', 'at 2.5 s: a, b'], ['at 1.5 s: a, b', '']),
+    (['-1 of 2.', '7 of 10.'], ['-1 of 2.', '']),
+    (['a', 'b', 'a'], ['a', 'b', 'a']),
+    (['a', '', 'a'], ['a', '', 'a']),
+    *((names, names) for names in (
+        ['joint_1', 'joint_2'], ['/robot1/tf', '/robot2/tf'], ['camera-1', 'camera-2'],
+        ['/ns/1', '/ns/2']))])
+def test_a_text_is_printed_once(texts, printed):
+    """Then only its short form, until more than numbers changes; names with digits are names."""
+    say = terminal.Once()
+    assert [say(text, '') for text in texts] == printed
+
+
+def test_a_text_in_place_is_never_abbreviated():
+    """On a terminal that is cleared, it would be seen for a moment only."""
+    say = terminal.Once(in_place=True)
+    assert [say('a long text', 'a') for _ in range(2)] == ['a long text'] * 2

@@ -14,7 +14,7 @@ from dummy_arm.tf._core.pose import Pose
 from dummy_arm.tf._core.times import nanoseconds_or_int
 from dummy_arm.tf._core.velocity import twist
 from dummy_arm.tf._core.waiting import why_not
-from dummy_arm.tf.exceptions import TransformException
+from dummy_arm.tf.exceptions import tf2_words, TransformException
 from dummy_arm.tf.transform import Transform, Twist
 
 #: The largest number of poses that `lookup_transforms` computes before it releases the lock.
@@ -80,16 +80,19 @@ class BufferBase:
         lock: AbstractContextManager[Any] = self._engine.lock
         return lock
 
-    def why_not(self, target_frame: str, source_frame: str, time: int) -> str:
+    def why_not(self, target_frame: str, source_frame: str, time: int, has_hint: bool = True
+                ) -> str:
         """
         Return why there is no transform.
 
         :param time: time of the transform (ns), or 0.
+        :param has_hint: False: return tf2's words only.
         :returns: the text of the error; '' if there is a transform.
         :raises TypeError: if a frame is not a str.
         """
-        return str(why_not(
-            self._engine, 0.0, self._engine.lookups.check, target_frame, source_frame, time) or '')
+        error = why_not(
+            self._engine, 0.0, self._engine.lookups.check, target_frame, source_frame, time)
+        return '' if error is None else str(error) if has_hint else tf2_words(error)
 
     def lookup_transforms(self, target_frame: str, source_frame: str, times: ArrayLike
                           ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:

@@ -44,17 +44,6 @@ def in_seconds(time: int) -> float:
     return (time - fraction) // SECOND + 1e-9 * fraction
 
 
-def exact_time(time: int) -> str:
-    """
-    Write a time (ns) as seconds with nine decimals, which can be typed again.
-
-    >>> exact_time(-1_500_000_001)
-    '-1.500000001'
-    """
-    seconds, rest = divmod(abs(time), SECOND)
-    return f'{"-" if time < 0 else ""}{seconds}.{rest:09d}'
-
-
 def display_time(time: int) -> str:
     """
     Write a time (ns) as seconds with six decimals, as `tf2::displayTimePoint` does.
