@@ -17,14 +17,16 @@ from rclpy.time import Time
 from rclpy.utilities import get_default_context
 
 from dummy_arm.tf._core.buffer_base import debug_tuple
-from dummy_arm.tf._core.hints import clock_publishers
+from dummy_arm.tf._core.hints import clock_publishers, hint_at_duration
 from dummy_arm.tf._core.times import nanoseconds, SECOND
 from dummy_arm.tf._core.waiting import wait, why_not
 from dummy_arm.tf._ros.futures import PendingFutures
 from dummy_arm.tf._ros.graph import clock_nodes
 from dummy_arm.tf._ros.messages import FrameGraph
+from dummy_arm.tf._ros.qos import check_node
 from dummy_arm.tf.buffer_core import BufferCore, to_message
 from dummy_arm.tf.buffer_interface import BufferInterface, NO_WAIT
+from dummy_arm.tf.exceptions import TransformException
 
 
 class Buffer(BufferCore, BufferInterface):
@@ -51,6 +53,10 @@ class Buffer(BufferCore, BufferInterface):
         :raises TypeError: if the cache time is not a duration.
         :raises ValueError: if the cache time is negative, or `max_samples` is less than 1.
         """
+        if isinstance(cache_time, Node):
+            raise TypeError('cache_time must be a Duration, got a node: write Buffer(node=node)')
+        if node is not None:
+            check_node(node, 'Buffer(node=node)')
         BufferCore.__init__(self, cache_time, max_frames=max_frames, max_samples=max_samples)
         BufferInterface.__init__(self)
         self._node, self._futures = node, PendingFutures(node)
@@ -84,9 +90,13 @@ class Buffer(BufferCore, BufferInterface):
         """
         if timeout is NO_WAIT:
             return self.lookup_transform_core(target_frame, source_frame, time)
-        return to_message(target_frame, source_frame, wait(
-            self._engine, _seconds(timeout), self._engine.lookups.pose, target_frame, source_frame,
-            nanoseconds(time)))
+        try:
+            return to_message(target_frame, source_frame, wait(
+                self._engine, _seconds(timeout), self._engine.lookups.pose, target_frame,
+                source_frame, nanoseconds(time)))
+        except TransformException as error:
+            hint_at_duration(error, time)
+            raise
 
     def lookup_transform_full(
             self, target_frame: str, target_time: Time, source_frame: str, source_time: Time,
@@ -108,9 +118,13 @@ class Buffer(BufferCore, BufferInterface):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame, a time or the timeout has a wrong type.
         """
-        return to_message(target_frame, source_frame, wait(
-            self._engine, _seconds(timeout), self._engine.lookups.pose_full, target_frame,
-            nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame))
+        try:
+            return to_message(target_frame, source_frame, wait(
+                self._engine, _seconds(timeout), self._engine.lookups.pose_full, target_frame,
+                nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame))
+        except TransformException as error:
+            hint_at_duration(error, target_time, source_time)
+            raise
 
     async def lookup_transform_async(self, target_frame: str, source_frame: str, time: Time,
                                      timeout: Optional[Duration] = None) -> TransformStamped:
@@ -161,6 +175,8 @@ class Buffer(BufferCore, BufferInterface):
         error = why_not(
             self._engine, _seconds(timeout), self._engine.lookups.check, target_frame,
             source_frame, nanoseconds(time))
+        if error is not None:
+            hint_at_duration(error, time)
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def can_transform_full(
@@ -184,6 +200,8 @@ class Buffer(BufferCore, BufferInterface):
         error = why_not(
             self._engine, _seconds(timeout), self._engine.lookups.check_full, target_frame,
             nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame)
+        if error is not None:
+            hint_at_duration(error, target_time, source_time)
         return debug_tuple(error) if return_debug_tuple else error is None
 
     def wait_for_transform_async(self, target_frame: str, source_frame: str, time: Time,

@@ -12,11 +12,13 @@ except ModuleNotFoundError as error:
 
 from dummy_arm.tf._core.buffer_base import BufferBase, debug_tuple
 from dummy_arm.tf._core.frames import as_dot
+from dummy_arm.tf._core.hints import hint_at_duration
 from dummy_arm.tf._core.pose import Pose
 from dummy_arm.tf._core.times import nanoseconds, SECOND
 from dummy_arm.tf._core.velocity import tf2_velocity
 from dummy_arm.tf._core.waiting import why_not
 from dummy_arm.tf._ros.transform_stamped import explain_bad_fields, message_of_fields, row_of
+from dummy_arm.tf.exceptions import TransformException
 from dummy_arm.tf.transform import Transform, Vector
 
 _LATEST = Time()
@@ -41,8 +43,8 @@ class BufferCore(BufferBase):
         :raises TypeError: if the cache time is not a duration.
         :raises ValueError: if the cache time is negative, or `max_samples` is less than 1.
         """
-        super().__init__(10 * SECOND if cache_time is None else cache_time, max_frames,
-                         max_samples)
+        super().__init__(10 * SECOND if cache_time is None else nanoseconds(
+            cache_time, 'cache_time'), max_frames, max_samples)
 
     def set_transform(self, transform: TransformStamped, authority: str = 'default_authority'
                       ) -> None:
@@ -87,8 +89,12 @@ class BufferCore(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame or the time has a wrong type.
         """
-        return to_message(target_frame, source_frame, self._engine.read(
-            self._engine.lookups.pose, target_frame, source_frame, nanoseconds(time)))
+        try:
+            return to_message(target_frame, source_frame, self._engine.read(
+                self._engine.lookups.pose, target_frame, source_frame, nanoseconds(time)))
+        except TransformException as error:
+            hint_at_duration(error, time)
+            raise
 
     def lookup_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                    source_time: Time, fixed_frame: str) -> TransformStamped:
@@ -108,9 +114,13 @@ class BufferCore(BufferBase):
         :raises TransformException: if there is no such transform.
         :raises TypeError: if a frame or a time has a wrong type.
         """
-        return to_message(target_frame, source_frame, self._engine.read(
-            self._engine.lookups.pose_full, target_frame, nanoseconds(target_time), source_frame,
-            nanoseconds(source_time), fixed_frame))
+        try:
+            return to_message(target_frame, source_frame, self._engine.read(
+                self._engine.lookups.pose_full, target_frame, nanoseconds(target_time),
+                source_frame, nanoseconds(source_time), fixed_frame))
+        except TransformException as error:
+            hint_at_duration(error, target_time, source_time)
+            raise
 
     def can_transform_core(self, target_frame: str, source_frame: str, time: Time
                            ) -> tuple[bool, str]:
@@ -123,9 +133,12 @@ class BufferCore(BufferBase):
             there is no error).
         :raises TypeError: if a frame or the time has a wrong type.
         """
-        return debug_tuple(why_not(
+        error = why_not(
             self._engine, 0.0, self._engine.lookups.check, target_frame, source_frame,
-            nanoseconds(time)))
+            nanoseconds(time))
+        if error is not None:
+            hint_at_duration(error, time)
+        return debug_tuple(error)
 
     def can_transform_full_core(self, target_frame: str, target_time: Time, source_frame: str,
                                 source_time: Time, fixed_frame: str) -> tuple[bool, str]:
@@ -141,9 +154,12 @@ class BufferCore(BufferBase):
             there is no error).
         :raises TypeError: if a frame or a time has a wrong type.
         """
-        return debug_tuple(why_not(
+        error = why_not(
             self._engine, 0.0, self._engine.lookups.check_full, target_frame,
-            nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame))
+            nanoseconds(target_time), source_frame, nanoseconds(source_time), fixed_frame)
+        if error is not None:
+            hint_at_duration(error, target_time, source_time)
+        return debug_tuple(error)
 
     def get_latest_common_time(self, target_frame: str, source_frame: str) -> Time:
         """

@@ -18,6 +18,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 
 from dummy_arm.tf import geometry
+from dummy_arm.tf.exceptions import is_of_rosbags
 
 MsgStamped = Any
 PyKDLType = Any
@@ -141,8 +142,15 @@ _conversions: dict[Any, Callable[..., Any]] = {}
 
 def _find_function(functions: dict[Any, Callable[..., Any]], key: Any) -> Callable[..., Any]:
     if key not in functions:
-        raise TypeException(f'Type {key} is not loaded or supported')
+        raise TypeException(f'Type {key} is not loaded or supported{_supported(functions, key)}')
     return functions[key]
+
+
+def _supported(functions: dict[Any, Callable[..., Any]], key: Any) -> str:
+    if is_of_rosbags(key):
+        return ': it is a message of rosbags; create the message of ROS with these fields'
+    names = sorted(getattr(each, '__name__', str(each)) for each in functions)
+    return f'. The types with a function: {", ".join(names)}' if names else ''
 
 
 class TransformRegistration:

@@ -6,6 +6,10 @@ from typing import Any, Optional, TypeVar
 _Error = TypeVar('_Error', bound='TransformException')
 
 
+#: The longest value (characters) that the text of an error shows in full.
+_LONGEST = 100
+
+
 class TransformException(Exception):
     """Base class of the errors of a lookup."""
 
@@ -53,6 +57,31 @@ class TimeoutException(TransformException):
 def tf2_words(error: TransformException) -> str:
     """Return the text of an error without the hint; the text must not have been read yet."""
     return str(error.args[0]).rstrip()
+
+
+def described(value: Any) -> str:
+    """
+    Return a value and its type for the text of an error, in one line.
+
+    >>> described(0.5)
+    '0.5 of type float'
+
+    :meta private:
+    """
+    if is_of_rosbags(value):
+        return f'a message {value.__msgtype__} of rosbags'
+    text = ' '.join(repr(value).split())
+    return (f'{text if len(text) <= _LONGEST else f"{text[:_LONGEST - 3]}..."} of type '
+            f'{type(value).__name__}')
+
+
+def is_of_rosbags(value: Any) -> bool:
+    """
+    Return whether a value is a message of the library rosbags.
+
+    :meta private:
+    """
+    return hasattr(value, '__msgtype__')
 
 
 def with_hint(error: _Error, hint: Callable[[float], str]) -> _Error:

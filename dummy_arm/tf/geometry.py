@@ -7,8 +7,10 @@ transform, and has the header of the transform. Coordinates are in m.
 """
 
 from array import array
+from collections.abc import Callable
 from copy import copy, deepcopy
-from typing import Any, Union
+from functools import wraps
+from typing import Any, ParamSpec, TypeVar, Union
 
 from geometry_msgs.msg import (
     Point,
@@ -32,6 +34,7 @@ from std_msgs.msg import Header
 from dummy_arm.tf import rotations
 from dummy_arm.tf._core.composition import compose, normalized
 from dummy_arm.tf._core.pose import Pose as FramePose
+from dummy_arm.tf.exceptions import described, is_of_rosbags
 
 #: A quaternion with a smaller squared norm is replaced by the identity, as in tf2_geometry_msgs.
 _NO_ROTATION = 2.0 ** -52
@@ -50,12 +53,46 @@ def from_msg_msg(msg: Any) -> Any:
     return msg
 
 
+_Parameters = ParamSpec('_Parameters')
+_Result = TypeVar('_Result')
+#: The name of the function for each type.
+_functions: dict[type, str] = {}
+
+
+def _takes(kind: type) -> Callable[[Callable[_Parameters, _Result]],
+                                   Callable[_Parameters, _Result]]:
+    """Decorate the function that transforms a type; its errors say what it takes."""
+    def decorate(function: Callable[_Parameters, _Result]) -> Callable[_Parameters, _Result]:
+        _functions[kind] = function.__name__
+
+        @wraps(function)
+        def checked(*args: _Parameters.args, **kwargs: _Parameters.kwargs) -> _Result:
+            try:
+                return function(*args, **kwargs)
+            except AttributeError as error:
+                types: list[Any] = [type(each) for each in (*args, *kwargs.values())]
+                if types == [kind, TransformStamped]:
+                    raise
+                other = _functions.get(types[0])
+                names = ' and a '.join(
+                    f'message {each.__msgtype__} of rosbags' if is_of_rosbags(each) else
+                    each.__name__ for each in types)
+                raise AttributeError(
+                    f'{error}. {function.__name__} takes a {kind.__name__} and a '
+                    f'TransformStamped, got a {names}'
+                    f'{f": use {other}" if other and types[0] is not kind else ""}') from None
+        return checked
+    return decorate
+
+
+@_takes(PointStamped)
 def do_transform_point(point: PointStamped, transform: TransformStamped) -> PointStamped:
     """Transform a point."""
     x, y, z = _transform_xyz(point.point, _pose_of(transform))
     return PointStamped(header=_header(transform), point=Point(x=x, y=y, z=z))
 
 
+@_takes(Vector3Stamped)
 def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -> Vector3Stamped:
     """Rotate a vector; the translation of the transform does not apply to vectors."""
     rotation_only = (0.0, 0.0, 0.0, *_rotation(transform.transform.rotation))
@@ -63,28 +100,36 @@ def do_transform_vector3(vector3: Vector3Stamped, transform: TransformStamped) -
     return Vector3Stamped(header=_header(transform), vector=Vector3(x=x, y=y, z=z))
 
 
+@_takes(Pose)
 def do_transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
     """Transform a pose; the quaternion of the result has w >= 0."""
+    return _transform_pose(pose, transform)
+
+
+def _transform_pose(pose: Pose, transform: TransformStamped) -> Pose:
     x, y, z, *rotation = compose(_pose_of(transform), _pose(pose.position, pose.orientation))
     qx, qy, qz, qw = rotation if rotation[3] >= 0.0 else [-number for number in rotation]
     return Pose(position=Point(x=x, y=y, z=z), orientation=Quaternion(x=qx, y=qy, z=qz, w=qw))
 
 
+@_takes(PoseStamped)
 def do_transform_pose_stamped(pose: PoseStamped, transform: TransformStamped) -> PoseStamped:
     """Transform a stamped pose; the quaternion of the result has w >= 0."""
-    return PoseStamped(header=_header(transform), pose=do_transform_pose(pose.pose, transform))
+    return PoseStamped(header=_header(transform), pose=_transform_pose(pose.pose, transform))
 
 
+@_takes(PoseWithCovarianceStamped)
 def do_transform_pose_with_covariance_stamped(
         pose: PoseWithCovarianceStamped, transform: TransformStamped
         ) -> PoseWithCovarianceStamped:
     """Transform a pose and its covariance."""
     result = PoseWithCovarianceStamped(header=_header(transform))
-    result.pose.pose = do_transform_pose(pose.pose.pose, transform)
+    result.pose.pose = _transform_pose(pose.pose.pose, transform)
     result.pose.covariance = transform_covariance(pose.pose.covariance, transform)
     return result
 
 
+@_takes(PolygonStamped)
 def do_transform_polygon_stamped(polygon: PolygonStamped, transform: TransformStamped
                                  ) -> PolygonStamped:
     """Transform the points of a polygon."""
@@ -114,6 +159,9 @@ def transform_covariance(cov_in: ArrayLike, transform: TransformStamped) -> NDAr
 
 def _header(transform: TransformStamped) -> Header:
     """Return a copy, so that a result does not share the transform's header."""
+    if is_of_rosbags(transform):
+        raise TypeError(f'expected a TransformStamped, got {described(transform)}: read the bag '
+                        'by dummy_arm.tf.bag.read, and apply the transforms that it looks up')
     header = transform.header
     return Header(stamp=copy(header.stamp), frame_id=header.frame_id)
 
@@ -138,6 +186,7 @@ def _rotation(orientation: Quaternion) -> rotations.Quaternion:
     return normalized(x, y, z, w)
 
 
+@_takes(PointCloud2)
 def do_transform_cloud(cloud: PointCloud2, transform: Union[Transform, TransformStamped]
                        ) -> PointCloud2:
     """

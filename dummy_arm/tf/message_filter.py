@@ -23,9 +23,11 @@ from rclpy.timer import Timer
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.texts import in_log, ThrottledLog, visible
 from dummy_arm.tf._core.times import display_time, nanoseconds, nanoseconds_or_int, SECOND
+from dummy_arm.tf._ros.qos import check_node
 from dummy_arm.tf._ros.rclpy_private import guard_condition, RCLError
 from dummy_arm.tf.buffer import create_jump_handle
 from dummy_arm.tf.buffer_core import BufferCore
+from dummy_arm.tf.exceptions import described
 
 #: The shortest time (s) between two log lines about messages dropped for the same reason, and
 #: about messages that wait.
@@ -121,6 +123,7 @@ class MessageFilter:
         :raises ValueError: if a target frame has no name, or if the queue size or the timeout is
             negative.
         """
+        check_node(node, 'MessageFilter(input, buffer, target_frames, queue_size, node)')
         #: How many messages were dropped for each reason.
         self.dropped = dict.fromkeys(FilterFailureReason, 0)
         self._buffer, self._engine, self._node = buffer, engine_of(buffer), node
@@ -203,7 +206,7 @@ class MessageFilter:
             return
         if not (isinstance(input, Sequence) and len(input) == 3 and isinstance(input[0], type)):
             raise TypeError('input must be a tuple (message type, topic, QoS) or an object with '
-                            f'the method registerCallback, got {input!r}')
+                            f'the method registerCallback, got {described(input)}')
         message_type, topic, qos = input
         if not hasattr(message_type, 'header'):
             raise TypeError(f'messages must have a header, but {message_type.__name__} has none')
@@ -521,16 +524,17 @@ class MessageFilter:
 
 def _check_callable(callback: object) -> None:
     if not callable(callback):
-        raise TypeError(f'a callback must be a function, got {callback!r}')
+        raise TypeError(f'a callback must be a function, got {described(callback)}')
 
 
 def _frame_names(target_frames: Union[str, Iterable[str]]) -> tuple[str, ...]:
     if not isinstance(target_frames, Iterable):
-        raise TypeError(f'target_frames must be a name or several names, got {target_frames!r}')
+        raise TypeError('target_frames must be a name or several names, got '
+                        f'{described(target_frames)}')
     names = [target_frames] if isinstance(target_frames, str) else list(target_frames)
     for name in names:
         if not isinstance(name, str):
-            raise TypeError(f'a target frame must be a str, got {name!r}')
+            raise TypeError(f'a target frame must be a str, got {described(name)}')
         if not name.removeprefix('/'):
             raise ValueError('a target frame must have a name, got an empty one')
     return tuple(name.removeprefix('/') for name in names)
@@ -538,7 +542,7 @@ def _frame_names(target_frames: Union[str, Iterable[str]]) -> tuple[str, ...]:
 
 def _checked_size(queue_size: int) -> int:
     if not hasattr(queue_size, '__index__'):
-        raise TypeError(f'queue_size must be an integer, got {queue_size!r}')
+        raise TypeError(f'queue_size must be an integer, got {described(queue_size)}')
     if index(queue_size) < 0:
         raise ValueError(f'queue_size must be 0 (any number of messages) or more, got '
                          f'{queue_size}')

@@ -8,7 +8,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-from dummy_arm.tf._ros.qos import create_publisher, profile
+from dummy_arm.tf._ros.qos import check_node, create_publisher, profile
 from dummy_arm.tf._ros.transform_stamped import as_list, explain_bad_fields, fields_to_send
 from dummy_arm.tf._wire import cdr
 
@@ -29,6 +29,7 @@ class StaticTransformBroadcaster:
         :param qos: the QoS profile of the publisher. An int is the depth of a reliable, transient
             local profile. None means the same as the int 1.
         """
+        check_node(node, 'StaticTransformBroadcaster(node)')
         self.pub_tf = create_publisher(
             node, tf_static_topic, profile(qos, 1, durability=DurabilityPolicy.TRANSIENT_LOCAL))
         self._sent: dict[str, cdr.Fields] = {}

@@ -11,7 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from dummy_arm.tf._core.times import nanoseconds_or_int
-from dummy_arm.tf._ros.qos import create_publisher, profile
+from dummy_arm.tf._ros.qos import check_node, create_publisher, profile
 from dummy_arm.tf._ros.transform_stamped import (
     as_list,
     check_edge,
@@ -20,6 +20,7 @@ from dummy_arm.tf._ros.transform_stamped import (
     fields_to_send,
 )
 from dummy_arm.tf._wire import cdr
+from dummy_arm.tf.exceptions import described
 
 
 class TransformBroadcaster:
@@ -38,6 +39,7 @@ class TransformBroadcaster:
         :param qos: the QoS profile of the publisher. An int is the depth of a reliable, volatile
             profile. None means the same as the int 100.
         """
+        check_node(node, 'TransformBroadcaster(node)')
         self.pub_tf = create_publisher(node, tf_topic, profile(qos, 100))
 
     def sendTransform(  # noqa: N802
@@ -79,7 +81,7 @@ class PreparedTransforms:
             if (isinstance(edge, str) or not isinstance(edge, Sequence)
                     or [*map(type, edge)] != [str, str]):
                 raise TypeError('an edge must be two names, frame_id and child_frame_id; '
-                                f'got {edge!r}')
+                                f'got {described(edge)}')
             check_edge(*edge)
         self._packet = cdr.MessageTemplate(self.edges)
         self._publisher = publisher

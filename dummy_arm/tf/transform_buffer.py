@@ -5,6 +5,7 @@ from typing import Any, Optional, Union
 from dummy_arm.tf._core.buffer_base import BufferBase, debug_tuple
 from dummy_arm.tf._core.times import nanoseconds_or_int, SECOND
 from dummy_arm.tf._core.waiting import wait, why_not
+from dummy_arm.tf.exceptions import described
 from dummy_arm.tf.transform import Transform
 
 
@@ -66,8 +67,9 @@ class TransformBuffer(BufferBase):
 
     def _set(self, transform: Transform, authority: str, is_static: bool) -> bool:
         if not isinstance(transform, Transform):
+            remedy = ': write Transform.from_message() around it' * hasattr(transform, 'header')
             raise TypeError('a TransformBuffer takes a Transform (a Buffer a TransformStamped), '
-                            f'got {type(transform).__name__}')
+                            f'got {described(transform)}{remedy}')
         return self._engine.insert(
             transform.stamp, transform.frame_id, transform.child_frame_id,
             (*transform.translation, *transform.rotation), authority, is_static)

@@ -21,11 +21,12 @@ from dummy_arm.tf._ros.graph import surroundings
 from dummy_arm.tf._ros.listener_thread import ListenerThread, NodeThread, Round, SpinThread
 from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._ros.other_topics import OtherTopics
-from dummy_arm.tf._ros.qos import profile
+from dummy_arm.tf._ros.qos import check_node, profile
 from dummy_arm.tf._ros.rclpy_private import subscribe
 from dummy_arm.tf._ros.subscription import AUTHORITY, NoMessages, QosMonitor, SubscriptionSource
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf.buffer_core import BufferCore
+from dummy_arm.tf.exceptions import described
 from dummy_arm.tf.transform import Transform
 from dummy_arm.tf.transform_buffer import TransformBuffer
 
@@ -70,6 +71,7 @@ class TransformListener:
             of a reliable, transient local profile. None means the same as the int 100.
         :param static_only: True: subscribe to the topic of static transforms only.
         """
+        check_node(node, f'{type(self).__name__}(buffer, node)')
         self.node = node
         self.group = ReentrantCallbackGroup()
         #: The number of messages that the listener's own thread could not decode and has dropped.
@@ -147,7 +149,7 @@ class TransformListener:
             verb = 'calls' if self._uses_callbacks else 'does not call'
             raise TypeError(
                 f'this listener {verb} the methods set_transform and set_transform_static of its '
-                f'buffer, but {buffer!r} needs the opposite; create a new listener')
+                f'buffer, but {described(buffer)} needs the opposite; create a new listener')
         self._buffer = buffer
         self._attach(_engine_or_none(buffer))
 

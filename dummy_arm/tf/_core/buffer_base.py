@@ -14,7 +14,7 @@ from dummy_arm.tf._core.pose import Pose
 from dummy_arm.tf._core.times import nanoseconds_or_int
 from dummy_arm.tf._core.velocity import twist
 from dummy_arm.tf._core.waiting import why_not
-from dummy_arm.tf.exceptions import tf2_words, TransformException
+from dummy_arm.tf.exceptions import described, tf2_words, TransformException
 from dummy_arm.tf.transform import Transform, Twist
 
 #: The largest number of poses that `lookup_transforms` computes before it releases the lock.
@@ -164,7 +164,7 @@ class BufferBase:
         """
         if isinstance(target_frames, str):
             raise TypeError('target_frames must be names in a list or another iterable, got '
-                            f'{target_frames!r}')
+                            f'{described(target_frames)}')
         targets = list(target_frames)
         return [{name: Transform(time, target, name, pose[:3], pose[3:])
                  for name, (time, pose) in placed.items()}

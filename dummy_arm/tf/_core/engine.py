@@ -25,7 +25,7 @@ from dummy_arm.tf._core.pose import BatchOrRows, Pose
 from dummy_arm.tf._core.times import nanoseconds_or_int
 from dummy_arm.tf._core.tree import FrameTree
 from dummy_arm.tf._core.wake import Wake
-from dummy_arm.tf.exceptions import TransformException
+from dummy_arm.tf.exceptions import described, TransformException
 
 _Result = TypeVar('_Result')
 
@@ -138,9 +138,10 @@ class Engine:
                is_static: bool) -> bool:
         """Insert a pose as `BufferBase.insert` does."""
         if not (isinstance(frame_id, str) and isinstance(child_frame_id, str)):
-            raise TypeError(f'a frame id must be a str, got {frame_id!r} and {child_frame_id!r}')
+            raise TypeError(f'a frame id must be a str, got {described(frame_id)} and '
+                            f'{described(child_frame_id)}')
         if not isinstance(authority, str):
-            raise TypeError(f'an authority must be a str, got {authority!r}')
+            raise TypeError(f'an authority must be a str, got {described(authority)}')
         stamp = index(stamp)
         if not -_INT64 <= stamp < _INT64:
             raise OverflowError(f'a stamp must be an int64 (ns), got {stamp}')
@@ -301,5 +302,5 @@ def engine_of(buffer: Any) -> Engine:
     """Return the engine of a buffer; raise a TypeError for anything else."""
     engine = getattr(buffer, '_engine', None)
     if not isinstance(engine, Engine):
-        raise TypeError(f'buffer must be a buffer of dummy_arm.tf, got {buffer!r}')
+        raise TypeError(f'buffer must be a buffer of dummy_arm.tf, got {described(buffer)}')
     return engine

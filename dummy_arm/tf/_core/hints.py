@@ -7,7 +7,7 @@ the facts of the failed lookup, and the surroundings as they are when the text i
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from types import MappingProxyType
-from typing import NamedTuple, Optional
+from typing import Any, NamedTuple, Optional
 
 from dummy_arm.tf._core.texts import (
     comma_list,
@@ -19,6 +19,7 @@ from dummy_arm.tf._core.texts import (
     TF_MESSAGE,
 )
 from dummy_arm.tf._core.times import exact_time, SECOND
+from dummy_arm.tf.exceptions import ExtrapolationException, TransformException, with_hint
 
 #: Times that are farther apart (ns) are probably, or certainly, not from one clock.
 _OTHER_CLOCK, _DAY = 60 * SECOND, 24 * 3600 * SECOND
@@ -440,3 +441,16 @@ def _publisher(around: Surroundings, authority: str, is_static: bool) -> str:
     topic = around.topics[0 if is_static else -1]
     nodes = around.nodes(topic)
     return f' Publishers on {topic}: {comma_list(nodes, MAX_TOPICS, in_log)}.' if nodes else ''
+
+
+# Arguments
+
+
+def hint_at_duration(error: TransformException, *times: Any) -> None:
+    """Say in the hint of an error if a time of the failed lookup is a Duration."""
+    if error._parts and any(type(time).__name__ == 'Duration' for time in times):
+        # The hint of an ExtrapolationException would look for causes in the clocks.
+        before = None if isinstance(error, ExtrapolationException) else error._parts[1]
+        with_hint(error, lambda waited: (
+            f'{before(waited) if before else ""} Note that the time is a Duration: did you mean '
+            'timeout=?'))

@@ -1,10 +1,17 @@
 """Conversion of times and durations: ROS types to nanoseconds, nanoseconds to seconds or text."""
 
+from datetime import timedelta
+from math import isfinite
+from numbers import Integral, Real
 from operator import index
 from typing import Any
 
+from dummy_arm.tf.exceptions import described
+
 #: One second (ns).
 SECOND = 1_000_000_000
+#: The seconds of the times of messages are smaller: they are an int32.
+_MOST_SECONDS = 1 << 31
 
 
 def nanoseconds(time: Any, name: str = 'time') -> int:
@@ -19,8 +26,27 @@ def nanoseconds(time: Any, name: str = 'time') -> int:
         pass
     if hasattr(time, 'sec') and hasattr(time, 'nanosec'):
         return int(time.sec) * SECOND + int(time.nanosec)
-    raise TypeError(f'{name} must have sec and nanosec, or nanoseconds. '
-                    f'Got {time!r} of type {type(time).__name__}')
+    remedy = written(time, 'Time' if name == 'time' else 'Duration')
+    raise TypeError(f'{name} must have sec and nanosec, or nanoseconds. Got {described(time)}'
+                    f'{remedy and f": write {remedy}"}')
+
+
+def written(number: Any, kind: str) -> str:
+    """
+    Return how a value is written as a time or duration of rclpy; '' if that is not known.
+
+    A number that is too large for seconds is meant as nanoseconds.
+
+    >>> written(1.5, 'Time'), written(1_700_000_000_000_000_000, 'Time')
+    ('Time(seconds=1.5)', 'Time(nanoseconds=1700000000000000000)')
+    """
+    if isinstance(number, timedelta) and kind == 'Duration':
+        number = number.total_seconds()
+    is_number = isinstance(number, Real) and not isinstance(number, bool)
+    is_integer = is_number and isinstance(number, Integral)
+    return (f'{kind}(seconds={number})' if is_number and 0 <= number < _MOST_SECONDS else
+            f'{kind}(nanoseconds={number})' if is_integer and 0 < number < _MOST_SECONDS * SECOND
+            else '')
 
 
 def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
@@ -30,7 +56,9 @@ def nanoseconds_or_int(time: Any, name: str = 'time') -> int:
     try:
         return nanoseconds(time, name)
     except TypeError as error:
-        raise TypeError(f'{error}; an integer (ns) is accepted, too') from None
+        is_finite = isinstance(time, float) and isfinite(time)
+        example = f', such as {round(time * SECOND)}' if is_finite else ''
+        raise TypeError(f'{error}; an integer (ns) is accepted, too{example}') from None
 
 
 def in_seconds(time: int) -> float:

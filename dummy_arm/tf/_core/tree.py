@@ -16,6 +16,7 @@ from dummy_arm.tf._core.path import Path
 from dummy_arm.tf._core.pose import Pose
 from dummy_arm.tf.exceptions import (
     ConnectivityException,
+    described,
     ExtrapolationException,
     InvalidArgumentException,
     LookupException,
@@ -136,7 +137,7 @@ class FrameTree:
     def _problem(self, name: str) -> Optional[str]:
         """Return, in tf2's words, what is wrong with a frame's name; None if the frame exists."""
         if not isinstance(name, str):
-            raise TypeError(f'a frame must be a str, got {name!r} of type {type(name).__name__}')
+            raise TypeError(f'a frame must be a str, got {described(name)}')
         if not name:
             return texts.EMPTY_NAME
         if name.startswith('/'):

@@ -1,4 +1,4 @@
-"""The QoS arguments of publishers and subscriptions, and publishers with these arguments."""
+"""The node and QoS arguments of publishers and subscriptions, and publishers with these."""
 
 from typing import Any, Optional, Union
 
@@ -9,6 +9,7 @@ from rclpy.qos import qos_policy_name_from_kind, QoSProfile
 
 from dummy_arm.tf._core.texts import ThrottledLog
 from dummy_arm.tf._ros.messages import TFMessage
+from dummy_arm.tf.exceptions import described
 
 
 def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) -> QoSProfile:
@@ -16,6 +17,12 @@ def profile(qos: Optional[Union[QoSProfile, int]], depth: int, **policies: Any) 
     if qos is None or isinstance(qos, int):
         return QoSProfile(depth=depth if qos is None else qos, **policies)
     return qos
+
+
+def check_node(node: Any, call: str) -> None:
+    """Raise a TypeError that shows the right call if an argument is not a node."""
+    if not hasattr(node, 'create_publisher'):
+        raise TypeError(f'node must be a Node of rclpy, got {described(node)}: write {call}')
 
 
 def create_publisher(node: Node, topic: str, qos: QoSProfile) -> Publisher:

@@ -17,8 +17,11 @@ from rclpy.time import Time as ClockTime
 from std_msgs.msg import Header
 
 from dummy_arm.tf._core.pose import Row
-from dummy_arm.tf._core.times import SECOND
+from dummy_arm.tf._core.texts import abbreviated
+from dummy_arm.tf._core.times import SECOND, written
 from dummy_arm.tf._wire import cdr
+from dummy_arm.tf.exceptions import described, is_of_rosbags
+from dummy_arm.tf.transform import Transform as OurTransform
 
 #: True if ROS_PYTHON_CHECK_FIELDS is '1': messages check the values of their fields.
 _CHECK_FIELDS: bool = TransformStamped()._check_fields
@@ -65,14 +68,26 @@ def row_of(message: TransformStamped) -> Row:
 def fields_of(message: TransformStamped) -> cdr.Fields:
     """Read the fields of a TransformStamped, without checks of their values."""
     if not isinstance(message, TransformStamped):
-        raise TypeError(
-            f'expected a TransformStamped, got {message!r} of type {type(message).__name__}')
+        raise TypeError(f'expected a TransformStamped, got {described(message)}'
+                        f'{_how_to_convert(message)}')
     # The slots are read, because the properties would double the time of a conversion.
     header, transform = message._header, message._transform
     stamp, translation, rotation = header._stamp, transform._translation, transform._rotation
     return (stamp._sec, stamp._nanosec, header._frame_id, message._child_frame_id,
             (translation._x, translation._y, translation._z,
              rotation._x, rotation._y, rotation._z, rotation._w))
+
+
+def _how_to_convert(value: object) -> str:
+    """Return the remedy if something else than a TransformStamped was given; '' if unknown."""
+    if is_of_rosbags(value):
+        return (': read the bag by dummy_arm.tf.bag.read, or insert '
+                'Transform.from_message(message) into a TransformBuffer')
+    if isinstance(value, OurTransform):
+        return ': a TransformBuffer takes Transforms'
+    if hasattr(value, 'transforms') or isinstance(value, (list, tuple)):
+        return ': pass each of its transforms'
+    return ''
 
 
 def message_of_fields(fields: cdr.Fields) -> TransformStamped:
@@ -126,7 +141,7 @@ class explain_bad_fields:  # noqa: N801
                         problem := _bad_field(message, self._accepts_clock_time)):
                     raise ValueError(
                         f'transform {i + 1} of {len(self._messages)}, to child '
-                        f'{message.child_frame_id!r}: {problem}') from None
+                        f'{abbreviated(repr(message.child_frame_id))}: {problem}') from None
 
 
 def _bad_field(message: TransformStamped, accepts_clock_time: bool) -> Optional[str]:
@@ -141,8 +156,27 @@ def _bad_field(message: TransformStamped, accepts_clock_time: bool) -> Optional[
             value = getattr(value, name)
         if not _fits(value, kind):
             expected = _KINDS[kind] if isinstance(kind, str) else f'a {kind.__name__}'
-            return f'{path} must be {expected}, got {value!r} of type {type(value).__name__}'
+            if kind is Time:
+                expected += ' message'
+            remedy = _remedy(path, kind, value)
+            return (f'{path} must be {expected}, got {described(value)}'
+                    f'{remedy and f": write {remedy}"}')
     return None
+
+
+def _remedy(path: str, kind: Union[type, str], value: object) -> str:
+    """Return what to write in place of a value of a wrong type; '' if that is not known."""
+    time = written(value, 'rclpy.time.Time')
+    if kind is Time:
+        return ('.to_msg() after it' if isinstance(value, ClockTime) else
+                f'{time}.to_msg()' if time else 'clock.now().to_msg()')
+    if path.endswith('nanosec') and isinstance(value, float):
+        return 'int() around it'
+    if path.startswith('header.stamp.') and time:
+        return f'header.stamp = {time}.to_msg()'
+    return ('Vector3(x=x, y=y, z=z)' if kind is Vector3 else
+            'Quaternion(x=x, y=y, z=z, w=w)' if kind is Quaternion else
+            'the name of a frame' if kind is str else '')
 
 
 def _fits(value: object, kind: Union[type, str]) -> bool:
@@ -157,7 +191,8 @@ def _fits(value: object, kind: Union[type, str]) -> bool:
 
 def as_list(transform: Union[TransformStamped, Iterable[TransformStamped]]
             ) -> list[TransformStamped]:
-    return list(transform) if isinstance(transform, Iterable) else [transform]
+    is_several = isinstance(transform, Iterable) and not isinstance(transform, OurTransform)
+    return list(transform) if is_several else [transform]
 
 
 def fields_to_send(messages: Iterable[TransformStamped]) -> list[cdr.Fields]:
