@@ -54,12 +54,19 @@ def format_tree(forest: Forest, now: int, max_lines: Optional[int] = None) -> li
         if frame is not None and not frame.is_static:
             hertz = frequency(frame)
             rate = '? Hz' if hertz is None else f'{hertz:.1f} Hz'
-            age = f'{in_seconds(now - frame.latest):.3f} s old'
+            age = _age(now, frame.latest)
         rows.append((branches, shortened(name), 'static' if frame and frame.is_static else rate,
                      age, shortened(frame.authority) if frame else ''))
     columns = column_width(len(branches) + width(name) for branches, name, *_ in rows)
     return [f'{branches}{padded(name, columns - len(branches))}  {rate:>9}  {age:>13}  {publisher}'
             .rstrip() for branches, name, rate, age, publisher in rows]
+
+
+def _age(now: int, stamp: int) -> str:
+    if not now:  # the clock of the node waits for /clock
+        return '? s old'
+    seconds = in_seconds(now - stamp)
+    return f'{seconds:.3f} s old' if seconds > -0.0005 else f'{-seconds:.3f} s ahead'
 
 
 def command(output: str = 'frames', wait_time: Optional[float] = None, text: bool = False,

@@ -70,6 +70,14 @@ def test_the_trees_in_the_terminal():
     ]
 
 
+@pytest.mark.parametrize(('now', 'age'), [
+    (0, '? s old'), (99 * S, '1.000 s ahead'), (100 * S, '0.000 s old'), (101 * S, '1.000 s old')])
+def test_an_age_is_not_negative(now, age):
+    """0: the clock of the node waits for /clock."""
+    (_, line) = view_frames.format_tree(Forest([dynamic('arm', 'base')]), now)
+    assert line.split(maxsplit=4)[-1].startswith(age)
+
+
 def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():
     """The columns of the other lines are as they would be without the long name."""
     name = f'begin{"-" * 3000}end'
