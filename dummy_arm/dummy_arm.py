@@ -27,7 +27,7 @@ from dummy_arm.arm import Arm, Wave
 from dummy_arm.cli.node import run_node
 from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
 from dummy_arm.tf import PreparedTransforms, StaticTransformBroadcaster, TransformBroadcaster
-from dummy_arm.tf.formatting import comma_list, in_log, quoted, SECOND
+from dummy_arm.tf.formatting import comma_list, in_log, quoted, SECOND, suggest_names
 
 MAP = 'map'
 #: How long to wait for a message on /clock before a warning (s).
@@ -90,7 +90,8 @@ def command_problem(command: JointState, limits: dict[str, float]) -> Optional[s
                 f'({names}); each joint needs one')
     for name, position in zip(command.name, command.position):
         if name not in limits:
-            return f'there is no joint {quoted(name)}; the joints are {", ".join(limits)}'
+            return (f'there is no joint {quoted(name)}. '
+                    f'{suggest_names(name, tuple(limits), "joints")}')
         if not abs(position) <= limits[name]:  # NaN, too
             return (f'{name} must be at an angle from {-limits[name]} to {limits[name]} rad, '
                     f'got {position}')

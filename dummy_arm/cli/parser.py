@@ -3,7 +3,6 @@
 import argparse
 from collections.abc import Callable, Sequence
 from decimal import Context, Inexact, InvalidOperation
-from difflib import get_close_matches
 from math import isfinite
 import os
 import re
@@ -12,7 +11,7 @@ import sys
 from typing import Any, NoReturn, Optional
 
 from dummy_arm.cli.signals import record_signals
-from dummy_arm.tf.formatting import SECOND, visible
+from dummy_arm.tf.formatting import near_names, SECOND, visible
 
 #: Decimal arithmetic that raises an exception instead of rounding.
 _EXACT = Context(prec=50, traps=[Inexact, InvalidOperation])
@@ -42,7 +41,7 @@ class Parser(argparse.ArgumentParser):
         for argument in message.removeprefix('unrecognized arguments: ').split():
             name = argument.split('=')[0]
             near = [*(option for option in self._option_string_actions if option.startswith(name)),
-                    *get_close_matches(name, self._option_string_actions, cutoff=0.75)]
+                    *near_names(name, self._option_string_actions, 0.75)]
             if near and name.startswith('--') and message.startswith('unrecognized'):
                 message = f'{message} (did you mean {near[0]}?)'
         usage = ' '.join(self.format_usage().split())

@@ -4,7 +4,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from itertools import chain, combinations, pairwise
 from math import ceil
 from operator import attrgetter, itemgetter
-import re
 from typing import NamedTuple, Optional
 
 import numpy as np
@@ -26,6 +25,7 @@ from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import (
     comma_list,
     display_time,
+    is_slip,
     quoted,
     SECOND,
     shortened,
@@ -49,8 +49,6 @@ _ONCE = 2 * SECOND
 _SHARE = 0.05
 #: The frames of REP 105, from the root to the robot.
 _REP_105 = 'earth', 'map', 'odom', 'base_link'
-#: Names that are shorter than this are not compared letter by letter.
-_SHORTEST_NAME = 3
 #: The names of this many roots are compared with those of the other frames.
 _MOST_ROOTS = 100
 #: By heading in docs/troubleshooting.md: the checks that it explains; 'Other faults' are the rest.
@@ -766,14 +764,13 @@ def _empty_name(observation: Observation) -> Iterator[_Fault]:
         'mistake in the name that separates the trees.',
         'If both are the same frame, use the same name.')
 def _similar_name(observation: Observation) -> Iterator[_Fault]:
-    plain = {name: re.sub(r'[\W_]', '', name.lower()) for name in observation.tree_of}
     roots = [root for tree in observation.trees for root in observation.roots(tree)]
     seen = set()
     for root in roots[:_MOST_ROOTS]:
         for name, tree in observation.tree_of.items():
             if (tree != observation.tree_of[root] and (name, root) not in seen
-                    and _is_similar(plain[root], plain[name])
-                    and not _are_alike(*([plain[each] for each in observation.trees[i]]
+                    and is_slip(root, name)
+                    and not _are_alike(*(observation.trees[i]
                                          for i in (tree, observation.tree_of[root])))):
                 seen.add((root, name))
                 yield _Fault(
@@ -781,21 +778,10 @@ def _similar_name(observation: Observation) -> Iterator[_Fault]:
                     [track for track in observation.tracks if root in track.parents], [root, name])
 
 
-def _is_similar(a: str, b: str) -> bool:
-    """Return whether two names are equal or differ by one letter."""
-    if a == b or abs(len(a) - len(b)) > 1 or min(len(a), len(b)) < _SHORTEST_NAME:
-        return a == b != ''
-    if re.sub(r'\d', '', a) == re.sub(r'\d', '', b):  # numbered on purpose
-        return False
-    same = next((i for i, (x, y) in enumerate(zip(a, b)) if x != y), min(len(a), len(b)))
-    a, b = a[same:], b[same:]
-    return a[1:] == b[1:] or a[1:] == b or a == b[1:]
-
-
-def _are_alike(names: list[str], others: list[str]) -> bool:
+def _are_alike(names: Sequence[str], others: Sequence[str]) -> bool:
     """Return whether two trees are those of similar robots: the names differ on purpose."""
     return len(names) == len(others) and all(
-        a != b and _is_similar(a, b) for a, b in zip(sorted(names), sorted(others)))
+        is_slip(a, b) for a, b in zip(sorted(names), sorted(others)))
 
 
 @_check('other_namespace', WARNING,

@@ -6,7 +6,6 @@ The check needs no ROS: its input is a list of received or recorded messages.
 
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from difflib import get_close_matches
 from functools import cached_property, partial
 from itertools import combinations, groupby, pairwise
 from math import asin, degrees, log, pi, radians
@@ -29,7 +28,7 @@ from dummy_arm.grading.records import (
 from dummy_arm.grading.sine import FASTEST, FEWEST, fit, fit_sine, Floats, Sine
 from dummy_arm.inspection.traffic import recreated
 from dummy_arm.tf.bag import NOT_RECORDED
-from dummy_arm.tf.formatting import comma_list, match_candidates, SECOND, shortened
+from dummy_arm.tf.formatting import comma_list, near_names, SECOND, shortened
 
 #: How far a position may be from the required position (m), and how far a frame may be rotated
 #: about an axis about which it must not rotate (rad).
@@ -801,14 +800,9 @@ def _nearest(name: str, others: Sequence[str]) -> str:
     """Return the name that is probably a misspelling of a frame's name; '' if there is none."""
     # The names of the joints differ in one digit only, so a similar name must have the same digit.
     digits = [character for character in name if character.isdigit()]
-    candidates = {_folded(other): other for other in match_candidates(others)
-                  if [character for character in other if character.isdigit()] == digits}
-    near = get_close_matches(_folded(name), candidates, 1, 0.75)
-    return candidates[near[0]] if near else ''
-
-
-def _folded(name: str) -> str:
-    return ''.join(character for character in name.lower() if character.isalnum())
+    candidates = [other for other in others
+                  if [character for character in other if character.isdigit()] == digits]
+    return next(iter(near_names(name, candidates, 0.75)), '')
 
 
 def _name(name: str) -> str:

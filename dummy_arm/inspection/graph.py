@@ -10,7 +10,13 @@ from tempfile import TemporaryFile
 
 from dummy_arm.inspection.forest import Forest, frequency
 from dummy_arm.tf import Frame
-from dummy_arm.tf.formatting import display_time, dot_quoted, exact_time, in_seconds, visible
+from dummy_arm.tf.formatting import (
+    display_time,
+    dot_quoted,
+    exact_time,
+    in_seconds,
+    visible_name,
+)
 
 #: The interval of `tick` (s).
 _STEP = 0.05
@@ -70,7 +76,7 @@ def _edge_label(frame: Frame) -> str:
 
 
 def _label(text: str) -> str:
-    text = '\n'.join(visible(line) for line in text.split('\n'))
+    text = '\n'.join(visible_name(line) for line in text.split('\n'))
     for character, escaped in (('&', '&amp;'), ('<', '&lt;'), ('"', '&quot;'), ('\\', '\\\\'),
                                ('\n', '\\n')):
         text = text.replace(character, escaped)

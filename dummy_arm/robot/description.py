@@ -11,7 +11,7 @@ from threading import Lock
 from typing import Any, NoReturn, Optional, Union
 from xml.etree import ElementTree
 
-from dummy_arm.tf.formatting import abbreviated, comma_list, quoted, visible
+from dummy_arm.tf.formatting import abbreviated, comma_list, quoted, suggest_names, visible
 from dummy_arm.tf.rotations import (
     conjugate,
     multiply,
@@ -162,9 +162,10 @@ def parse(text: str) -> Description:
     _names(robot, 'joint')
     with _silent_parser() as urdf:
         joints = [_joint(element, urdf) for element in robot.findall('joint')]
-        known = {joint.name for joint in joints}
+        known = dict.fromkeys(joint.name for joint in joints)
         warnings = [f'joint {quoted(joint.name)} mimics {quoted(joint.mimic.joint)}, which is not '
-                    'a joint of the robot: correct the name'
+                    'a joint of the robot: correct the name. '
+                    f'{suggest_names(joint.mimic.joint, tuple(known), "joints")}'
                     for joint in joints if joint.mimic and joint.mimic.joint not in known]
         root, parents = _tree(links, joints, warnings)
         visuals, collisions = _shapes(robot, urdf, warnings)
@@ -351,7 +352,8 @@ def _tree(links: Sequence[str], joints: Iterable[Joint], warnings: list[str]
         for role, link in ('parent', joint.parent), ('child', joint.child):
             if link not in children:
                 _refuse(f'joint {quoted(joint.name)}: the {role} {quoted(link)} is not a link of '
-                        f'the robot: write <link name="..."/>, or correct the name')
+                        'the robot: write <link name="..."/>, or correct the name. '
+                        f'{suggest_names(link, tuple(links), "links")}')
         if joint.parent == joint.child:
             _refuse(f'joint {quoted(joint.name)} connects the link {quoted(joint.child)} with '
                     'itself: parent and child must differ')

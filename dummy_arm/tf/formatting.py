@@ -12,9 +12,10 @@ from dummy_arm.tf._core.texts import (
     comma_list,
     full_name,
     in_log,
+    is_slip,
     LONGEST,
-    match_candidates,
     namespace_path,
+    near_names,
     quoted,
     SECTION_NAMES,
     see,
@@ -23,6 +24,7 @@ from dummy_arm.tf._core.texts import (
     TF_MESSAGE,
     visible,
     visible_lines,
+    visible_name,
 )
 from dummy_arm.tf._core.times import display_time, exact_time, in_seconds, SECOND
 
@@ -39,12 +41,14 @@ __all__ = [
     'full_name',
     'in_log',
     'in_seconds',
-    'match_candidates',
+    'is_slip',
     'namespace_path',
+    'near_names',
     'quoted',
     'see',
     'shortened',
     'suggest_names',
     'visible',
     'visible_lines',
+    'visible_name',
 ]

@@ -12,7 +12,7 @@ from dummy_arm.cli.signals import sleep
 from dummy_arm.inspection.terminal import fixed_point, Once
 from dummy_arm.tf import Transform, TransformException
 from dummy_arm.tf.exceptions import tf2_words
-from dummy_arm.tf.formatting import exact_time, in_log, SECOND, visible_lines
+from dummy_arm.tf.formatting import exact_time, SECOND, shortened, visible_lines
 from dummy_arm.tf.rotations import euler_from_quaternion
 
 RATE = 1.0  # Hz
@@ -90,7 +90,7 @@ def _echo(source_frame: str, target_frame: str, hertz: float, time: int, precisi
         say = Once()
         while why := frame_listener.why_no_transform(source_frame, target_frame, time, say):
             node.get_logger().info(
-                f'Waiting for transform {in_log(source_frame)} ->  {in_log(target_frame)}: '
+                f'Waiting for transform {shortened(source_frame)} ->  {shortened(target_frame)}: '
                 f'{visible_lines(why)}')
             next_log = monotonic() + _LOG_PERIOD
             while monotonic() < next_log and not buffer.can_transform(

@@ -66,7 +66,8 @@ class Chain:
     def lines(self) -> list[str]:
         first, last = self.ends
         if why := self._frame_listener.why_no_transform(first, last, 0, self._say):
-            return wrapped(visible(f'Waiting for transform {first} ->  {last}: {why}'))
+            return wrapped(f'Waiting for transform {shortened(first)} ->  {shortened(last)}: '
+                           f'{visible(why)}')
         age = summarize([self._ages], self._frame_listener.now())
         return [f'Chain is: {" -> ".join(map(shortened, self.frames()))}',
                 'Net delay     none: all transforms are static, or the time is not known'

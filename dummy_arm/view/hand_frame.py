@@ -9,7 +9,7 @@ import viser
 
 from dummy_arm.inspection.forest import self_and_ancestors
 from dummy_arm.tf import is_too_long
-from dummy_arm.tf.formatting import visible
+from dummy_arm.tf.formatting import suggest_names, visible, visible_name
 from dummy_arm.tf.rotations import euler_from_quaternion, quaternion_from_euler
 from dummy_arm.view.controls import FrameChoice
 from dummy_arm.view.copied import command_line, copied, decimal
@@ -166,7 +166,9 @@ def _problem(transform: StaticTransform, placement: Placement, can_be_published:
     if name.startswith('/'):
         return f'the name {name} begins with a slash, which tf2 does not allow'
     if parent not in placement.names:
-        return f'the parent {visible(parent)} does not exist' if parent else 'choose a parent'
+        return (f'the parent {visible_name(parent)} does not exist. '
+                f'{suggest_names(parent, tuple(placement.names))}' if parent else
+                'choose a parent')
     if name == parent:
         return f'frame {name} cannot be its own parent'
     if name in self_and_ancestors(parent, placement.frames):

@@ -12,7 +12,7 @@ import trimesh
 import viser
 
 from dummy_arm.robot.descriptions import DescriptionOrWhy
-from dummy_arm.tf.formatting import comma_list, visible
+from dummy_arm.tf.formatting import comma_list, visible_name
 from dummy_arm.view.body import Body, BodyDisplay
 from dummy_arm.view.display import VIEWS
 from dummy_arm.view.meshes import Meshes
@@ -216,7 +216,8 @@ def _grid(cell: float) -> NDArray[np.float64]:
 
 def _texts(placement: Placement, display: Display) -> list[str]:
     """Return the text of each label; '' if the frame is not shown, or shares its parent's."""
-    texts = ['' if age >= display.timeout or name in display.hidden else _cut(visible(name))
+    texts = ['' if age >= display.timeout or name in display.hidden else
+             _cut(visible_name(name))
              for name, age in zip(placement.names, placement.ages.tolist())]
     label_of = list(range(len(texts)))
     for i, (name, parent) in enumerate(zip(placement.names, placement.parents)):

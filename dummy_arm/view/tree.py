@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Optional
 import viser
 
 from dummy_arm.inspection.forest import Forest, frequency, self_and_ancestors
-from dummy_arm.tf.formatting import visible
+from dummy_arm.tf.formatting import visible_name
 from dummy_arm.view.details import html
 from dummy_arm.view.placement import descend, Placement
 
@@ -158,7 +158,7 @@ class Tree:
                 self._buttons.append(button)
         for button, row in zip(self._buttons, self._rows):
             for attribute, value in (('label', row.text), ('color', row.colour),
-                                     ('hint', visible(row.name)), ('visible', True)):
+                                     ('hint', visible_name(row.name)), ('visible', True)):
                 if getattr(button, attribute) != value:
                     setattr(button, attribute, value)
         for button in self._buttons[len(self._rows):]:
@@ -186,7 +186,7 @@ class Tree:
             colour = (_HIDDEN if line.name in hidden else _STATIC if frame is None
                       or frame.is_static else next(
                           colour for colour, age in _COLOURS if silence <= age))
-            text = _row_text(min(line.level - top, _DEEPEST), visible(line.name), rate,
+            text = _row_text(min(line.level - top, _DEEPEST), visible_name(line.name), rate,
                              _SELECTED if line.name == selected else '')
             yield _Row(line.name, text, colour)
 

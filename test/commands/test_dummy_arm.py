@@ -379,7 +379,9 @@ def test_a_new_limit_moves_a_held_joint(arm):
 
 @pytest.mark.parametrize(('names', 'positions', 'problem'), [
     (['joint_1', 'joint_9\n'], [0.1, 0.1],
-     r"there is no joint 'joint_9\n'; the joints are joint_1, joint_2, joint_3"),
+     r"there is no joint 'joint_9\n'. Nearest known: 'joint_3', 'joint_2', 'joint_1'."),
+    (['Joint-1'], [0.1],
+     "there is no joint 'Joint-1'. Nearest known: 'joint_1', 'joint_3', 'joint_2'."),
     (['joint_1', 'joint_2'], [0.1],
      'it has 1 positions for 2 joints (joint_1, joint_2); each joint needs one'),
     ([], [0.1], 'it has 1 positions for 0 joints (none); each joint needs one'),

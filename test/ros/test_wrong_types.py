@@ -86,7 +86,7 @@ def test_a_duration_as_the_time(buffer, name, duration):
 def test_a_duration_as_the_time_of_an_unknown_frame(buffer):
     """The hint follows the other one."""
     assert error_of(LookupException, buffer.lookup_transform, 'map', 'tol', DURATION).endswith(
-        f"Nearest known: 'tool'. See troubleshooting.md: A frame does not exist.{NOTE}")
+        f"Nearest known: 'tool'.{NOTE} More: tf_doctor --explain missing_frame")
 
 
 @pytest.mark.parametrize('times', [(DURATION, Time()), (Time(nanoseconds=T), DURATION)])
@@ -107,7 +107,7 @@ def test_a_duration_as_the_time_of_can_transform(buffer):
                                              return_debug_tuple=True),
                    buffer.can_transform_full_core('map', DURATION, 'tool', DURATION, 'x')):
         assert answer[0] is False
-        assert answer[1].endswith(NOTE)
+        assert NOTE in answer[1]
 
 
 def test_a_duration_as_the_time_that_tf2_accepts(buffer):

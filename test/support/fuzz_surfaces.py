@@ -38,7 +38,7 @@ from dummy_arm.tf import TransformBuffer, TransformException
 from dummy_arm.tf._core.frames import as_dot as frames_as_dot
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire import cdr
-from dummy_arm.tf.formatting import visible, visible_lines
+from dummy_arm.tf.formatting import visible, visible_lines, visible_name
 from dummy_arm.tools.tf2_monitor import format_traffic
 from dummy_arm.tools.view_frames import format_tree
 from dummy_arm.view.details import details, overview
@@ -274,7 +274,8 @@ def _check_graphs(buffer: TransformBuffer, frames: Any, names: list[str]) -> Non
     assert len(graph.edges()) == len(frames)
     labels = [unescape(re.sub(r'\\(.)', lambda found: found[1].replace('n', '\n'),
                               node.attr['label'])) for node in graph.nodes()]
-    assert sorted(labels) == sorted(map(visible_lines, names))
+    assert sorted(labels) == sorted(
+        '\n'.join(map(visible_name, name.split('\n'))) for name in names)
     # Rules for the graph of tf2's format, in which a name stands as it is: a backslash in an
     # identifier is doubled, and graphviz leaves it so; a name that begins with a percent sign is
     # one of graphviz's own, which pygraphviz cannot read; a lone surrogate is not UTF-8; and a

@@ -323,7 +323,8 @@ def test_a_mimic_of_an_unknown_joint_is_named():
     """The joint moves by itself."""
     text = robot(joint('j', 'revolute', 'a', 'b', more='<mimic joint="k"/>'), links='ab')
     assert parse(text).warnings == (
-        "joint 'j' mimics 'k', which is not a joint of the robot: correct the name",)
+        "joint 'j' mimics 'k', which is not a joint of the robot: correct the name. "
+        "Known joints: 'j'.",)
 
 
 def test_a_long_file_with_long_characters(tmp_path):

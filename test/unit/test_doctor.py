@@ -307,6 +307,10 @@ CASES = {
         {'several_trees'}),
     'a root with a letter less': (
         [*robot(), static('base_lnk lamp')], {'similar_name', 'several_trees'}),
+    'a root in capitals': (
+        [*robot(), static('BASE_LINK lamp')], {'similar_name', 'several_trees'}),
+    'roots of short words': (
+        [*robot(), static('wheel_fl a'), static('wheel_fr b')], {'several_trees'}),
     'a root with another number': ([*robot(), static('map2 lamp')], {'several_trees'}),
     'short and empty names': ([*robot(), static('_ lamp', '- x')], {'several_trees'}),
     'a camera that is not connected': (

@@ -361,7 +361,7 @@ def compared(monkeypatch):
     """The lists of names in which names similar to an unknown one are searched."""
     lists = []
 
-    def get_close_matches(name, names, number):
+    def get_close_matches(name, names, number, _):
         lists.append(names)
         return [other for other in names if other.startswith(name)][:number]
 

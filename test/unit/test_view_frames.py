@@ -9,6 +9,7 @@ import pytest
 
 from dummy_arm.cli.parser import CommandError, UsageError
 from dummy_arm.inspection.forest import Forest
+from dummy_arm.inspection.graph import as_dot
 from dummy_arm.tf import Frame
 from dummy_arm.tools import tf2_echo, view_frames
 from dummy_arm.tools.view_frames import main
@@ -76,6 +77,14 @@ def test_an_age_is_not_negative(now, age):
     """0: the clock of the node waits for /clock."""
     (_, line) = view_frames.format_tree(Forest([dynamic('arm', 'base')]), now)
     assert line.split(maxsplit=4)[-1].startswith(age)
+
+
+def test_a_blank_at_the_end_of_a_name_shows():
+    """In the terminal and in the drawing."""
+    forest = Forest([static('base_link ', 'map'), static('arm', 'base_link')])
+    assert view_frames.format_tree(forest, 0)[1].startswith(
+        "└── 'base_link '     static ")
+    assert '[label="\'base_link \'"];' in as_dot(forest, 0)
 
 
 def test_a_long_name_is_abbreviated_and_moves_only_its_own_line():

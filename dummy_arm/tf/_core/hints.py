@@ -11,6 +11,7 @@ from typing import Any, NamedTuple, Optional
 
 from dummy_arm.tf._core.texts import (
     comma_list,
+    difference,
     in_log,
     MAX_TOPICS,
     quoted,
@@ -111,10 +112,14 @@ def unknown_frame(look: Look, name: str, known: tuple[str, ...], advice: str, wa
 
 
 def unconnected(look: Look, target: str, target_root: str, source: str, source_root: str,
-                advice: str, waited: float) -> str:
+                advice: str, find_slip: Callable[[], str], waited: float) -> str:
     around = look()
-    if advice or not around.topics:
-        remedy = _missing_part(advice) if advice else see('Two unconnected trees')
+    if advice:
+        remedy = _missing_part(advice)
+    elif remedy := find_slip():
+        remedy = f' {remedy}'
+    elif not around.topics:
+        remedy = see('Two unconnected trees')
     else:
         remedy = ' ' + (
             _elsewhere(around, '', (target_root, source_root)) or topics(around)
@@ -122,6 +127,14 @@ def unconnected(look: Look, target: str, target_root: str, source: str, source_r
             or f'Publish a transform between the two trees.{see("Two unconnected trees")}')
     return (f' {quoted(target)} is in the tree with root {quoted(target_root)}, '
             f'{quoted(source)} in the tree with root {quoted(source_root)}.{remedy}')
+
+
+def slip(name: str, other: str) -> str:
+    """Say that two names, each in one of two trees, are probably meant to be one."""
+    how = difference(name, other)
+    remedy = ('' if how != 'a letter' else 'if they are one frame, ') + 'use one name'
+    return (f'{quoted(name)} in the one tree and {quoted(other)} in the other differ by {how}: '
+            f'{remedy}.{see("Two unconnected trees")}')
 
 
 def _missing_part(advice: str) -> str:
@@ -451,6 +464,10 @@ def hint_at_duration(error: TransformException, *times: Any) -> None:
     if error._parts and any(type(time).__name__ == 'Duration' for time in times):
         # The hint of an ExtrapolationException would look for causes in the clocks.
         before = None if isinstance(error, ExtrapolationException) else error._parts[1]
-        with_hint(error, lambda waited: (
-            f'{before(waited) if before else ""} Note that the time is a Duration: did you mean '
-            'timeout=?'))
+
+        def hint(waited: float) -> str:
+            text, see_more, section = (before(waited) if before else '').partition(' More: ')
+            return (f'{text} Note that the time is a Duration: did you mean timeout=?'
+                    f'{see_more}{section}')
+
+        with_hint(error, hint)

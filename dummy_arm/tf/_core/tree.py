@@ -5,6 +5,7 @@ from functools import partial, reduce
 from itertools import pairwise, takewhile
 from time import monotonic_ns
 from typing import Any, Optional
+from weakref import ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,8 @@ from dummy_arm.tf.exceptions import (
 MAX_GRAPH_DEPTH = 1000
 #: A time after all stamps (ns), which are int64.
 _END = 2**63
+#: The largest number of names that are compared with the root of another tree.
+_MAX_SLIPS = 5000
 
 
 class FrameTree:
@@ -295,8 +298,9 @@ class FrameTree:
         seen = {frame}
         for name in found:
             if (history := self.histories[name]) is not None:
-                found += [parent for parent in history.all_parents if parent not in seen]
-                seen.update(history.all_parents)
+                parents = [*history.all_parents]  # at once, since `_slip` has no lock
+                found += [parent for parent in parents if parent not in seen]
+                seen.update(parents)
         return seen
 
     def _append(self, chain: list[str], frame: str) -> None:
@@ -412,13 +416,29 @@ class FrameTree:
             if (history := self.histories[root]) is not None and not len(history):
                 return partial(hints.cleared, self.look, root)
         return partial(hints.unconnected, self.look, target, target_root, source, source_root,
-                       self.advice)
+                       self.advice,
+                       partial(_slip, ref(self), self.names, target_root, source_root))
 
     def _unconnected(self, target: str, source: str, time: int = _END) -> ConnectivityException:
         from_source, from_target, _ = self._chains_to_meeting(source, target, time)
         return with_hint(
             ConnectivityException(texts.unconnected(target, source)),
             self._why_unconnected(target, [*from_target][-1], source, [*from_source][-1]))
+
+
+def _slip(tree_ref: ref[FrameTree], names: tuple[str, ...], *roots: str) -> str:
+    """
+    Name a root and a frame of the other tree that are probably meant to be one frame.
+
+    The lock is not needed: frames are never removed.
+    """
+    tree = tree_ref()
+    if tree is not None:
+        for root, other in roots, roots[::-1]:
+            for name in names[:_MAX_SLIPS]:
+                if texts.is_slip(root, name) and other in tree._all_ancestors(name):
+                    return hints.slip(name, root)
+    return ''
 
 
 def _union(stamps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -1,0 +1,112 @@
+"""Names in texts: which are similar, which are slips, and how they are printed."""
+
+import pytest
+
+from dummy_arm.tf import ConnectivityException, TransformBuffer
+from dummy_arm.tf._core.texts import difference, is_slip, near_names, shortened
+
+STILL = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
+#: Two names of one frame, and by what they differ.
+SLIPS = [
+    ('base_link ', 'base_link', 'a blank at the end'), (' odom', 'odom', 'a blank at the begin'),
+    (' map ', 'map', 'blanks at the ends'), ('Base_Link', 'base_link', 'case'),
+    ('/base_link', 'base_link', 'a slash at the beginning'), ('laser-1', 'laser_1', "'-' and '_'"),
+    ('camera\u200b', 'camera', 'a character that cannot be seen'),
+    ('Base-Link', 'base_link', 'case, blanks or signs'), ('robot/base', 'robot_base', 'case, bl'),
+    ('base_lnk', 'base_link', 'a letter'), ('robot1/odem', 'robot1/odom', 'a letter'),
+    ('tools', 'tool', 'a letter')]
+#: Names that are different on purpose.
+DIFFERENT = [
+    ('left_wheel', 'right_wheel'), ('camera_1', 'camera_2'), ('joint_1', 'joint_2'),
+    ('link_1_1', 'link_11'), ('map2', 'map'), ('wheel_fl', 'wheel_fr'), ('arm_x', 'arm_y'),
+    ('x+', 'x-'), ('robot_a/base', 'robot_b/base'), ('tim/odom', 'tom/odom'), ('_', '-'),
+    ('', ' '), ('map', 'odom'), ('rgb', 'imu'), ('map', 'map')]
+
+
+@pytest.mark.parametrize(('name', 'other', 'what'), SLIPS)
+def test_a_slip_is_told_by_its_difference(name, other, what):
+    """The order of the two names does not matter."""
+    assert is_slip(name, other)
+    assert is_slip(other, name)
+    assert difference(name, other) == difference(other, name)
+    assert difference(name, other).startswith(what)
+
+
+@pytest.mark.parametrize(('name', 'other'), DIFFERENT)
+def test_names_that_differ_on_purpose(name, other):
+    """Other numbers, sides, short words and namespaces are no slips."""
+    assert not is_slip(name, other)
+    assert not is_slip(other, name)
+
+
+@pytest.mark.parametrize(('name', 'nearest'), [
+    ('BASE_LINK', 'base_link'), ('base_link ', 'base_link'), ('/odom', 'odom'),
+    ('baselink', 'base_link'), ('BASE-LNIK', 'base_link'), ('joint1', 'joint_1')])
+def test_case_blanks_and_signs_do_not_hide_the_nearest_name(name, nearest):
+    """It is the first of those that an error lists."""
+    known = ['base_laser', 'base_link', 'joint_2', 'joint_1', 'odom', 'map']
+    assert near_names(name, known)[0] == nearest
+
+
+@pytest.mark.parametrize(('name', 'printed'), [
+    ('base_link ', "'base_link '"), (' map', "' map'"), ('base link', 'base link'),
+    ('tool\t', r'tool\t'), ('odom\u00a0', r'odom\xa0'), ('', '')])
+def test_a_blank_at_an_end_is_printed(name, printed):
+    """Other white space is escaped, as each character that is not printable."""
+    assert shortened(name) == printed
+
+
+def error_of_two_trees(*edges, target, source):
+    """Return the text of the error of a lookup between two trees."""
+    buffer = TransformBuffer()
+    for parent, child in edges:
+        buffer.insert(0, parent, child, STILL, is_static=True)
+    with pytest.raises(ConnectivityException) as raised:
+        buffer.lookup_transform(target, source)
+    return str(raised.value)
+
+
+@pytest.mark.parametrize(('name', 'other', 'what'), [
+    slip for slip in SLIPS if not slip[0].startswith('/')])  # tf2 removes the slash
+@pytest.mark.parametrize('ends', [('top', 'tip'), ('tip', 'top')])
+def test_two_trees_because_of_a_slip(name, other, what, ends):
+    """The error names both; the frames of the lookup may be others."""
+    target, source = ends
+    text = error_of_two_trees(
+        ('top', name), (other, 'arm'), ('arm', 'tip'), target=target, source=source)
+    remedy = 'if they are one frame, use one name' if what == 'a letter' else 'use one name'
+    assert f'{name!r} in the one tree and {other!r} in the other differ by {what}' in text
+    assert f': {remedy}. More: ' in text
+
+
+@pytest.mark.parametrize(('name', 'other'), [
+    pair for pair in DIFFERENT if all(pair) and pair[1] != 'map'])
+def test_two_trees_with_names_on_purpose(name, other):
+    """Only the roots are named."""
+    text = error_of_two_trees(('top', name), (other, 'tip'), target='top', source='tip')
+    assert 'differ by' not in text
+    assert ' in the tree with root ' in text
+
+
+def test_a_slip_within_one_tree_is_not_the_cause_of_two():
+    """The two similar names are connected with each other."""
+    text = error_of_two_trees(
+        ('base_link ', 'base_link'), ('map', 'odom'), target='odom', source='base_link')
+    assert 'differ by' not in text
+    assert ' in the tree with root ' in text
+
+
+def test_a_slip_in_a_third_tree_is_not_the_cause():
+    """Neither of the two frames is connected with it."""
+    text = error_of_two_trees(('base_link', 'arm'), ('map', 'odom'), ('earth', 'base_link '),
+                              target='odom', source='arm')
+    assert 'differ by' not in text
+    assert ' in the tree with root ' in text
+
+
+def test_the_corrected_name_connects_the_trees():
+    """This is the remedy of the error."""
+    buffer = TransformBuffer()
+    for parent, child in ('map', 'base_link'), ('base_link', 'arm'):
+        buffer.insert(0, parent, child, STILL, is_static=True)
+    assert buffer.lookup_transform('map', 'arm')
