@@ -19,7 +19,8 @@ from std_msgs.msg import String
 from dummy_arm.robot.description import DescriptionError, parse
 from dummy_arm.robot.robot_transforms import Edge, RobotTransforms
 from dummy_arm.tf import TFMessage
-from dummy_arm.tf.formatting import quoted
+from dummy_arm.tf.formatting import comma_list, in_log, quoted
+from dummy_arm.tf.publisher_listener import node_of
 
 #: The time (s) after which joints without a position are named.
 PATIENCE = 5.0
@@ -56,7 +57,8 @@ class RobotStatePublisher(Node):
             raise DescriptionError('robot_description parameter must not be empty: set it to the '
                                    'URDF text, or name a URDF file')
         self._description = parse(text)
-        self._transforms = RobotTransforms(self._description, self.get_logger().warning)
+        self._transforms = RobotTransforms(
+            self._description, self.get_logger().warning, self._state_publishers)
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
         self._text_publisher = self.create_publisher(String, 'robot_description', latched)
         overrides = QoSOverridingOptions.with_default_policies()
@@ -70,9 +72,10 @@ class RobotStatePublisher(Node):
             ['publish_frequency', 'frame_prefix', 'ignore_timestamp', 'robot_description'])])
         self.add_on_set_parameters_callback(self._check)
         self.add_post_set_parameters_callback(self._apply)
-        self.create_subscription(JointState, 'joint_states', self._answer,
-                                 copy(qos_profile_sensor_data),  # overrides change it
-                                 qos_overriding_options=overrides)
+        self._states = self.create_subscription(
+            JointState, 'joint_states', self._answer,
+            copy(qos_profile_sensor_data),  # overrides change it
+            qos_overriding_options=overrides)
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         for parameter in parameters:
@@ -113,6 +116,12 @@ class RobotStatePublisher(Node):
                                         states.position, self.get_clock().now().nanoseconds)
         if edges is not None:
             self._tf.publish(_message(edges, stamp))
+
+    def _state_publishers(self) -> str:
+        topic = self._states.topic_name
+        names = {node_of(info) for info in self.get_publishers_info_by_topic(topic)}
+        return (f'; publishers of {in_log(topic)}: {comma_list(sorted(names), 5, in_log)}'
+                if names else '')
 
     def _warn_of_description(self) -> None:
         warnings = [*self._description.warnings, *(

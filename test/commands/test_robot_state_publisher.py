@@ -3,10 +3,12 @@
 from functools import partial
 import json
 import signal
+from typing import Any
 
 from cli_runner import call
 from processes import tool
 import pytest
+from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from recorded_robots import ACCEPTED, answer, assert_equal, CASES, fixed, OF_THE_COMMAND
@@ -133,6 +135,28 @@ def apply(node, peer, change):
         result, = node.set_parameters([Parameter(name, value=value)])
         assert result.successful == change['result'][0]
         assert result.successful or result.reason.isprintable()
+
+
+def test_a_late_state_after_a_reset_of_the_clock(domain_id):
+    """It is ignored, the next ones are answered, and the log names stamp and publisher."""
+    chain, logs = CASES['chain'], list[Any]()
+    names, positions = (chain['joint_states'][0][key] for key in ('name', 'position'))
+    with command_node(lambda: RobotStatePublisher(chain['urdf'], parameter_overrides=[
+            Parameter('use_sim_time', value=True)]), domain_id) as (node, ros):
+        peer = Peer(ros)
+        tf, = (publisher for publisher in node.publishers if publisher.topic_name == '/tf')
+        ros.until(tf.get_subscription_count)
+        ros.node.create_subscription(
+            Log, '/rosout', logs.append, 100)
+        found = []
+        for clock, stamp in (110, 110), (5, 5), (6, 111), (7, 7), (7, 2**31 - 1), (8, 8):
+            apply(node, peer, {'clock': [clock, 0]})
+            found += [(clock, stamp) for _ in peer.send(
+                joint_states([stamp, 0], names, positions))]
+        assert found == [(110, 110), (5, 5), (7, 7), (8, 8)]
+        ros.until(lambda: any(
+            'ahead of the clock of this node by 105.0 s' in log.msg and log.msg.endswith(
+                'publishers of /joint_states: /test') for log in logs))
 
 
 @pytest.mark.parametrize('name', OF_THE_COMMAND)

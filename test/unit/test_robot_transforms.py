@@ -1,6 +1,7 @@
 """The rules of robot_state_publisher, against what the real 3.3.3 has answered."""
 
 import re
+from typing import Any
 from xml.etree import ElementTree
 
 import pytest
@@ -16,6 +17,7 @@ from recorded_robots import (
     ZERO_AXES,
 )
 
+from dummy_arm.robot import robot_transforms
 from dummy_arm.robot.description import Description, DescriptionError, parse
 from dummy_arm.robot.robot_transforms import RobotTransforms
 
@@ -188,3 +190,97 @@ def test_remembered_names_are_bounded():
     for i in range(30):
         transforms.moving(10**9, [f'{i} {j}' for j in range(1000)], [0.0] * 1000, NOW)
     assert len(transforms._last) <= 12_000
+
+
+S = 10**9
+
+
+@pytest.fixture
+def present(monkeypatch):
+    """A list whose last item is the present on the monotonic clock (s)."""
+    present = [1.0]
+    monkeypatch.setattr(robot_transforms, 'monotonic', lambda: present[-1])
+    return present
+
+
+def answered(transforms, states):
+    """Send states of joint 'a'; each is the stamp and the node's time (s). Return the stamps."""
+    return [stamp for stamp, now in states
+            if transforms.moving(round(stamp * S), ['a'], [0.2], round(now * S)) is not None]
+
+
+LATE: dict[str, tuple[list[Any], list[Any]]] = {
+    'after a reset': ([(110, 110)], [(110, 5.3)]),
+    'the first one after a reset': ([(110, 110), (5, 5)], [(110, 5.3)]),
+    'a burst': ([(110, 110), (5, 5)], [(109 + i / 10, 5.3) for i in range(10)]),
+    'far in the future': ([(5, 5)], [(2**31 - 1, 5.3)]),
+    'another clock': ([(5, 5), (1.7e9, 5.1), (5.1, 5.1), (1.7e9, 5.2)], [(1.7e9, 5.3)]),
+}
+
+
+@pytest.mark.parametrize('name', LATE)
+@pytest.mark.usefixtures('present')
+def test_a_state_ahead_of_the_clock_is_ignored(name):
+    """Those in time go on at once; buffers would refuse them after the transform of this one."""
+    before, late = LATE[name]
+    transforms, warnings = publisher(parse(TWO))
+    answered(transforms, before)
+    assert answered(transforms, late) == []
+    in_time = [(5.35 + i / 20, 5.36 + i / 20) for i in range(20)]
+    assert answered(transforms, in_time) == [stamp for stamp, _ in in_time]
+    assert sum('ahead of the clock' in text for text in warnings) == 1
+
+
+AHEAD: dict[str, list[Any]] = {
+    'from the start': [(100 + i / 10, 5 + i / 10) for i in range(30)],
+    'far in the future, from the start': [(2**31 - 1, 5 + i) for i in range(5)],
+    'before the first message on /clock': [(10 * i, 0) for i in range(1, 9)],
+    'a clock that is ahead by less than 1 s': [(5.9 + i / 10, 5 + i / 10) for i in range(30)],
+}
+
+
+@pytest.mark.parametrize('name', AHEAD)
+def test_states_that_are_always_ahead_are_answered(name):
+    """As by the real one; and they do not hold back states that are in time afterwards."""
+    transforms, _ = publisher(parse(TWO))
+    assert answered(transforms, AHEAD[name]) == [stamp for stamp, _ in AHEAD[name]]
+    now = AHEAD[name][-1][1] + 1.1
+    assert answered(transforms, [(now, now), (now + 0.05, now + 0.05)]) == [now, now + 0.05]
+
+
+def test_a_publisher_whose_clock_jumps_ahead_is_believed(present):
+    """After half a second; so is one that goes on after /clock has stopped."""
+    transforms, warnings = publisher(parse(TWO))
+    assert answered(transforms, [(5, 5), (100, 5.1), (100.1, 5.1)]) == [5]
+    present.append(1.5)
+    assert answered(transforms, [(100.6, 5.1)]) == [100.6]
+    assert [text.partition(' ')[0] for text in warnings] == ['ignored', 'answered']
+
+
+def test_states_ahead_of_the_clock_are_answered_with_ignore_timestamp():
+    """The parameter says so."""
+    transforms, _ = publisher(parse(TWO), ignore_timestamp=True)
+    assert answered(transforms, [(5, 5), (110, 5.1), (5.1, 5.1)]) == [5, 110, 5.1]
+
+
+@pytest.mark.usefixtures('present')
+def test_the_warning_of_a_state_names_joint_stamp_and_publishers():
+    """It comes again after the clock ran back, since this may be another cause."""
+    warnings: list[str] = []
+    transforms = RobotTransforms(
+        parse(TWO), warnings.append, lambda: '; publishers of /joint_states: /old')
+    answered(transforms, [(110, 110), (5, 5), (110, 5.5), (110, 5.6), (4, 4), (110, 4.5)])
+    text = ('ignored a JointState message that is ahead of the clock of this node by {} s: joint '
+            "'a', stamp 110.000000. It is from before a reset of the clock, or the clock of "
+            'its publisher differs; publishers of /joint_states: /old')
+    moved = 'Moved backwards in time, re-publishing joint transforms!'
+    assert warnings == [moved, text.format(104.5), moved, text.format(105.5)]
+
+
+def test_a_state_that_is_much_older_is_explained():
+    """It is ignored as by the real one, which says nothing."""
+    transforms, warnings = publisher(parse(TWO))
+    assert answered(transforms, [(100, 100), (99.99, 100), (40, 100.1), (39, 100.2)]) == [100]
+    assert warnings == [
+        'ignored a JointState message that is older than the last one by 60.0 s: joint '
+        "'a', stamp 40.000000"]
