@@ -7,6 +7,7 @@ from math import hypot, isfinite
 import os
 from pathlib import Path
 import re
+import shlex
 from threading import Lock
 from typing import Any, NoReturn, Optional, Union
 from xml.etree import ElementTree
@@ -33,6 +34,8 @@ MAX_SIZE = 10_000_000
 _NUMBER = re.compile(r'[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?', re.ASCII)
 #: The longest number (characters), and the largest number of shapes that are read.
 _LONGEST_NUMBER, _MOST_SHAPES = 100, 10_000
+#: As much of a text shows what it is, if it is not URDF (characters).
+_LONGEST_BEGIN = 1000
 _BLANKS = ' \t\r\n'
 _VECTORS = ('xyz', 'rpy', 'size', 'scale')
 #: The attributes that are numbers, by element.
@@ -47,6 +50,20 @@ _PARSER_MISSING = ("urdf_parser_py is missing: pip install 'dummy-arm[robot]', o
 _XACRO_MISSING = ("xacro is missing: pip install 'dummy-arm[robot]', or apt install "
                   'ros-jazzy-xacro')
 _IS_XACRO = 'it is xacro: put it into a file *.xacro'
+_TAKES_FILES = 'robot_state_publisher FILE takes a file, URDF or xacro'
+#: How texts begin that are not URDF, what they are, and the remedy.
+_NOT_URDF = [(re.compile(pattern, re.IGNORECASE | re.ASCII), what) for pattern, what in (
+    (r'$', f'is empty: {_TAKES_FILES}'),
+    (r'\$\([\w-]+[^<]*$', f'is {{begin}}, which nothing has expanded: {_TAKES_FILES}'),
+    (r'(%YAML|---\s|[\w/*]+:\s*\n|robot_description:)',
+     'is YAML: pass a file of parameters by --ros-args --params-file FILE'),
+    (r'[^<\n]{0,300}(/|\.(urdf|xacro|xml|sdf))[^<\n]{0,300}$',
+     'looks like a path, not like the text of a file: start robot_state_publisher {file}'),
+    (r'\[?<[\w.]+[^<>]* at 0x', 'is the repr of an object in Python, {begin}, not a text: '
+     + _TAKES_FILES),
+    (r'b[\'"]', 'is the repr of bytes in Python: decode() them, where str() was called'),
+    (r'[\'"]', 'is in quotes: leave out the quotes around it'),
+    (r'<(!doctype )?html', 'is HTML, a web page: download the file itself'))]
 #: Held while urdf_parser_py is silent, because its function for errors is global.
 _lock = Lock()
 
@@ -144,9 +161,13 @@ def read(path: Union[str, os.PathLike[str]]) -> str:
         with Path(path).open('rb') as file:
             if Path(path).suffix == '.xacro':
                 return _expand(path)
-            return file.read(4 * MAX_SIZE + 1).decode()  # a character has up to 4 bytes
+            text = file.read(4 * MAX_SIZE + 1).decode()  # a character has up to 4 bytes
+            return text or _refuse(f'cannot read {os.fspath(path)}: it is empty')
     except OSError as error:
-        _refuse(f'cannot read {os.fspath(path)}: {error.strerror or error}')
+        hint = (': this is the text of a file; write its name'
+                if os.fspath(path).lstrip().startswith('<') else '')
+        _refuse(f'cannot read {abbreviated(os.fspath(path), 300)}: '
+                f'{error.strerror or error}{hint}')
     except UnicodeDecodeError:
         _refuse(f'cannot read {os.fspath(path)}: it is not text in UTF-8')
 
@@ -199,15 +220,20 @@ def _robot(text: str) -> ElementTree.Element:
     """Parse the XML and check the element <robot> itself."""
     if len(text) > MAX_SIZE:
         _refuse(f'the robot description is too long: at most {MAX_SIZE} characters are allowed')
-    if not text.strip():
-        _refuse('the robot description is empty')
+    begin = text[:_LONGEST_BEGIN].strip('\ufeff' + _BLANKS)
+    path = begin.removeprefix('file://')
+    for pattern, what in _NOT_URDF:
+        if pattern.match(begin):
+            _refuse('the robot description ' + what.format(
+                begin=quoted(begin), file='FILE' if '://' in path else shlex.quote(path)))
     if '<!ENTITY' in text:
         _refuse('the robot description declares an XML entity (<!ENTITY), which is not allowed: '
                 'write its text in each place')
     try:
         robot = ElementTree.fromstring(text)
     except (ElementTree.ParseError, UnicodeError) as error:
-        hint = f'; {_IS_XACRO}' if '<xacro:' in text else ''
+        hint = (f'; {_IS_XACRO}' if '<xacro:' in text else
+                '' if begin.startswith('<') else f'; it begins with {quoted(begin)}')
         _refuse(f'the robot description is not valid XML: {error}{hint}')
     if any('/xacro}' in element.tag for element in robot.iter()):
         _refuse(f'the robot description has elements of xacro; {_IS_XACRO}')
@@ -215,7 +241,8 @@ def _robot(text: str) -> ElementTree.Element:
     for element in robot.iter():
         element.tag = element.tag.removeprefix(namespace)
     if robot.tag != 'robot':
-        _refuse(f'the outermost element must be <robot>, got <{abbreviated(robot.tag)}>')
+        hint = ', which is SDF, not URDF' if robot.tag == 'sdf' else ''
+        _refuse(f'the outermost element must be <robot>, got <{abbreviated(robot.tag)}>{hint}')
     if robot.get('name') is None:
         _refuse('the robot has no name: write <robot name="...">')
     if robot.get('version', '1.0') != '1.0':

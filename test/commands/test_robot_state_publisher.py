@@ -2,6 +2,7 @@
 
 from functools import partial
 import json
+import shlex
 import signal
 from typing import Any
 
@@ -176,8 +177,29 @@ def test_arguments_and_parameters(domain_id, tmp_path, name):
         assert result.stderr.startswith(f'{NAME}: ')
 
 
+@pytest.mark.parametrize(('text', 'command'), [
+    ('{file}', 'robot_state_publisher {file}'), ('file://{file}', 'robot_state_publisher {file}'),
+    ('$(command "cat {file}")', 'robot_state_publisher FILE'),
+    ('robot_description: {file}', '--ros-args --params-file FILE')])
+def test_the_command_that_an_error_names_works(domain_id, tmp_path, text, command):
+    """The parameter is a file, or has not been expanded; FILE is a file of the right kind."""
+    file, parameters = tmp_path / 'my robot.urdf', tmp_path / 'parameters.yaml'
+    file.write_text(CASES['chain']['urdf'])
+    parameters.write_text('/**:\n  ros__parameters:\n    robot_description: '
+                          + json.dumps(CASES['chain']['urdf']))
+    result = call(main, '--ros-args', '-p', 'robot_description:=' + json.dumps(
+        text.format(file=file)), domain=domain_id)
+    assert (result.code, result.stdout, result.stderr.count('\n')) == (2, '', 1)
+    command = command.format(file=f"'{file}'")
+    assert command in result.stderr
+    arguments = shlex.split(command.replace(
+        'FILE', f"'{parameters if 'params' in command else file}'"))
+    assert call(main, *[each for each in arguments if each != NAME], domain=domain_id,
+                until=lambda text: 'Robot initialized' in text).code == 0
+
+
 @pytest.mark.parametrize(('content', 'message'), [
-    ('', 'robot_description parameter must not be empty: set it to the URDF text, or name'),
+    ('', 'robot.urdf: it is empty'),
     ('<robot name="r"><link name="a"/><link name="b"/></robot>', "has 2 roots, 'a', 'b'")])
 def test_a_bad_description_is_one_line_and_exit_code_2(domain_id, tmp_path, content, message):
     """The line says what is wrong; test_description.py has more such texts."""

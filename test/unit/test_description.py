@@ -1,5 +1,6 @@
 """Descriptions of robots: forward kinematics, shapes, what is refused."""
 
+from ast import literal_eval
 import os
 import re
 import subprocess
@@ -249,7 +250,26 @@ BOMB = ('<!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa">'
         + ']><robot name="&i;"><link name="base"/></robot>')
 BAD = {
     'empty': (' \n', 'is empty'),
-    'not XML': ('base_link', 'not valid XML: syntax error: line 1'),
+    'not XML': ('base_link', "not valid XML: syntax error: line 1.*it begins with 'base_link'"),
+    'an error of a shell': ('bash: xacro: command not found',
+                            "it begins with 'bash: xacro: command not found'"),
+    'path': ('/opt/robots/my robot.urdf',
+             "like a path, .*: start robot_state_publisher '/opt/robots/my robot.urdf'$"),
+    'relative path': ('robot.urdf.xacro', 'like a path.* robot_state_publisher robot.urdf.xacro$'),
+    'address of a file': ('file:///opt/r.xml', 'like a path.* robot_state_publisher /opt/r.xml$'),
+    'address in a package': ('package://robot/r.urdf',
+                             'like a path.* robot_state_publisher FILE$'),
+    'command': ('$(command "xacro robot.xacro")', 'is .*, which nothing has expanded'),
+    'find': ('$(find-pkg-share robot)/r.urdf', 'is .*, which nothing has expanded'),
+    'object': ('<launch.substitutions.command.Command object at 0x7f0011223344>',
+               'is the repr of an object in Python, .*Command'),
+    'bytes': (str(b'<robot name="r"/>'), 'is the repr of bytes in Python: decode'),
+    'quotes': (repr('<robot name="r"/>'), 'is in quotes: leave out'),
+    'YAML': ('/**:\n  ros__parameters:\n    robot_description: <robot/>',
+             'is YAML: pass .* by --ros-args --params-file FILE'),
+    'HTML': ('<!DOCTYPE html>\n<html><p>404</html>', 'is HTML, a web page: download'),
+    'SDF': ('<?xml version="1.0"?><sdf version="1.9"><model name="m"/></sdf>',
+            'must be <robot>, got <sdf>, which is SDF'),
     'cut off': ('<robot name="r"><link', 'not valid XML: .*line 1'),
     'NUL': ('<robot name="r\0"/>', 'not valid XML'),
     'surrogate': ('<robot name="\udcff"/>', 'not valid XML'),
@@ -401,7 +421,7 @@ def test_files(tmp_path):
 
 @pytest.mark.parametrize(('name', 'content', 'message'), [
     ('missing.urdf', None, 'No such file'), ('missing.xacro', None, 'No such file'),
-    ('r.urdf', b'\xff', 'not text in UTF-8'),
+    ('r.urdf', b'\xff', 'not text in UTF-8'), ('r.urdf', b'', 'it is empty'),
     ('r.xacro', b'<robot', 'xacro cannot expand'),
     ('r.xacro', XACRO.replace('2 *', 'two *').encode(), "'two' is not defined"),
     ('r.xacro', XACRO.replace('"r"', '"$(find nothing)"').encode(),
@@ -416,6 +436,26 @@ def test_bad_files_are_one_clear_error(tmp_path, name, content, message):
         read(tmp_path / name)
     assert str(caught.value).isprintable()
     assert name in str(caught.value)
+
+
+def test_a_text_in_place_of_its_file():
+    """The error is short, and says what to write."""
+    with pytest.raises(DescriptionError, match='this is the text of a file; write') as caught:
+        read(10 * ROBOTS['legs'])
+    assert len(str(caught.value)) < 400
+
+
+def test_the_remedies_for_other_texts_work(tmp_path):
+    """What the errors advise makes the texts valid."""
+    text = ROBOTS['car']
+    for wrong in str(text.encode()), repr(text), XACRO:
+        with pytest.raises(DescriptionError, match=r'decode|leave out the quotes|[*]\.xacro'):
+            parse(wrong)
+    assert parse(literal_eval(str(text.encode())).decode()).text == text
+    assert parse(repr(text)[1:-1]).text == text
+    pytest.importorskip('xacro')
+    (tmp_path / 'robot.xacro').write_text(XACRO)
+    assert parse(read(tmp_path / 'robot.xacro')).name == 'r'
 
 
 @pytest.mark.parametrize(('module', 'call', 'remedy'), [
