@@ -1,7 +1,7 @@
 """The description of a robot, read from URDF or xacro; needs no ROS."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from math import hypot, isfinite
 import os
@@ -11,6 +11,7 @@ import shlex
 from threading import Lock
 from typing import Any, NoReturn, Optional, Union
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 from dummy_arm.tf.formatting import abbreviated, comma_list, quoted, suggest_names, visible
 from dummy_arm.tf.rotations import (
@@ -34,6 +35,9 @@ MAX_SIZE = 10_000_000
 _NUMBER = re.compile(r'[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?', re.ASCII)
 #: The longest number (characters), and the largest number of shapes that are read.
 _LONGEST_NUMBER, _MOST_SHAPES = 100, 10_000
+#: So much of a text is parsed at a time (characters).
+_PIECE = 1_000_000
+_BEFORE_DOCTYPE = re.compile(r'[\s\ufeff]+|<\?.*?\?>|<!--.*?-->', re.DOTALL)
 #: As much of a text shows what it is, if it is not URDF (characters).
 _LONGEST_BEGIN = 1000
 _BLANKS = ' \t\r\n'
@@ -64,7 +68,7 @@ _NOT_URDF = [(re.compile(pattern, re.IGNORECASE | re.ASCII), what) for pattern, 
     (r'b[\'"]', 'is the repr of bytes in Python: decode() them, where str() was called'),
     (r'[\'"]', 'is in quotes: leave out the quotes around it'),
     (r'<(!doctype )?html', 'is HTML, a web page: download the file itself'))]
-#: Held while urdf_parser_py is silent, because its function for errors is global.
+#: Held while functions of urdf_parser_py or xacro, which are global, are replaced.
 _lock = Lock()
 
 
@@ -204,8 +208,22 @@ def _expand(path: Union[str, os.PathLike[str]]) -> str:
         import xacro
     except ImportError:
         _refuse(f'cannot read {os.fspath(path)}: {_XACRO_MISSING}')
+    parse_any = xacro.parse
+
+    def parse_checked(text: object, filename: Optional[str] = None) -> object:
+        if text is None and filename is not None:
+            with suppress(OSError):  # xacro reports it
+                text = Path(xacro.root_dir, filename).read_text()
+                _refuse_doctype(text, filename)
+        return parse_any(text, filename)
+
     try:
-        return str(xacro.process_file(os.fspath(path)).toxml())
+        with _lock:
+            xacro.parse = parse_checked  # it is called for each file that is included, too
+            try:
+                return str(xacro.process_file(os.fspath(path)).toxml())
+            finally:
+                xacro.parse = parse_any
     except OSError:
         raise
     except Exception as error:  # a macro is a program: any error is possible
@@ -220,26 +238,23 @@ def _robot(text: str) -> ElementTree.Element:
     """Parse the XML and check the element <robot> itself."""
     if len(text) > MAX_SIZE:
         _refuse(f'the robot description is too long: at most {MAX_SIZE} characters are allowed')
-    begin = text[:_LONGEST_BEGIN].strip('\ufeff' + _BLANKS)
+    begin = text.lstrip('\ufeff' + _BLANKS)[:_LONGEST_BEGIN].rstrip(_BLANKS)
     path = begin.removeprefix('file://')
     for pattern, what in _NOT_URDF:
         if pattern.match(begin):
             _refuse('the robot description ' + what.format(
                 begin=quoted(begin), file='FILE' if '://' in path else shlex.quote(path)))
-    if '<!ENTITY' in text:
-        _refuse('the robot description declares an XML entity (<!ENTITY), which is not allowed: '
-                'write its text in each place')
+    _refuse_doctype(text, 'the robot description')
     try:
-        robot = ElementTree.fromstring(text)
-    except (ElementTree.ParseError, UnicodeError) as error:
+        robot = _xml(text)
+    except (expat.ExpatError, UnicodeError) as error:
         hint = (f'; {_IS_XACRO}' if '<xacro:' in text else
                 '' if begin.startswith('<') else f'; it begins with {quoted(begin)}')
         _refuse(f'the robot description is not valid XML: {error}{hint}')
-    if any('/xacro}' in element.tag for element in robot.iter()):
+    prefixes = ('xacro:', *(f'{name[6:]}:' for name, value in robot.attrib.items()
+                            if name.startswith('xmlns:') and value.endswith('/xacro')))
+    if any(element.tag.startswith(prefixes) for element in robot.iter()):
         _refuse(f'the robot description has elements of xacro; {_IS_XACRO}')
-    namespace = robot.tag.rpartition('}')[0] + '}'
-    for element in robot.iter():
-        element.tag = element.tag.removeprefix(namespace)
     if robot.tag != 'robot':
         hint = ', which is SDF, not URDF' if robot.tag == 'sdf' else ''
         _refuse(f'the outermost element must be <robot>, got <{abbreviated(robot.tag)}>{hint}')
@@ -248,6 +263,26 @@ def _robot(text: str) -> ElementTree.Element:
     if robot.get('version', '1.0') != '1.0':
         _refuse(f'the version of the robot must be 1.0, got {quoted(robot.attrib["version"])}')
     return robot
+
+
+def _refuse_doctype(text: str, what: str) -> None:
+    """Refuse what makes a short text long, by entities or default attributes, for any parser."""
+    at = 0
+    while part := _BEFORE_DOCTYPE.match(text, at):
+        at = part.end()
+    if text.startswith('<!DOCTYPE', at):
+        _refuse(f'{what} has a <!DOCTYPE, which is not allowed, since it can make a short text '
+                'endless: remove it, and write the text of each entity in its place')
+
+
+def _xml(text: str) -> ElementTree.Element:
+    """Parse XML without namespaces, like urdfdom: they would put their URI into each name."""
+    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = builder.start, builder.end
+    for begin in range(0, len(text), _PIECE):  # other threads run between two pieces
+        parser.Parse(text[begin:begin + _PIECE])
+    parser.Parse('', True)
+    return builder.close()
 
 
 def _names(robot: ElementTree.Element, tag: str) -> tuple[str, ...]:
@@ -291,6 +326,13 @@ def _from_xml(kind: Any, element: ElementTree.Element, what: str) -> Any:
             if value is not None:
                 _check_numbers(value, attribute in _VECTORS,
                                f'{what}: {attribute} of <{part.tag}>')
+    # urdf_parser_py takes the first element of each kind, but quadratic time for the others, and
+    # writes the name for each element that it does not know.
+    first: dict[str, ElementTree.Element] = {}
+    for part in element:
+        first.setdefault(part.tag, part)
+    element[:] = first.values()
+    element.set('name', '')
     try:
         return kind.from_xml(element, XmlPath(element.tag))
     except ParseError as error:
@@ -412,11 +454,13 @@ def _shapes(robot: ElementTree.Element, urdf: Any, warnings: list[str]
     colors = {element.get('name', ''): color for element in robot.findall('material')
               if (color := _color(element))}
     shapes: dict[str, list[Shape]] = {'visual': [], 'collision': []}
+    count = 0
     for link in robot.findall('link'):
         name = link.attrib['name']
         for element in link:
             if element.tag in shapes:
-                if sum(map(len, shapes.values())) >= _MOST_SHAPES:
+                count += 1
+                if count > _MOST_SHAPES:
                     warnings.append(f'only the first {_MOST_SHAPES} shapes are read')
                     return tuple(shapes['visual']), tuple(shapes['collision'])
                 material = element.find('material')

@@ -27,7 +27,7 @@ ACCEPTED = {
     'error_publish_frequency_int': 'an integer is a number of Hz, too'}
 #: The real one starts, ours refuses the description.
 REFUSED = {
-    'error_entity_and_cdata': 'entities are refused, because they can be XML bombs',
+    'error_entity_and_cdata': 'DOCTYPE is refused, because it can make short texts endless',
     'error_loop_beside_the_root': 'the real one says nothing about links that it never sends',
     'odd_origins': 'the real one sends NaN for an axis 0 0 0'}
 #: The joints without which ours accepts odd_origins.

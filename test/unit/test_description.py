@@ -5,8 +5,10 @@ import os
 import re
 import subprocess
 import sys
+import tracemalloc
 from typing import Any
 from xml.etree import ElementTree
+from xml.parsers import expat
 
 from environment import code_without
 from hypothesis import example, given
@@ -245,9 +247,17 @@ def test_nothing_is_printed(capfd):
     assert capfd.readouterr() == ('', '')
 
 
-BOMB = ('<!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa">'
-        + ''.join(f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in zip('abcdefgh', 'bcdefghi'))
-        + ']><robot name="&i;"><link name="base"/></robot>')
+#: XML that makes short texts long, or reads files. Comments and instructions may stand before it.
+DOCTYPES = {
+    'entities': '<!DOCTYPE robot [<!ENTITY a "aaaaaaaaaa">' + ''.join(
+        f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in zip('abcdefgh', 'bcdefghi')) + ']>',
+    'default attributes': '<?xml version="1.0"?>\n<!DOCTYPE robot [<!ATTLIST link ' + ''.join(
+        f'a{i} CDATA "{"x" * 100}" ' for i in range(100)) + '>]>',
+    'external entity': '<!DOCTYPE r [<!ENTITY e SYSTEM "file:///etc/passwd">]>',
+    'external subset': '<!-- > --><?a <b?>\r\n<!DOCTYPE robot SYSTEM "http://localhost/robot.dtd">',
+    'nothing inside': '\ufeff<?xml version="1.0" encoding="UTF-16"?><!---->\t<!DOCTYPE robot>',
+    'not closed': '<!DOCTYPE robot [<!ATTLIST link a CDATA "x"',
+}
 BAD = {
     'empty': (' \n', 'is empty'),
     'not XML': ('base_link', "not valid XML: syntax error: line 1.*it begins with 'base_link'"),
@@ -273,9 +283,8 @@ BAD = {
     'cut off': ('<robot name="r"><link', 'not valid XML: .*line 1'),
     'NUL': ('<robot name="r\0"/>', 'not valid XML'),
     'surrogate': ('<robot name="\udcff"/>', 'not valid XML'),
-    'bomb': (BOMB, 'declares an XML entity'),
-    'external entity': ('<!DOCTYPE r [<!ENTITY e SYSTEM "file:///etc/passwd">]><robot name="r">'
-                        '<link name="&e;"/></robot>', 'declares an XML entity'),
+    **{name: (f'{text}<robot name="r"><link name="a"/></robot>', 'has a <!DOCTYPE.*: remove it')
+       for name, text in DOCTYPES.items()},
     'unknown entity': ('<robot name="&e;"/>', 'undefined entity'),
     '10 MB': (robot(link('base', ' ' * MAX_SIZE)), 'too long: at most 10000000 characters'),
     # An expression that tried each way to split the digits would take hours.
@@ -287,7 +296,10 @@ BAD = {
         'value="1"/><link name="base"/></robot>',
         'elements of xacro; it is xacro: put it into a file'),
     'xacro without a namespace': ('<robot name="r"><xacro:macro/></robot>',
-                                  'unbound prefix.*it is xacro: put it into a file'),
+                                  'elements of xacro; it is xacro: put it into a file'),
+    'xacro by another name': (
+        '<robot name="r" xmlns:x="http://ros.org/wiki/xacro"><x:property name="a" value="1"/>'
+        '<link name="a"/></robot>', 'elements of xacro'),
     'other element': ('<sdf/>', 'must be <robot>, got <sdf>'),
     'no name': ('<robot/>', 'the robot has no name'),
     'version': ('<robot name="r" version="2.0"/>', "must be 1.0, got '2.0'"),
@@ -322,6 +334,86 @@ BAD = {
     'xacro': (tree(('j', 'fixed', 'a', 'b', '${x} 0 0')), r'it is xacro: put it into a file'),
     'name with newlines': (tree(('j\n\x85k', 'ball', 'a', 'b')), 'the type must be'),
 }
+
+
+@pytest.mark.parametrize('text', [
+    '<!-- <!DOCTYPE robot> --><?a <!DOCTYPE b>?>' + robot(link('a')),
+    robot(link('a', '<!-- <!DOCTYPE robot [<!ENTITY a "b">]> -->')),
+    robot(link('a', '<![CDATA[<!DOCTYPE robot>]]>')), robot(link('a')) + '<!-- <!DOCTYPE -->',
+    robot(link('a')).replace('name="r"', 'name="&lt;!DOCTYPE>"')])
+def test_the_word_alone_is_no_document_type(text):
+    """In a comment, an instruction, CDATA or an attribute, it does nothing."""
+    assert parse(text).links == ('a',)
+
+
+def test_a_document_type_is_refused_before_a_parser_sees_it(monkeypatch):
+    """Expat would go on to the end of the text."""
+    monkeypatch.setattr(expat, 'ParserCreate', None)
+    with pytest.raises(DescriptionError, match='has a <!DOCTYPE'):
+        parse(DOCTYPES['entities'] + robot(link('a')))
+
+
+@pytest.mark.parametrize('name', ['top.xacro', 'part.xacro'])
+def test_a_document_type_in_a_file_of_xacro(tmp_path, name):
+    """It is refused, also in a file that is included, which the error names."""
+    pytest.importorskip('xacro')
+    texts = {'top.xacro': XACRO.replace('<xacro:part name="b"/>', (
+        f'<xacro:part name="b"/><xacro:include filename="{tmp_path}/part.xacro"/>')),
+        'part.xacro': '<robot/>'}
+    for each, text in texts.items():
+        (tmp_path / each).write_text((each == name) * DOCTYPES['default attributes'] + text)
+    with pytest.raises(DescriptionError, match=f'top.xacro: .*{name} has a <!DOCTYPE'):
+        read(tmp_path / 'top.xacro')
+    (tmp_path / name).write_text(texts[name])
+    assert parse(read(tmp_path / 'top.xacro')).links == ('a', 'b')
+
+
+@pytest.mark.parametrize('kind', ['Joint', 'Visual'])
+def test_the_parser_of_elements_gets_little(monkeypatch, kind):
+    """
+    It gets the first element of each kind, and no name.
+
+    Its time grows with the square of the number of equal elements, and with the product of the
+    number of unknown ones and the length of the name: for 3 MB, it took a minute.
+    """
+    from urdf_parser_py import urdf
+    found: list[Any] = []
+    from_xml = getattr(urdf, kind).from_xml
+
+    def record(element, path):
+        found.append((element.get('name'), [child.tag for child in element]))
+        return from_xml(element, path)
+
+    monkeypatch.setattr(getattr(urdf, kind), 'from_xml', record)
+    more = '<x/>' * 3 + '<origin xyz="1 2 3"/>' * 3 + '<x/>' * 3
+    text = robot(
+        link('a'), link('b', f'<visual name="v">{more}<geometry><sphere radius="1"/></geometry>'
+                             '</visual>'),
+        '<joint name="j" type="fixed"><parent link="a"/><parent link="b"/><child link="b"/>'
+        f'{more}</joint>')
+    description = parse(text)
+    assert description.joints[0].pose[:3] == description.visuals[0].pose[:3] == (1.0, 2.0, 3.0)
+    assert found == [('', ['parent', 'child', 'x', 'origin'] if kind == 'Joint' else
+                      ['x', 'origin', 'geometry'])]
+
+
+def test_a_long_namespace_is_not_repeated():
+    """Expat would put it into the name of each kind of element."""
+    text = robot(link('a'), *(f'<x{i}/>' for i in range(100))).replace(
+        '<robot', f'<robot xmlns="{"n" * 10**6}"')
+    tracemalloc.start()
+    try:
+        assert parse(text).links == ('a',)
+        assert tracemalloc.get_traced_memory()[1] < 20e6
+    finally:
+        tracemalloc.stop()
+
+
+def test_shapes_are_bounded_also_if_none_is_valid():
+    """So are the warnings about them."""
+    found = parse(robot(link('a', '<visual/>' * 10_010)))
+    assert len(found.warnings) == 10_001
+    assert found.warnings[-1] == 'only the first 10000 shapes are read'
 
 
 @pytest.mark.parametrize(('material', 'warning'), [
