@@ -51,6 +51,7 @@ class RobotListener:
 
     def robots(self) -> list[Robot]:
         """Return what was received of each robot."""
+        self._descriptions.wait()
         return [_robot(topic, each, self._states.get(joint_states_of(topic), {}))
                 for topic, each in self._descriptions.descriptions().items()]
 

@@ -7,6 +7,7 @@ from dummy_arm.cli.node import spinning_node
 from dummy_arm.cli.page_options import add_page_options, HOST
 from dummy_arm.cli.parser import add_namespace_option, Parser, run, UsageError
 from dummy_arm.robot.description import DescriptionError, parse, read
+from dummy_arm.robot.descriptions import TOPIC
 
 
 def command(file: Optional[str] = None, host: str = HOST, port: Optional[int] = None,
@@ -21,7 +22,10 @@ def command(file: Optional[str] = None, host: str = HOST, port: Optional[int] = 
     from dummy_arm.view.joint_control import JointStatePublisher
     from dummy_arm.view.page import show
     with spinning_node('joint_state_publisher', ros_args, namespace) as node:
-        show(LiveFeed(node, JointStatePublisher(node, description)), host, port, meshes)
+        # With a file, what the network sends is not parsed.
+        descriptions = {node.resolve_topic_name(TOPIC): description} if description else None
+        show(LiveFeed(node, JointStatePublisher(node, description), descriptions), host, port,
+             meshes)
     return 0
 
 

@@ -1,6 +1,6 @@
 """Where the frames come from: a bag that is played, or the topics /tf and /tf_static."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from time import monotonic
 from typing import NamedTuple, Optional, Protocol, TYPE_CHECKING, Union
 
@@ -143,8 +143,9 @@ class BagFeed:
 class LiveFeed:
     """The frames on /tf and /tf_static."""
 
-    def __init__(self, node: 'Node', joint_controls: Optional[JointControls] = None) -> None:
-        """Listen; `joint_controls`: None: those of the nodes in the network."""
+    def __init__(self, node: 'Node', joint_controls: Optional[JointControls] = None,
+                 descriptions: Optional[Mapping[str, DescriptionOrWhy]] = None) -> None:
+        """Listen; `joint_controls`, `descriptions`: None: those of the nodes in the network."""
         from dummy_arm.inspection.frame_listener import FrameListener
         from dummy_arm.robot.description_listener import DescriptionListener
         self.player: Optional[Player] = None
@@ -152,15 +153,14 @@ class LiveFeed:
         #: By name: the traffic of the frames that viewers look at, the last one asked for last.
         self._traffic: dict[str, Traffic] = {}
         self._frame_listener = FrameListener(node, 2 * LENGTH)
-        self._description_listener = DescriptionListener(
-            node, self._frame_listener.topics[0].rpartition('/')[0])
+        #: Returns the descriptions.
+        self.descriptions: Callable[[], Mapping[str, DescriptionOrWhy]] = (
+            (lambda: descriptions) if descriptions is not None else DescriptionListener(
+                node, self._frame_listener.topics[0].rpartition('/')[0]).descriptions)
         self.name = ' and '.join(reversed(self._frame_listener.topics))
         self.buffer: AnyBuffer = self._frame_listener.buffer
         self.hand_publisher: Optional[HandPublisher] = HandPublisher(self._frame_listener)
         self.joint_controls: Optional[JointControls] = joint_controls or JointCommanders(node)
-
-    def descriptions(self) -> Mapping[str, DescriptionOrWhy]:
-        return self._description_listener.descriptions()
 
     def publication(self, frame: Frame) -> Publication:
         """Return how a frame is published; the first call for a frame starts a measurement."""

@@ -10,6 +10,7 @@ import pytest
 from rclpy.time import Time
 from sensor_msgs.msg import JointState
 
+from dummy_arm.robot import description_listener
 from dummy_arm.tf import Buffer, TransformListener
 from dummy_arm.tools.joint_state_publisher import main
 
@@ -92,6 +93,13 @@ def test_the_robot_of_the_network(start, ros, urdf):
     listener.unregister()
     process.end(signal.SIGINT)
     assert process.exit_code() == 0
+
+
+def test_with_a_file_no_description_of_the_network_is_parsed(domain_id, urdf, monkeypatch):
+    """Nothing listens to them."""
+    monkeypatch.setattr(description_listener, 'DescriptionListener', None)
+    result = call(main, urdf, domain=domain_id, until=lambda text: 'look at http' in text)
+    assert result.code == 0, result
 
 
 def test_another_publisher_is_named(start, ros, urdf):

@@ -1,5 +1,8 @@
 """The frames on /tf and /tf_static, as the web page reads them."""
 
+from threading import Event, Timer
+
+from processes import TIMEOUT
 import pytest
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -8,6 +11,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Empty, String
 
 from dummy_arm.robot import description_listener, descriptions
+from dummy_arm.robot.observed import RobotListener
 from dummy_arm.tf import TransformBroadcaster
 from dummy_arm.view.feed import LiveFeed, Publication
 
@@ -130,6 +134,57 @@ def test_a_robot_that_leaves_while_its_description_is_read(ros, offer, monkeypat
     ros.until(lambda: not feed.descriptions())
     ros.executor.spin_once(0.1)
     assert not feed.descriptions()
+
+
+def test_a_long_description_does_not_stop_the_executor(ros, offer, monkeypatch):
+    """It is parsed in another thread; then, the last text that has arrived meanwhile counts."""
+    feed, release, texts = LiveFeed(ros.node), Event(), list[str]()
+
+    def parsed(text):
+        texts.append(text)
+        assert release.wait(TIMEOUT)
+        return descriptions.parsed(text)
+
+    monkeypatch.setattr(description_listener, 'parsed', parsed)
+    publisher = offer('/robot_description', urdf('one'))
+    ros.until(lambda: feed.descriptions() or texts)
+    seen: list[str] = []
+    ros.node.create_subscription(String, publisher.topic, lambda text: seen.append(text.data), 10)
+    for name in 'two', 'three':
+        publisher.publish(String(data=urdf(name)))
+        ros.until(lambda name=name: urdf(name) in seen)
+    assert feed.descriptions() == {}
+    release.set()
+    ros.until(lambda: [getattr(each, 'name', each) for each in feed.descriptions().values()] == [
+        'three'])
+
+
+def test_tf_doctor_waits_for_what_is_being_parsed(ros, offer, monkeypatch):
+    """Its report has all robots whose description has arrived."""
+    release, is_parsing = Event(), Event()
+
+    def parsed(text):
+        is_parsing.set()
+        assert release.wait(TIMEOUT)
+        return descriptions.parsed(text)
+
+    monkeypatch.setattr(description_listener, 'parsed', parsed)
+    listener = RobotListener(ros.node)
+    offer('/robot_description', urdf('one'))
+    ros.node.create_timer(0.01, listener.poll)
+    ros.until(is_parsing.is_set)
+    Timer(0.1, release.set).start()
+    assert [robot.root for robot in listener.robots()] == ['base']
+
+
+def test_given_descriptions_are_shown_alone(ros, offer):
+    """Nothing subscribes to those in the network."""
+    given = {'/robot_description': descriptions.parsed(urdf('given'))}
+    feed = LiveFeed(ros.node, descriptions=given)
+    offer('/robot_description', urdf('other'))
+    ros.until(lambda: ros.node.count_publishers('/robot_description'))
+    assert feed.descriptions() is given
+    assert not ros.node.count_subscribers('/robot_description')
 
 
 def test_descriptions_of_a_namespace(ros, offer):
