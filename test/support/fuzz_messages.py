@@ -21,6 +21,7 @@ import subprocess
 import sys
 from tempfile import TemporaryDirectory
 from typing import Any, cast, NamedTuple, Optional, Union
+from xml.parsers import expat
 
 import bags
 from environment import DATA
@@ -41,6 +42,8 @@ T = 1_700_000_000 * S
 #: tf2_msgs/msg/TFMessage, and the same type with the bytes of each name in place of a string.
 TF, TF_BYTES = 'tf2_msgs/msg/TFMessage', 'fuzz_msgs/msg/TFMessage'
 _TIME = 'builtin_interfaces/msg/Time'
+#: The length of texts, and of pieces of them that are repeated (bytes).
+_LONGEST_TEXT, _STRETCHED = 4096, 1_000_000
 
 
 #: What is closed at the end.
@@ -231,9 +234,42 @@ def seeds_of_cdr() -> Iterator[bytes]:
         yield b'\0\1\0\0' + body + bytes(-len(body) % 8) + struct.pack('<7d', *range(7)) + b'end'
 
 
+def _stretched(data: bytes) -> bytes:
+    """Repeat two pieces of some bytes, to about a MB each; after a byte 255 that asks for it."""
+    if data[:1] != b'\xff':
+        return data
+    source = Input(data[1:])
+    pieces = sorted((source.integer(_LONGEST_TEXT), 1 + source.integer(255)) for _ in range(2))
+    rest = source.raw(_LONGEST_TEXT)
+    for begin, size in reversed(pieces):
+        piece = rest[begin:begin + size]
+        rest = rest[:begin] + piece * (_STRETCHED // size) + rest[begin + size:]
+    return rest
+
+
+def _has_doctype(text: str) -> Optional[bool]:
+    """Return whether expat sees a document type before the first element; None: it is broken."""
+    found: list[object] = []
+    parser = expat.ParserCreate()
+    parser.StartDoctypeDeclHandler = lambda *_: found.append(0)
+    parser.StartElementHandler = lambda *_: found.append(1)
+    try:
+        parser.Parse(text, True)
+    except (expat.ExpatError, UnicodeError):
+        if not found:
+            return None
+    return found[:1] == [0]
+
+
 def check_description(data: bytes) -> None:
-    """A URDF text is a tree of finite poses, or is refused with one line."""
-    robot = parsed(data.decode('utf-8', 'replace'))
+    """A URDF text is a tree of finite poses, or is refused with one line; a DOCTYPE always is."""
+    text = _stretched(data).decode('utf-8', 'replace')
+    robot = parsed(text)
+    if len(text) <= _LONGEST_TEXT:
+        is_refused = isinstance(robot, str) and 'has a <!DOCTYPE' in robot
+        has_doctype = _has_doctype(text)
+        assert is_refused or not (has_doctype and not isinstance(robot, str))
+        assert has_doctype is not False or not is_refused
     if isinstance(robot, str):
         assert robot.isprintable()
         assert len(robot) < 2000
@@ -255,6 +291,14 @@ def check_description(data: bytes) -> None:
 def seeds_of_description() -> Iterator[bytes]:
     """Yield the arm and the recorded descriptions."""
     yield (DATA.parents[1] / 'dummy_arm/urdf/dummy_arm.urdf').read_bytes()
+    yield b'<?a?><!-- <!DOCTYPE -->\n<!DOCTYPE robot [<!ATTLIST link a CDATA "b">]><robot/>'
+    yield b'<robot name="r"><link name="a"/><![CDATA[<!DOCTYPE robot>]]></robot>'
+    text = (b'<robot name="r" xmlns="u"><link name="a"/><link name="b"/><joint name="n" '
+            b'type="fixed"><parent link="a"/><child link="b"/><x/></joint></robot>')
+    for pieces in ((b'<parent link="a"/>', b'<x/>'), (b'n"', b'<x/>'), (b'u"', b'<x/>'),
+                   (b'<link name="a"/>', b'<child link="b"/>'), (b'r"', b'<link name="b"/>')):
+        yield b'\xff' + b''.join(struct.pack('<HB', text.index(piece), len(piece.strip(b'"')) - 1)
+                                 for piece in pieces) + text
     cases = json.loads((DATA / 'robot_state_publisher.json').read_text())['cases']
     yield from {case['urdf'].encode('utf-8', 'surrogatepass'): None for case in cases}
 
