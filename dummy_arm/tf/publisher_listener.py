@@ -7,23 +7,28 @@ each message, and the ROS graph tells to which node the publisher with this gid 
 
 from collections import deque
 from collections.abc import Callable, Iterable
-from itertools import groupby
+from functools import partial
+from itertools import groupby, islice
 from operator import attrgetter
 from time import monotonic, time_ns
 from typing import Any, NamedTuple, Optional
+
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
 
 from dummy_arm.tf._core import hints
 from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf._core.pose import BatchOrRows, Row
 from dummy_arm.tf._core.texts import comma_list, TF_MESSAGE
 from dummy_arm.tf._ros.graph import gid_of, node_of, UNKNOWN
-from dummy_arm.tf._ros.rclpy_private import rcl_take, Taker
+from dummy_arm.tf._ros.rclpy_private import rcl_take, subscribe, take_message, Taker
 from dummy_arm.tf._ros.subscription import SubscriptionSource, TopicSubscription
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.message_reader import Encoding
 from dummy_arm.tf.transform_listener import TransformListener
 
-__all__ = ['UNKNOWN', 'PublisherListener', 'Received', 'ReceivedMessage', 'gid_of', 'node_of']
+__all__ = ['UNKNOWN', 'PublisherListener', 'Received', 'ReceivedMessage', 'TopicReader', 'gid_of',
+           'node_of']
 
 #: The time between two regular queries of the ROS graph (s).
 _QUERY_INTERVAL = 0.5
@@ -283,3 +288,54 @@ class PublisherListener(TransformListener):
             gone = [gid for gid in tuple(self._nodes) if gid not in present]
             for gid in gone[:surplus]:
                 self._nodes.pop(gid, None)
+
+
+class TopicReader:
+    """
+    A subscription to a topic of any type, whose messages are taken as bytes with their publishers.
+
+    No executor serves it. It must be closed before its node is destroyed.
+
+    :meta private:
+    """
+
+    def __init__(self, node: Node, message_type: Any, topic: str, qos: QoSProfile) -> None:
+        self._node, self.topic, self._type, self._depth = node, topic, message_type, qos.depth
+        self._subscription = subscribe(
+            node, message_type, topic, lambda _: None, qos, node.default_callback_group)
+        self._taker = Taker(
+            self._subscription.handle, ReceivedMessage.of) if rcl_take() else None
+        #: False if it is not known which publisher has sent a message.
+        self.has_gids = self._taker is not None and self._taker.has_gids
+        self._nodes: dict[str, str] = {}
+        self._next_query = 0.0
+
+    def take(self) -> list[ReceivedMessage]:
+        """Take the messages in the queue."""
+        if self._taker:
+            messages = self._taker.take(self._depth)
+        else:
+            handle = self._subscription.handle
+            with handle:
+                messages = [ReceivedMessage.of(taken[0]) for taken in islice(iter(partial(
+                    take_message, handle, self._type, True), None), self._depth)]
+        if monotonic() >= self._next_query and any(
+                each.publisher not in self._nodes for each in messages):
+            self._next_query = monotonic() + _QUERY_INTERVAL
+            self._query()
+        return messages
+
+    def names_of(self, gids: Iterable[str]) -> dict[str, str]:
+        """Return by gid the full name of the publisher's node, or UNKNOWN."""
+        requested = set(gids)
+        if not requested <= self._nodes.keys():
+            self._query()
+        return {gid: self._nodes.get(gid, UNKNOWN) for gid in requested}
+
+    def _query(self) -> None:
+        for info in self._node.get_publishers_info_by_topic(self.topic):
+            if (name := node_of(info)) != UNKNOWN and len(self._nodes) < _MOST_NAMES:
+                self._nodes[gid_of(info)] = name
+
+    def close(self) -> None:
+        self._subscription.destroy()

@@ -33,6 +33,7 @@ from dummy_arm.tf.publisher_listener import (
     node_of,
     PublisherListener,
     ReceivedMessage,
+    TopicReader,
     UNKNOWN,
 )
 
@@ -439,3 +440,27 @@ def test_the_node_of_an_endpoint(namespace, name, expected):
     """The placeholders are those of rmw for a node that is not discovered yet."""
     info = TopicEndpointInfo(node_namespace=namespace, node_name=name)
     assert node_of(info) == expected
+
+
+@pytest.mark.parametrize('has_gids', [True, False])
+def test_a_reader_of_another_topic(ros, monkeypatch, has_gids):
+    """It takes the bytes of messages, and knows their nodes if rcl can be called."""
+    if not has_gids:
+        monkeypatch.setattr(publisher_listener, 'rcl_take', lambda: None)
+    publisher = ros.node.create_publisher(String, '/words', 10)
+    reader = TopicReader(ros.node, String, '/words', QoSProfile(depth=10))
+    assert reader.has_gids is has_gids
+    ros.until(publisher.get_subscription_count)
+    for word in 'one', 'two':
+        publisher.publish(String(data=word))
+    taken: list[ReceivedMessage] = []
+
+    def have_arrived():
+        taken.extend(reader.take())
+        return len(taken) == 2
+
+    ros.until(have_arrived)
+    assert taken == [serialize_message(String(data=word)) for word in ('one', 'two')]
+    names = reader.names_of(each.publisher for each in taken)
+    assert {*names.values()} == {'/test' if has_gids else UNKNOWN}
+    reader.close()
