@@ -1,9 +1,10 @@
 """The checks: each is a function that looks for one kind of fault in an `Observation`."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain, combinations, pairwise
 from math import ceil
 from operator import attrgetter, itemgetter
+from types import MappingProxyType
 from typing import NamedTuple, Optional
 
 import numpy as np
@@ -19,12 +20,13 @@ from dummy_arm.doctor.tf_statistics import (
     SMALLEST_JUMP,
     Track,
 )
+from dummy_arm.inspection.feeds import half_remedy, half_text, rivals, Sender
 from dummy_arm.inspection.forest import Forest
 from dummy_arm.inspection.robots import joint_states_of
 from dummy_arm.tf import Frame
 from dummy_arm.tf.formatting import (
     comma_list,
-    display_time,
+    exact_time,
     is_slip,
     quoted,
     SECOND,
@@ -47,6 +49,9 @@ _JUMP = 10
 _ONCE = 2 * SECOND
 #: Transforms that are late or from the future are reported if more than this part of them is.
 _SHARE = 0.05
+#: Two publishers with two clocks are no late transform of an old run, unless one of them makes
+#: the other one's transforms old by so many times fewer.
+_MANY_REFUSED = 10
 #: The frames of REP 105, from the root to the robot.
 _REP_105 = 'earth', 'map', 'odom', 'base_link'
 #: The names of this many roots are compared with those of the other frames.
@@ -61,13 +66,16 @@ SECTIONS = {
     'The queue of a message filter is full': ['message_never'],
     'Messages are earlier than all data in the cache': ['message_too_old'],
     'use_sim_time and the wall clock': [
-        'other_clock', 'future', 'zero_stamp', 'message_other_clock', 'message_zero_stamp'],
+        'other_clock', 'use_sim_time_differs', 'future', 'zero_stamp', 'message_other_clock',
+        'message_zero_stamp'],
     'The QoS of /tf_static': ['static_not_latched', 'volatile_listener', 'incompatible_qos'],
     'No static transforms from a bag': ['missing_part'],
     'A frame jumps or flickers': [
         'two_publishers', 'changing_parent', 'static_and_dynamic', 'jump'],
     'A jump back in time': ['time_goes_back'],
-    'A leading slash, or a namespace': ['leading_slash', 'other_namespace']}
+    'A leading slash, or a namespace': ['leading_slash', 'other_namespace'],
+    'Half of a robot is in a namespace': ['half_namespace'],
+    'Two nodes on /joint_states or /clock': ['two_joint_publishers', 'two_clocks']}
 _SECTION_OF = {code: heading for heading, codes in SECTIONS.items() for code in codes}
 _child_of = attrgetter('child')
 
@@ -97,6 +105,9 @@ class _Fault(NamedTuple):
     remedy: str = ''  #: '': that of the check
     severity: str = ''  #: '': that of the check
     time: int = 0  #: as `Finding.time`
+    #: The consequences of this fault, which are not reported. By code: the names of the frames or
+    #: nodes; None: all.
+    explains: Mapping[str, Optional[Collection[str]]] = MappingProxyType({})
 
 
 _Find = Callable[[Observation], Iterator[_Fault]]
@@ -128,11 +139,13 @@ def _check(code: str, severity: str, meaning: str, remedy: str, needs: str = ''
 
 def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Finding]:
     """Run all checks but the ignored ones; return errors first, then warnings, then infos."""
-    findings = []
+    findings: list[Finding] = []
+    explained: list[tuple[str, Optional[Collection[str]]]] = []
     for check in CHECKS.values():
         if check.code in ignored or check.needs in observation.not_known:
             continue
         for fault in check.find(observation):
+            explained += fault.explains.items()
             topics = (observation.topics[track.is_static] for track in fault.tracks)
             nodes = map(observation.node_of, fault.tracks)
             frames = map(_child_of, fault.tracks) if fault.frames is None else fault.frames
@@ -142,7 +155,14 @@ def diagnose(observation: Observation, ignored: Collection[str] = ()) -> list[Fi
                 tuple(dict.fromkeys(filter(None, (*fault.nodes, *nodes)))), fault.evidence,
                 fault.remedy or check.remedy, _SECTION_OF.get(check.code, 'Other faults'),
                 fault.time))
-    return sorted(findings, key=lambda finding: SEVERITIES.index(finding.severity))
+    return sorted((finding for finding in findings if not any(
+        finding.code == code and _is_among(finding, names) for code, names in explained)),
+        key=lambda finding: SEVERITIES.index(finding.severity))
+
+
+def _is_among(finding: Finding, names: Optional[Collection[str]]) -> bool:
+    return names is None or any(
+        each and {*each} <= {*names} for each in (finding.frames, finding.nodes))
 
 
 def not_checked(observation: Observation, ignored: Collection[str] = ()) -> list[str]:
@@ -419,26 +439,33 @@ def _share(tracks: Sequence[Track], field: str) -> str:
         'Let all nodes use the same clock: set use_sim_time on all of them or on none, and '
         'synchronise the clocks of the computers.')
 def _other_clock(observation: Observation) -> Iterator[_Fault]:
+    # If one such stamp makes others old, `time_goes_back` says it.
+    told = {observation.refused[track].by for track in observation.refused
+            if _is_refused_for_another(observation, track)}
+    told.update(track for track, refused in observation.refused.items()
+                if refused.number > track['foreign'])
     if observation.clock:
-        yield from _other_clock_than(observation, observation.clock)
+        yield from _other_clock_than(observation, observation.clock, told)
         return
-    for tracks in observation.by_publisher(itemgetter('foreign')):
+    for tracks in observation.by_publisher(
+            lambda track: track['foreign'] and track not in told):
         worst = max(tracks, key=lambda track: max(-track['least_delay'], track['greatest_delay']))
         is_before = worst['greatest_delay'] > -worst['least_delay']
         delay = worst['greatest_delay' if is_before else 'least_delay']
         yield _Fault(
             f'{_share(tracks, "foreign")} with stamps that are far from their arrival, up to '
             f'{in_words(delay)} {"before" if is_before else "after"} it; the last stamp of '
-            f'{shortened(worst.child)} is {display_time(int(worst["stamp"]))}'
+            f'{shortened(worst.child)} is {exact_time(int(worst["stamp"]))}'
             f'{observation.clock_hint}', tracks)
 
 
-def _other_clock_than(observation: Observation, clock: Track) -> Iterator[_Fault]:
+def _other_clock_than(observation: Observation, clock: Track, told: Collection[Track]
+                      ) -> Iterator[_Fault]:
     # The delays are not compared, because a simulation can be slow, or pause.
     for track in observation.tracks:
         before = int(clock['oldest'] - track['latest'])
         after = int(track['oldest'] - clock['latest'])
-        if track['delays'] and max(before, after) > OTHER_CLOCK:
+        if track['delays'] and max(before, after) > OTHER_CLOCK and track not in told:
             yield _Fault(f'all stamps of {shortened(track.child)} are at least '
                          f'{in_words(max(before, after))} {"before" if before > 0 else "after"} '
                          f'those of {shortened(clock.child)}', [track])
@@ -466,7 +493,7 @@ def _message_other_clock(observation: Observation) -> Iterator[_Fault]:
         stamp = int(topic.stamps[found][-1])
         yield _of_topic(
             observation, topic, found, 'have stamps of another clock; the last is '
-            f'{display_time(stamp)}, {in_words(stamp - newest)} '
+            f'{exact_time(stamp)}, {in_words(stamp - newest)} '
             f'{"before" if stamp < newest else "after"} the newest transform')
 
 
@@ -492,7 +519,7 @@ def _message_never(observation: Observation) -> Iterator[_Fault]:
     for edge, topics in _by_edge(observation, Verdict.NEVER):
         topic, found = topics[0]
         last = int(topic.stamps[found].max())
-        reason = (f'end at {display_time(edge.end)}, and the last stamp is {display_time(last)}'
+        reason = (f'end at {exact_time(edge.end)}, and the last stamp is {exact_time(last)}'
                   if edge.end < last else
                   'arrive when those of other edges are not kept any more')
         fault = _of_edge(observation, edge, topics, f'wait in vain: the data of the edge '
@@ -576,6 +603,124 @@ def _edge_text(observation: Observation, edge: Edge) -> str:
             f'{f" of {node}" if node else ""}')
 
 
+@_check('half_namespace', ERROR,
+        'Transforms on other topics continue the tree: some nodes of a robot use /tf and '
+        '/tf_static, and others those of a namespace, so no listener receives the whole tree.',
+        'Remap both /tf and /tf_static in all nodes of the robot, or in none of them.')
+def _half_namespace(observation: Observation) -> Iterator[_Fault]:
+    for half in observation.halves:
+        tracks = [track for track in observation.tracks if half.joint in (
+            track.parents if half.is_root_here else [track.child])]
+        topics = sorted({observation.topics[track.is_static] for track in tracks})
+        nodes = dict.fromkeys(filter(None, map(observation.node_of, tracks)))
+        yield _Fault(
+            half_text(half, topics, [*nodes]), tracks, [half.joint], half.topics, half.nodes,
+            half_remedy(half, observation.topics[0]),
+            explains={'several_trees': None, 'disconnected': None, 'other_namespace': None,
+                      'unknown_frame': half.frames})
+
+
+@_check('two_joint_publishers', ERROR,
+        'Two nodes send the position of the same joint, so robot_state_publisher mixes them: the '
+        'frame jumps, or one of the two is ignored.',
+        'Stop one of the two nodes, or remap its topic.')
+def _two_joint_publishers(observation: Observation) -> Iterator[_Fault]:
+    for topic, all_senders in observation.own_joint_senders.items():
+        groups: dict[tuple[Sender, ...], list[str]] = {}
+        for name in sorted({name for sender in all_senders for name in sender.names}):
+            if senders := rivals([each for each in all_senders if name in each.names]):
+                groups.setdefault((*senders,), []).append(name)
+        for found, joints in groups.items():
+            frames = _frames_of_joints(observation, topic, joints)
+            newest = max(sender.offset for sender in found)
+            late = [f'; the stamps of {sender.node} are {in_words(newest - sender.offset)} earlier'
+                    for sender in found if newest - sender.offset > LATE]
+            codes = ['jump', 'same_stamp', *(
+                ['time_goes_back', 'other_clock', 'late', 'future', 'gap'] if late else [])]
+            yield _Fault(
+                f'{_all_of(found)} send {_names(joints)} on {topic}: {_counts(found)} messages'
+                f'{"".join(late)}', (), frames, [topic], [sender.node for sender in found],
+                explains=dict.fromkeys(codes, frames))
+
+
+def _frames_of_joints(observation: Observation, topic: str, joints: Sequence[str]) -> list[str]:
+    """Return the frames that some joints move; of an unknown robot, all that may be."""
+    known = [start + link for robot, start in observation.own_robots
+             if joint_states_of(robot.topic) == topic
+             for joint in joints for link in robot.joints.get(joint, ())]
+    readers = {*observation.joint_readers.get(topic, ())}
+    return known or [track.child for track in observation.tracks
+                     if not track.is_static and observation.node_of(track) in readers]
+
+
+def _all_of(senders: Sequence[Sender]) -> str:
+    names = [sender.node for sender in senders]
+    return (f'{" and ".join(names)} both' if len(names) == 2 else
+            f'{comma_list(names, SHOWN)} all')
+
+
+def _counts(senders: Sequence[Sender]) -> str:
+    return ' and '.join(str(sender.count) for sender in senders)
+
+
+@_check('two_clocks', ERROR,
+        'Two nodes publish /clock, so the time jumps back and forth, and buffers of nodes that '
+        'use it are cleared again and again.',
+        'Let one node publish /clock: stop the other simulation or bridge, or play the bag '
+        'without --clock.')
+def _two_clocks(observation: Observation) -> Iterator[_Fault]:
+    if senders := rivals(observation.clocks):
+        times = ' and '.join(f'{exact_time(sender.stamp)} s' for sender in senders)
+        # No stamp can be compared with the time.
+        explains = [code for code in CHECKS if code.startswith('message_')]
+        yield _Fault(
+            f'{_all_of(senders)} publish /clock: {_counts(senders)} messages, with the last times '
+            f'{times}', (), (), ['/clock'], [sender.node for sender in senders],
+            explains=dict.fromkeys([*explains, 'other_clock', 'time_goes_back', 'late', 'future',
+                                    'gap', 'one_shot'], None))
+
+
+@_check('use_sim_time_differs', WARNING,
+        'While /clock is published, the parameter use_sim_time is true in some nodes and false '
+        'in others, so their stamps and lookups are on different clocks.',
+        'Set use_sim_time in all of these nodes (--ros-args -p use_sim_time:=true), or in none.')
+def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
+    answers = observation.use_sim_time
+    using = [node for node, uses in answers.items() if uses]
+    others = [node for node, uses in answers.items()
+              if not uses and _needs_time(observation, node)]
+    if not (using and others and observation.clocks):
+        return
+    foreign = [node for node in others if _is_foreign(observation, node)]
+    is_harmless = not foreign and not {*others} & {*observation.tf_listeners}
+    clocks = dict.fromkeys(sender.node for sender in observation.clocks)
+    yield _Fault(
+        f'use_sim_time is false in {_names(others)}, and true in {_names(using)}, while '
+        f'{_names(clocks)} publishes /clock', (), (), ['/clock'], others,
+        severity=ERROR if foreign else INFO if is_harmless else '',
+        # Those with the simulated clock are found if this node does not use it.
+        explains=dict.fromkeys(
+            ['other_clock', 'message_other_clock'], [*foreign, *using] if foreign else []))
+
+
+def _needs_time(observation: Observation, node: str) -> bool:
+    """Return whether a node listens to transforms, or sends stamps."""
+    return node in observation.tf_listeners or any(
+        observation.node_of(track) == node and not track.is_static
+        for track in observation.tracks) or any(
+            node in nodes for nodes in observation.senders.values())
+
+
+def _is_foreign(observation: Observation, node: str) -> bool:
+    """Return whether a node sends stamps that are far from the time on /clock."""
+    stamps = [int(track['stamp']) for track in observation.tracks
+              if observation.node_of(track) == node and not track.is_static]
+    stamps += [headers.stamps[-1] for topic, headers in observation.headers.items()
+               if headers.stamps and node in observation.senders.get(topic, ())]
+    now = observation.clocks[0].stamp
+    return any(stamp and abs(stamp - now) > OTHER_CLOCK for stamp in stamps)
+
+
 # Warnings
 
 
@@ -619,7 +764,7 @@ def _gap(observation: Observation) -> Iterator[_Fault]:
         before = int(worst['largest_step_at'])
         yield _Fault(
             f'no transform of {shortened(worst.child)} for {in_words(worst["largest_step"])} '
-            f'after {display_time(before)}; the usual period is {worst.period / SECOND:.2g} s; '
+            f'after {exact_time(before)}; the usual period is {worst.period / SECOND:.2g} s; '
             f'{beyond} of {worst["steps"].sum()} steps from stamp to stamp are longer than {_GAP} '
             'periods', tracks, time=before)
     end = max((track['last_time'] for track in observation.tracks if not track.is_static),
@@ -659,7 +804,7 @@ def _jump(observation: Observation) -> Iterator[_Fault]:
             parent.rpartition('/')[2] == 'map' for parent in track.parents))
         yield _Fault(
             f'{track.jumps_beyond(limit)} of {track["count"]} transforms of '
-            f'{shortened(track.child)} jump; at {display_time(int(track["jump_at"]))}, by '
+            f'{shortened(track.child)} jump; at {exact_time(int(track["jump_at"]))}, by '
             f'{track["jump"]:.3g} (m plus rad), {track["largest_speed"]:.3g} per second; '
             f'otherwise, it moves by at most {track["usual_speed"]:.3g} per second', [track],
             severity=INFO if is_localisation else '', time=int(track['jump_at']))
@@ -687,10 +832,12 @@ def _one_shot(observation: Observation) -> Iterator[_Fault]:
 def _late(observation: Observation) -> Iterator[_Fault]:
     for tracks in observation.by_publisher(lambda track: _is_frequent(track, 'late')):
         worst = max(tracks, key=itemgetter('greatest_delay'))
+        # Stamps of the future can make the mean negative.
+        mean = f'{in_words(worst.mean_delay)}, the largest ' if worst.mean_delay > 0.0 else ''
         yield _Fault(f'{_share(tracks, "late")} arrived more than {LATE / SECOND:g} s after their '
-                     f'stamp; the mean delay of {shortened(worst.child)} is '
-                     f'{in_words(worst.mean_delay)}, the largest '
-                     f'{in_words(worst["greatest_delay"])}', tracks)
+                     f'stamp; the {"mean" if mean else "largest"} delay of '
+                     f'{shortened(worst.child)} is {mean}{in_words(worst["greatest_delay"])}',
+                     tracks)
 
 
 def _is_frequent(track: Track, field: str) -> bool:
@@ -710,15 +857,48 @@ def _future(observation: Observation) -> Iterator[_Fault]:
 
 
 @_check('time_goes_back', WARNING,
-        'A stamp is earlier than the one before it.',
+        f'A stamp is earlier than the one before it; listeners refuse those that are more than '
+        f'{CACHE // SECOND} s earlier.',
         'Send the transforms of a frame in the order of their stamps; if a simulation or a bag '
         'was started again, restart the listeners, too.')
 def _time_goes_back(observation: Observation) -> Iterator[_Fault]:
-    for tracks in observation.by_publisher(itemgetter('backwards')):
+    for tracks in observation.by_publisher(lambda track: track['backwards'] or (
+            _is_refused_for_another(observation, track))):
         worst = max(tracks, key=itemgetter('step_back'))
-        yield _Fault(f'{_share(tracks, "backwards")} with an earlier stamp than the one before; '
-                     f'the largest step back is {in_words(worst["step_back"])} '
-                     f'({shortened(worst.child)})', tracks, time=int(worst['step_back_at']))
+        refused = [track for track in tracks if track in observation.refused]
+        texts = [_refused_text(observation, refused)] if refused else []
+        if worst['backwards']:
+            texts.append(f'{_share(tracks, "backwards")} with an earlier stamp than the one '
+                         f'before; the largest step back is {in_words(worst["step_back"])} '
+                         f'({shortened(worst.child)})')
+        yield _Fault('; '.join(texts), tracks, nodes=[
+            observation.node_of(observation.refused[track].by) for track in refused],
+            remedy=_REFUSED_REMEDY if refused else '', time=int(worst['step_back_at']))
+
+
+def _is_refused_for_another(observation: Observation, track: Track) -> bool:
+    """Return whether another publisher, which has ended or sends little, makes them old."""
+    refused = observation.refused.get(track)
+    return refused is not None and refused.by is not track and bool(
+        refused.number > _MANY_REFUSED * refused.by['count']
+        or not _exist_together(observation, track, refused.by))
+
+
+_REFUSED_REMEDY = (
+    'Restart the nodes that listen, or call clear() of their buffers; before a simulation or a '
+    'bag starts again, stop the nodes that publish its transforms.')
+
+
+def _refused_text(observation: Observation, tracks: Sequence[Track]) -> str:
+    worst = max(tracks, key=lambda track: observation.refused[track].number)
+    refused, node = observation.refused[worst], observation.node_of(worst)
+    count = sum(observation.refused[track].number for track in tracks)
+    by = observation.node_of(refused.by)
+    return (f'{count} transform{"s" if count > 1 else ""} of '
+            f'{comma_list([track.child for track in tracks], SHOWN, quoted)}'
+            f'{f" from {node}" if node else ""} {"were" if count > 1 else "was"} refused by a '
+            f'buffer with the default cache of {CACHE // SECOND} s, since one at '
+            f'{exact_time(refused.newer)} s{f" from {by}" if by != node else ""} is newer')
 
 
 @_check('same_stamp', WARNING,

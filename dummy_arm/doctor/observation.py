@@ -4,13 +4,16 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import chain
+from itertools import chain, pairwise
 from operator import itemgetter
 import os
 from typing import NamedTuple, Optional, TYPE_CHECKING
 
-from dummy_arm.doctor.message_times import Edge, Judge, MessageTimes
+import numpy as np
+
+from dummy_arm.doctor.message_times import CACHE, Edge, Judge, MessageTimes
 from dummy_arm.doctor.tf_statistics import Statistics, Track
+from dummy_arm.inspection.feeds import Half, halves, OtherTopic, Sender
 from dummy_arm.inspection.robots import prefix, Robot
 from dummy_arm.inspection.traffic import recreated
 from dummy_arm.tf.bag import Headers, messages, missing_part, NOT_RECORDED, Topic
@@ -38,6 +41,14 @@ class Endpoint(NamedTuple):
     mismatch: str = ''  #: the listener whose QoS it does not match, and why; '': it matches all
 
 
+class Refused(NamedTuple):
+    """Transforms that a buffer refuses, since they are older than its cache reaches back."""
+
+    number: int
+    newer: int  #: the newest stamp before the last of them (ns)
+    by: Track  #: the track with this stamp
+
+
 @dataclass
 class Observation:
     """The transforms received or recorded within some time, and their publishers."""
@@ -54,6 +65,17 @@ class Observation:
     #: By topic with headers: the full names of the nodes that publish it, if known.
     senders: Mapping[str, Sequence[str]] = field(default_factory=dict)
     robots: Sequence[Robot] = ()  #: those with a description
+    #: By topic of joint states: the publishers that have sent some, and the nodes that read them.
+    joint_senders: Mapping[str, Sequence[Sender]] = field(default_factory=dict)
+    joint_readers: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    clocks: Sequence[Sender] = ()  #: the publishers on /clock
+    #: When the time on /clock has jumped back, so that buffers of nodes that use it were cleared
+    #: (ns, on the clock of the arrivals).
+    clears: Sequence[int] = ()
+    #: By node: whether it uses /clock, if it has answered. Tools are left out.
+    use_sim_time: Mapping[str, bool] = field(default_factory=dict)
+    tf_listeners: Collection[str] = ()  #: the nodes that subscribe to the dynamic transforms
+    other_transforms: Sequence[OtherTopic] = ()  #: what was received on the other topics
     tf_topics: Collection[str] = ()  #: the other topics with transforms
     #: What is not known, and why; see `Check.needs`.
     not_known: dict[str, str] = field(default_factory=dict)
@@ -150,6 +172,46 @@ class Observation:
         """Those `robots` whose namespace is that of `topics`, and the prefix of their frames."""
         return [(robot, prefix(robot.topic, robot.root, robot.links, self.tree_of)[0])
                 for robot in self.robots if self._is_own(robot.topic)]
+
+    @cached_property
+    def own_joint_senders(self) -> dict[str, Sequence[Sender]]:
+        """Those `joint_senders` whose namespace is that of `topics`."""
+        return {topic: senders for topic, senders in self.joint_senders.items()
+                if self._is_own(topic)}
+
+    @cached_property
+    def halves(self) -> list[Half]:
+        """The other topics with a part of the same tree."""
+        return halves(self.parents, self.topics[0], self.other_transforms)
+
+    @cached_property
+    def refused(self) -> dict[Track, Refused]:
+        """What a buffer with the default cache refuses of each track, if it refuses anything."""
+        found: dict[Track, Refused] = {}
+        for tracks in self.by_child.values():
+            tracks = [track for track in tracks if not track.is_static and track['latest']]
+            if not tracks or max(track['latest'] for track in tracks) - min(
+                    track['oldest'] for track in tracks) <= CACHE or (
+                        len(tracks) == 1 and not tracks[0]['backwards']):
+                continue
+            arrived = [self.statistics.arrivals(self.statistics.together([track]))
+                       for track in tracks]
+            times, stamps = (np.concatenate(each) for each in zip(*arrived))
+            numbers = np.repeat(np.arange(len(tracks)), [len(each) for each, _ in arrived])
+            order = np.argsort(times, kind='stable')
+            times, stamps, numbers = times[order], stamps[order], numbers[order]
+            begins = [0, *times.searchsorted(sorted(self.clears)).tolist(), len(times)]
+            for begin, end in pairwise(begins):
+                newest = np.maximum.accumulate(stamps[begin:end])
+                is_refused = stamps[begin:end] < newest - CACHE
+                for number, track in enumerate(tracks):
+                    indices = np.flatnonzero(is_refused & (numbers[begin:end] == number))
+                    if len(indices):
+                        newer = newest[indices[-1]]
+                        by = tracks[numbers[begin + int(newest.searchsorted(newer))]]
+                        before = found[track].number if track in found else 0
+                        found[track] = Refused(before + len(indices), int(newer), by)
+        return found
 
     @cached_property
     def message_times(self) -> list[MessageTimes]:

@@ -21,7 +21,7 @@ from dummy_arm.tf._core.hints import clock_publishers, hint_at_duration
 from dummy_arm.tf._core.times import nanoseconds, SECOND
 from dummy_arm.tf._core.waiting import wait, why_not
 from dummy_arm.tf._ros.futures import PendingFutures
-from dummy_arm.tf._ros.graph import clock_nodes
+from dummy_arm.tf._ros.graph import nodes_on
 from dummy_arm.tf._ros.messages import FrameGraph
 from dummy_arm.tf._ros.qos import check_node
 from dummy_arm.tf.buffer_core import BufferCore, to_message
@@ -72,7 +72,7 @@ class Buffer(BufferCore, BufferInterface):
         """Clear the buffer, and log a warning, at most once a second."""
         self._engine.insertion.log.warn_once(
             'jump', 'Detected jump back in time. Clearing tf buffer.', 1.0,
-            lambda: clock_publishers(clock_nodes(self._node)))
+            lambda: clock_publishers(nodes_on(self._node, '/clock') if self._node else ()))
         self.clear()
         self._engine.insertion.log.flush()
 

@@ -21,14 +21,15 @@ from dummy_arm.tf._core.frames import Frame
 from dummy_arm.tf._core.pose import BatchOrRows, Row
 from dummy_arm.tf._core.texts import comma_list, TF_MESSAGE
 from dummy_arm.tf._ros.graph import gid_of, node_of, UNKNOWN
+from dummy_arm.tf._ros.other_topics import TransformSampler
 from dummy_arm.tf._ros.rclpy_private import rcl_take, subscribe, take_message, Taker
 from dummy_arm.tf._ros.subscription import SubscriptionSource, TopicSubscription
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf._wire.message_reader import Encoding
 from dummy_arm.tf.transform_listener import TransformListener
 
-__all__ = ['UNKNOWN', 'PublisherListener', 'Received', 'ReceivedMessage', 'TopicReader', 'gid_of',
-           'node_of']
+__all__ = ['UNKNOWN', 'PublisherListener', 'Received', 'ReceivedMessage', 'TopicReader',
+           'TransformSampler', 'gid_of', 'node_of']
 
 #: The time between two regular queries of the ROS graph (s).
 _QUERY_INTERVAL = 0.5

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import ExitStack
 from functools import partial as partial_function
+from itertools import chain
 import json
 from multiprocessing import active_children, get_context, resource_tracker
 import sys
@@ -24,15 +26,17 @@ from dummy_arm.cli.progress import listen, progress
 from dummy_arm.cli.signals import check_signals, signals_blocked, sleep
 from dummy_arm.doctor.checks import CHECKS, ERROR, Finding
 from dummy_arm.doctor.explanation import explain, Explanation
-from dummy_arm.doctor.observation import Endpoint, Observation
+from dummy_arm.doctor.observation import Endpoint, in_words, Observation
 from dummy_arm.doctor.report import check_codes, examine, examine_bag, Report
-from dummy_arm.doctor.tf_statistics import Statistics
+from dummy_arm.doctor.tf_statistics import FUTURE, OTHER_CLOCK, Statistics
 from dummy_arm.doctor.troubleshooting import find, section
+from dummy_arm.inspection.feeds import OtherTopic
 from dummy_arm.inspection.terminal import column_width, wrapped
 from dummy_arm.inspection.traffic import SETTLING
 from dummy_arm.robot.observed import RobotListener, robots_in_bag
 from dummy_arm.tf.bag import messages, NOT_RECORDED, read, recordings
 from dummy_arm.tf.formatting import (
+    exact_time,
     in_seconds,
     SECTION_NAMES,
     suggest_names,
@@ -44,8 +48,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rclpy.node import Node
-
-    from dummy_arm.inspection.header_sampler import HeaderSampler
 
 #: For the path between two frames, the buffer keeps transforms for this time more than the command
 #: listens (s).
@@ -240,26 +242,53 @@ class _Listening:
 def _observe_live(duration: float, ros_args: Sequence[str], namespace: str) -> Observation:
     """Listen to transforms, and to the headers on other topics."""
     from dummy_arm.cli.node import spinning_node
-    from dummy_arm.inspection.header_sampler import HeaderSampler
-    with spinning_node('tf_doctor', ros_args, namespace) as node:
-        listening, sampler = _Listening(node), HeaderSampler(node)
-        robots = RobotListener(node)
+    with spinning_node('tf_doctor', ros_args, namespace) as node, ExitStack() as stack:
+        listening = _Listening(node)
+        samplers = _Samplers(node, *listening.frame_listener.topics)
+        stack.callback(samplers.close)
 
         def poll() -> None:
             listening.poll()
-            sampler.poll()
-            robots.poll()
+            samplers.poll()
 
         elapsed = listen(duration, listening.frame_listener.buffer.frame_names, poll)
-        return _observation(listening, sampler, robots, f'in {elapsed:.1f} s')
+        return _observation(listening, samplers, f'in {elapsed:.1f} s')
 
 
-def _observation(listening: _Listening, sampler: 'HeaderSampler', robots: RobotListener,
-                 where: str) -> Observation:
+class _Samplers:
+    """What is read beside the transforms."""
+
+    def __init__(self, node: 'Node', static: str, dynamic: str) -> None:
+        from dummy_arm.inspection.clock_sampler import ClockSampler
+        from dummy_arm.inspection.header_sampler import HeaderSampler
+        from dummy_arm.tf.publisher_listener import TransformSampler
+        self._node, self._dynamic = node, dynamic
+        self.clock = ClockSampler(node, self._nodes_with_stamps)
+        self.headers, self.robots = HeaderSampler(node), RobotListener(node, dynamic)
+        self.transforms = TransformSampler(node, (static, dynamic))
+
+    def _nodes_with_stamps(self) -> set[str]:
+        from dummy_arm.tf.publisher_listener import node_of
+        return {*map(node_of, self._node.get_publishers_info_by_topic(self._dynamic)),
+                *self.robots.subscribers(self._dynamic),
+                *chain.from_iterable(self.headers.senders().values())}
+
+    def poll(self) -> None:
+        for sampler in self.clock, self.headers, self.robots, self.transforms:
+            sampler.poll()
+
+    def close(self) -> None:
+        for sampler in self.clock, self.robots, self.transforms:
+            sampler.close()
+
+
+def _observation(listening: _Listening, samplers: _Samplers, where: str) -> Observation:
     """Add what the ROS graph knows to what was received."""
     node, frame_listener = listening.node, listening.frame_listener
     statistics, listener = listening.statistics, listening.listener
     static, dynamic = frame_listener.topics
+    sampler, robots, clock = samplers.headers, samplers.robots, samplers.clock
+    joint_senders = robots.senders()
     left_out = [f'headers on {topic}: {why}' for topic, why in sorted(sampler.not_read.items())]
     if listening.dropped:
         left_out.append(f'{listening.dropped} messages: they arrived too fast')
@@ -268,7 +297,11 @@ def _observation(listening: _Listening, sampler: 'HeaderSampler', robots: RobotL
         nodes=listener.names_of(statistics.publishers()),
         present=listener.present, endpoints=[*_endpoints(node, (dynamic, static))],
         volatile_listeners=_volatile_listeners(node, static), headers=sampler.headers(),
-        senders=sampler.senders(), robots=robots.robots(),
+        senders=sampler.senders(), robots=robots.robots(), joint_senders=joint_senders,
+        joint_readers={topic: robots.subscribers(topic) for topic in joint_senders},
+        clocks=clock.senders(), clears=clock.jumps, use_sim_time=clock.use_sim_time(),
+        tf_listeners=robots.subscribers(dynamic), other_transforms=[
+            OtherTopic(*each) for each in samplers.transforms.topics()],
         tf_topics=[topic for topic, types in node.get_topic_names_and_types()
                    if TF_MESSAGE in types and node.count_publishers(topic)],
         not_known=_not_known(listening), left_out=left_out,
@@ -354,10 +387,19 @@ def _explain_live(ends: tuple[str, str], stamp: int, duration: float, ros_args: 
             return explanation._replace(
                 why_not=f'No transform has been received. {frame_listener.why_no_frames()}')
         now = frame_listener.now()
-    if not now or not explanation.stamp or stamp:
+    if not explanation.stamp or stamp:
         return explanation
-    return explanation._replace(
-        age=f', {in_seconds(max(0, now - explanation.stamp)):.3f} s before the end of listening')
+    return explanation._replace(age=_age(now, explanation.stamp))
+
+
+def _age(now: int, stamp: int) -> str:
+    if not now:
+        return ' (use_sim_time is set, but no message has arrived on /clock)'
+    if stamp > now + FUTURE:
+        is_foreign = stamp > now + OTHER_CLOCK
+        return (f', {in_words(stamp - now)} after the time of this node, {exact_time(now)}'
+                f'{": they are on different clocks" if is_foreign else ""}')
+    return f', {in_seconds(max(0, now - stamp)):.3f} s before the end of listening'
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

@@ -14,6 +14,7 @@ from geometry_msgs.msg import PointStamped, TransformStamped
 from processes import Process, TIMEOUT, tool, tool_without_ros
 import pytest
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.time import Time
 from rclpy.topic_endpoint_info import TopicEndpointInfo
@@ -80,6 +81,12 @@ def codes(data):
     are real gaps and late transforms.
     """
     return {finding['code'] for finding in data['findings']} - {'gap', 'late'}
+
+
+def finding_of(data, code):
+    """Return the only finding with a code."""
+    (finding,) = (each for each in data['findings'] if each['code'] == code)
+    return finding
 
 
 def test_publishers_and_headers(ros):
@@ -397,7 +404,7 @@ def test_headers_of_another_robot(ros):
 def test_another_namespace(ros):
     """Publishers in a namespace are named, with the option that listens to them."""
     static = StaticTransformBroadcaster(ros.node)
-    static.sendTransform(stamped('map', 'odom'))
+    static.sendTransform(stamped('world', 'lamp'))
     other = ros.node.create_publisher(TFMessage, '/robot/tf', 10)
 
     def send(now):
@@ -408,6 +415,181 @@ def test_another_namespace(ros):
     assert '--namespace robot' in data['findings'][0]['evidence']
     status, data = examine(ros, '--namespace', 'robot', send=send, publishers=[other])
     assert (status, codes(data)) == (0, set())
+
+
+@pytest.fixture
+def half(ros):
+    """Send map -> odom on /tf, and odom -> base_link on /robot1/tf; return how, and publishers."""
+    driver = Node('driver', namespace='/robot1', context=ros.context)
+    senders = [TransformBroadcaster(ros.node),
+               TransformBroadcaster(driver, tf_topic='/robot1/tf')]
+
+    def send(now):
+        for sender, edge in zip(senders, (('map', 'odom'), ('odom', 'base_link'))):
+            sender.sendTransform(stamped(*edge, now))
+
+    yield send, [sender.pub_tf for sender in senders]
+    driver.destroy_node()
+
+
+HALF = ("'odom' is a root on /robot1/tf (/robot1/driver), and has a parent on /tf (/test): each "
+        'has a part of one tree')
+REMAPPED = '--ros-args -r /tf:=/robot1/tf -r /tf_static:=/robot1/tf_static'
+
+
+@pytest.mark.parametrize('arguments', [(), ('--namespace', 'robot1')])
+def test_half_a_namespace(ros, half, arguments):
+    """The topic, the nodes and the remedy are named, from whichever half one looks."""
+    send, publishers = half
+    status, data = examine(ros, *arguments, send=send, publishers=publishers)
+    assert (status, codes(data)) == (1, {'half_namespace'})
+    finding = finding_of(data, 'half_namespace')
+    assert finding['evidence'] == HALF
+    assert {*finding['nodes']} == {'/test', '/robot1/driver'}
+    assert {*finding['topics']} == {'/tf', '/robot1/tf'}
+    assert f'in all nodes of the robot ({REMAPPED}), or in none of them.' in finding['remedy']
+
+
+def test_the_path_to_the_other_half(ros, half):
+    """It is said where the missing frame is, and what to do."""
+    send, publishers = half
+    code, output, _ = run(ros, 'map', 'base_link', send=send, publishers=publishers[:1])
+    output = ' '.join(output.split())
+    assert code == 1
+    assert ('is published on /robot1/tf by /robot1/driver, but this listener is on /tf and '
+            f'/tf_static. Remap both /tf and /tf_static in all nodes of the robot ({REMAPPED}), '
+            'or in none of them.') in output
+
+
+def test_the_remedy_for_half_a_namespace(ros):
+    """With its arguments, a node publishes where the others of the robot do."""
+    other = Node('slam', context=ros.context, cli_args=REMAPPED.split())
+    senders = [TransformBroadcaster(other), TransformBroadcaster(ros.node, tf_topic='/robot1/tf')]
+
+    def send(now):
+        senders[0].sendTransform(stamped('map', 'odom', now))
+        senders[1].sendTransform(stamped('odom', 'base_link', now))
+
+    status, data = examine(ros, '--namespace', 'robot1', send=send,
+                           publishers=[sender.pub_tf for sender in senders])
+    other.destroy_node()
+    assert (status, codes(data)) == (0, set())
+
+
+def test_only_static_transforms_in_a_namespace(ros):
+    """They are received although they were sent before, and nothing else is proposed."""
+    static = StaticTransformBroadcaster(ros.node, tf_static_topic='/robot1/tf_static')
+    static.sendTransform(stamped('base_link', 'laser'))
+    sender = TransformBroadcaster(ros.node)
+    own = StaticTransformBroadcaster(ros.node)
+    own.sendTransform(stamped('laser', 'lens'))
+    status, data = examine(
+        ros, send=lambda now: sender.sendTransform(stamped('odom', 'base_link', now)),
+        publishers=[sender.pub_tf, static.pub_tf, own.pub_tf])
+    assert (status, codes(data)) == (1, {'half_namespace'})
+
+
+@pytest.mark.parametrize(('sent', 'expected'), [('turn', {'two_joint_publishers'}),
+                                               ('grip', set())])
+def test_two_nodes_send_joint_states(ros, sent, expected):
+    """If both send one joint, it is the only finding; if each has its own, nothing is wrong."""
+    pytest.importorskip('urdf_parser_py')
+    from dummy_arm.robot.state_publisher import RobotStatePublisher
+    robot = RobotStatePublisher(URDF, context=ros.context)
+    ros.executor.add_node(robot)
+    gui = Node('gui', context=ros.context)
+    publishers = [node.create_publisher(JointState, '/joint_states', 10)
+                  for node in (ros.node, gui)]
+
+    def send(now):
+        stamp = Time(nanoseconds=now).to_msg()
+        for publisher, name, position in zip(publishers, ('turn', sent), (2.0, 0.0)):
+            state = JointState(name=[name], position=[position])
+            state.header.stamp = stamp
+            publisher.publish(state)
+
+    status, data = examine(ros, '--ignore', 'joint_without_state', '--ignore',
+                           'several_trees', send=send, publishers=publishers, ticks=60)
+    for node in robot, gui:
+        ros.executor.remove_node(node)
+        node.destroy_node()
+    assert (status, codes(data)) == (bool(expected), expected)
+    if expected:
+        finding = finding_of(data, 'two_joint_publishers')
+        assert ({*finding['nodes']}, finding['frames']) == ({'/test', '/gui'}, ['arm'])
+        assert 'both send turn on /joint_states: ' in finding['evidence']
+
+
+def test_two_nodes_publish_the_clock(ros):
+    """Both are named, and nothing that follows from it."""
+    other = Node('other', context=ros.context)
+    clocks = [node.create_publisher(Clock, '/clock', 10) for node in (ros.node, other)]
+    sender = TransformBroadcaster(ros.node)
+    begin = ros.node.get_clock().now().nanoseconds
+
+    def send(now):
+        for clock, offset in zip(clocks, (20 * S, 160 * S)):
+            stamp = now - begin + offset
+            clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))
+        sender.sendTransform(stamped('map', 'odom', stamp))
+
+    status, data = examine(ros, *SIM_TIME, send=send, publishers=[*clocks, sender.pub_tf])
+    other.destroy_node()
+    assert (status, codes(data)) == (1, {'two_clocks'})
+    assert {*finding_of(data, 'two_clocks')['nodes']} == {'/test', '/other'}
+
+
+@pytest.mark.parametrize('arguments', [(), SIM_TIME])
+def test_a_node_that_does_not_use_the_clock(ros, arguments):
+    """It is named, whichever clock the command uses; the publisher of /clock is not."""
+    nodes = [Node(name, context=ros.context, parameter_overrides=[
+        Parameter('use_sim_time', value=name == 'nav')]) for name in ('nav', 'driver')]
+    for node in nodes:
+        ros.executor.add_node(node)
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+    senders = [TransformBroadcaster(node) for node in nodes]
+    begin = ros.node.get_clock().now().nanoseconds
+
+    def send(now):
+        stamp = now - begin + 100 * S
+        clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))
+        for sender, edge, each in zip(senders, (('map', 'odom'), ('odom', 'base')), (stamp, now)):
+            sender.sendTransform(stamped(*edge, each))
+
+    status, data = examine(ros, *arguments, send=send, ticks=100, publishers=[
+        clock, *(sender.pub_tf for sender in senders)])
+    for node in nodes:
+        ros.executor.remove_node(node)
+        node.destroy_node()
+    assert (status, codes(data) - {'future'}) == (1, {'use_sim_time_differs'})
+    assert finding_of(data, 'use_sim_time_differs')['evidence'] == (
+        'use_sim_time is false in /driver, and true in /nav, while /test publishes /clock')
+
+
+def test_a_late_transform_after_a_reset(ros):
+    """What it makes old is counted, after the buffers were cleared."""
+    clock = ros.node.create_publisher(Clock, '/clock', 10)
+    other = Node('old_node', context=ros.context)
+    senders = [TransformBroadcaster(node) for node in (ros.node, other)]
+    begin = ros.node.get_clock().now().nanoseconds
+    heard = [0]
+
+    def send(now):
+        heard[0] += all(each.pub_tf.get_subscription_count() for each in senders)
+        stamp = now - begin + (5 if heard[0] > 20 else 100) * S
+        clock.publish(Clock(clock=Time(nanoseconds=stamp).to_msg()))
+        if heard[0] == 30:
+            senders[1].sendTransform(stamped('odom', 'base', stamp + 95 * S))
+        elif heard[0] != 21:  # the clock arrives before the first transform
+            senders[0].sendTransform(stamped('odom', 'base', stamp))
+
+    _, data = examine(ros, '--ignore', 'future', *SIM_TIME, send=send, ticks=60, publishers=[
+        clock, *(sender.pub_tf for sender in senders)])
+    other.destroy_node()
+    assert codes(data) == {'time_goes_back'}
+    assert re.match(r"\d\d transforms of 'base' from /test were refused by a buffer with the "
+                    r'default cache of 10 s, since one at \d+\.\d{9} s from /old_node is newer; ',
+                    finding_of(data, 'time_goes_back')['evidence'])
 
 
 def test_publishers_one_after_the_other(ros):
@@ -511,6 +693,18 @@ def test_without_a_clock(arm_domain):
     result = call(main, '--time', '0.1', *SIM_TIME, domain=arm_domain)
     assert ('not checked: late, future: use_sim_time is set, but no message has arrived on /clock'
             in result.stdout)
+    result = call(main, 'base_link', 'joint_1', '--time', '0.1', *SIM_TIME, domain=arm_domain)
+    assert re.search(r'exists at \d+\.\d{9} \(use_sim_time is set, but no message has arrived on '
+                     r'/clock\)\.', ' '.join(result.stdout.split()))
+
+
+@pytest.mark.parametrize(('now', 'text'), [
+    (104, ', 4.000 s before the end of listening'),
+    (97, ', 3 s after the time of this node, 97.000000000'),
+    (1, ', 99 s after the time of this node, 1.000000000: they are on different clocks')])
+def test_the_age_of_a_transform(now, text):
+    """It is not negative; a stamp of another clock is said to be one."""
+    assert tf_doctor._age(now * S, 100 * S) == text
 
 
 def test_a_healthy_arm(arm_domain, monkeypatch):

@@ -1,6 +1,7 @@
 """The doctor, for bags: each fault is found, with its evidence, and nothing else is."""
 
 from contextlib import closing
+from decimal import Decimal
 from functools import partial
 from itertools import cycle
 import json
@@ -17,6 +18,7 @@ import pytest
 
 from dummy_arm.doctor import ERROR, examine, examine_bag
 from dummy_arm.doctor.checks import CHECKS
+from dummy_arm.tf import TransformBuffer
 from dummy_arm.tools.tf_doctor import main
 
 bags = pytest.importorskip('bags')
@@ -132,7 +134,7 @@ FAULTS = {
         '^100 of 100 transforms of wheel with the stamp 0$'),
     'message_other_clock': (
         [*robot(), *scans(shift=-T + 5 * S, count=160)], ['laser'],
-        r'^81 of 81 messages on /scan have stamps of another clock; the last is 8\.975000, '
+        r'^81 of 81 messages on /scan have stamps of another clock; the last is 8\.975000000, '
         '1699999993 s before the newest transform$'),
     'message_too_old': (
         [*robot(700), *scans(hertz=10, count=100, shift=-11 * S, late=3 * S)], ['laser'],
@@ -141,8 +143,8 @@ FAULTS = {
     'message_never': (
         [*robot(100), *(tf(i, 'base_link wheel') for i in range(400)), *scans(count=300)],
         ['laser'], r'^159 of 239 messages on /scan wait in vain: the data of the edge odom -> '
-        r'base_link(?: of /robot)? end at 1700000001\.980000, and the last stamp is '
-        r'1700000005\.950000$'),
+        r'base_link(?: of /robot)? end at 1700000001\.980000000, and the last stamp is '
+        r'1700000005\.950000000$'),
     'message_early': (
         [*robot(change=lambda i: {'delay': 250 * MS}), *scans()], ['laser'],
         r'^80 of 80 messages on /scan can be transformed only after waiting for the edge odom -> '
@@ -153,13 +155,13 @@ FAULTS = {
     'gap': (
         [message for i, message in enumerate(robot(200)) if not 50 < i <= 80],
         ['base_link', 'arm'],
-        r'^no transform of base_link for 0\.62 s after 1700000000\.980000; the usual period is '
+        r'^no transform of base_link for 0\.62 s after 1700000000\.980000000; the usual period is '
         r'0\.02 s; 1 of 169 steps from stamp to stamp are longer than 3 periods$'),
     'jump': (
         [*robot(100, edges=['odom base_link']),
          *(tf(100 + i, 'odom base_link', x=9.0 + i / 100) for i in range(100))], ['base_link'],
-        r'^1 of 200 transforms of base_link jump; at 1700000002\.000000, by 8\.01 \(m plus rad\), '
-        r'40[01] per second; otherwise, it moves by at most 0\.5 per second$'),
+        r'^1 of 200 transforms of base_link jump; at 1700000002\.000000000, by 8\.01 '
+        r'\(m plus rad\), 40[01] per second; otherwise, it moves by at most 0\.5 per second$'),
     'one_shot': (
         [*robot(110), tf(5, 'base_link camera')], ['camera'],
         r'^one transform of camera in 2\.08 s$'),
@@ -254,7 +256,8 @@ HEALTHY = {
 }
 #: What the messages of a bag do not show: other tests have these codes.
 ELSEWHERE = {'static_not_latched', 'incompatible_qos', 'many_publishers', 'missing_part',
-             'volatile_listener', 'joint_without_state', 'link_without_transform'}
+             'volatile_listener', 'joint_without_state', 'link_without_transform',
+             'half_namespace', 'two_joint_publishers', 'two_clocks', 'use_sim_time_differs'}
 
 
 def numbered(i, name, **kwargs):
@@ -552,6 +555,51 @@ def test_healthy(capsys, tmp_path, name, kind):
     assert found['verdict'].startswith('healthy: ')
 
 
+@pytest.mark.parametrize('kind', ['bag', 'mcap'])
+@pytest.mark.parametrize(('late', 'number'), [(100, 50), (30, 50), (14, 0), (17, 20)])
+def test_a_late_transform_of_the_old_run(capsys, tmp_path, kind, late, number):
+    """How many transforms a buffer refuses after it is said, and the stamp because of which."""
+    stamps = [late, *(5 + i / 10 for i in range(50))]
+    buffer = TransformBuffer(cache_time=10 * S)
+    accepted = [buffer.insert(round(stamp * S), 'odom', 'base', pose(0.0)) for stamp in stamps]
+    assert accepted.count(False) == number
+    path = bags.make(tmp_path, kind, [
+        tf(i, 'odom base', stamp=round(stamp * S), publisher='/sim' if i else '/old_node')
+        for i, stamp in enumerate(stamps)])
+    _, found = doctor(capsys, path)
+    texts = [each['evidence'] for each in found['findings'] if 'refused' in each['evidence']]
+    assert {each['code'] for each in found['findings']} <= {'time_goes_back'}
+    old, new = (' from /old_node', ' from /sim') if kind == 'bag' else ('', '')
+    assert [text.partition(';')[0] for text in texts] == [
+        f"{number} transforms of 'base'{new} were refused by a buffer with the default cache of "
+        f'10 s, since one at {late}.000000000 s{old} is newer'] * bool(number)
+
+
+def test_a_late_transform_while_the_new_run_sends(capsys, tmp_path):
+    """The transforms that it makes old are counted."""
+    path = bags.make(tmp_path, 'bag', [
+        tf(i, 'odom base', stamp=100 * S if i == 20 else 5 * S + i * S // 10,
+           publisher='/old_node' if i == 20 else '/sim') for i in range(70)])
+    _, found = doctor(capsys, path)
+    assert {each['code'] for each in found['findings']} == {'two_publishers', 'time_goes_back'}
+    assert found['findings'][1]['evidence'].startswith(
+        "49 transforms of 'base' from /sim were refused by a buffer with the default cache of 10 "
+        's, since one at 100.000000000 s from /old_node is newer')
+
+
+def test_the_remedy_for_transforms_that_were_refused(tmp_path):
+    """After clear(), the buffer accepts them."""
+    path = bags.make(tmp_path, 'mcap', [
+        tf(i, 'odom base', stamp=stamp * S) for i, stamp in enumerate((100, 5, 6))])
+    (finding,) = examine(path, ignore=['other_clock', 'same_stamp']).findings
+    assert 'call clear() of their buffers' in finding.remedy
+    buffer = TransformBuffer(cache_time=10 * S)
+    buffer.insert(100 * S, 'odom', 'base', pose(0.0))
+    assert not buffer.insert(5 * S, 'odom', 'base', pose(0.0))
+    buffer.clear()
+    assert buffer.insert(5 * S, 'odom', 'base', pose(0.0))
+
+
 # In a program
 
 
@@ -693,14 +741,15 @@ def test_a_path_that_exists(capsys, tmp_path):
         'The transform from arm to map exists at 1700000001.980000000.']
 
 
-def test_the_ends_of_an_edge_can_be_typed(capsys, tmp_path):
-    """The path exists at the two printed times, which are those of the data to the ns."""
-    path = bags.make(tmp_path, 'mcap', in_order(robot(change=lambda i: {'stamp': at(i) + 789})))
-    assert main(['--bag', str(path), 'map', 'arm']) == 0
-    ends = re.findall(r' Hz  (\S+) to (\S+) ', capsys.readouterr().out)
-    assert ends == [('1700000000.000000789', '1700000001.980000789')] * 2
-    for end in ends[0]:
-        assert main(['--bag', str(path), 'map', 'arm', '-t', end]) == 0
+def test_the_ends_of_the_data_can_be_typed(capsys, tmp_path):
+    """There is a transform at the last stamp that is printed, and none a nanosecond later."""
+    path = bags.make(tmp_path, 'mcap', [
+        tf(i, 'map odom', stamp=at(i) + 123_456_789) for i in range(50)])
+    main(['--bag', str(path), 'map', 'odom'])
+    ((begin, end),) = re.findall(r'Hz  (\S+) to (\S+)', capsys.readouterr().out)
+    for time, code in (begin, 0), (end, 0), (Decimal(end) + Decimal('1e-9'), 1):
+        assert main(['--bag', str(path), 'map', 'odom', '-t', str(time)]) == code
+        capsys.readouterr()
 
 
 def explained(capsys, path, *arguments):

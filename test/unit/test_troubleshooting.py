@@ -9,6 +9,7 @@ from recorded import observed, S, T, tf
 
 from dummy_arm.doctor import examine
 from dummy_arm.doctor.checks import CHECKS, SECTIONS
+from dummy_arm.inspection.feeds import OtherTopic, Sender
 from dummy_arm.tf import TransformBuffer, TransformException
 from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.hints import Publisher, Surroundings
@@ -52,6 +53,13 @@ def report(transforms=(), messages=(), **kwargs):
     return str(examine(observed([*ROBOT, *transforms], messages, **kwargs)))
 
 
+def clock(node):
+    """Return a publisher of /clock."""
+    sender = Sender(node)
+    sender.add(T, T)
+    return sender
+
+
 TF = 'tf2_msgs/msg/TFMessage'
 #: By heading: a function that returns the text, and the words of the symptom in it.
 PROVOKED = {
@@ -85,6 +93,11 @@ PROVOKED = {
     'A leading slash, or a namespace': (
         lambda _: error_of('lidar', topics=('/tf_static', '/tf'), other_topics=['/robot1/tf']),
         '/robot1/tf'),
+    'Half of a robot is in a namespace': (
+        lambda _: report(other_transforms=[OtherTopic('/robot1/tf', {'wheel': 'base'}, ['/rsp'])]),
+        'error half_namespace'),
+    'Two nodes on /joint_states or /clock': (
+        lambda _: report(clocks=[clock('/gazebo'), clock('/bag')]), 'error two_clocks'),
     'A lookup that waits for its own node': (
         lambda _: error_of(time=20, timeout=1, topics=('/tf_static', '/tf'), publishers=[
             Publisher('/me', '/tf', TF, 'ab')], blocked={'/me': 'and cannot.'}),

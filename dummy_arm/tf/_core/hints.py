@@ -48,7 +48,7 @@ class Elsewhere(NamedTuple):
     parent: str
     child: str
     topic: str
-    nodes: Sequence[str] = ()  #: the nodes that publish on the topic
+    nodes: Sequence[str]  #: the nodes that publish on the topic
 
 
 class Surroundings(NamedTuple):
@@ -103,7 +103,7 @@ def unknown_frame(look: Look, name: str, known: tuple[str, ...], advice: str, wa
         return f'The buffer is empty.{_missing_part(advice) if advice else ""}'
     if advice:
         cause = _missing_part(advice)
-    elif cause := (_elsewhere(around, name, ()) or topics(around)
+    elif cause := (_elsewhere(around, name, (), known) or topics(around)
                    or _all_blocked(around, waited) or nothing(around)):
         cause = f' {cause}'
     else:
@@ -122,7 +122,7 @@ def unconnected(look: Look, target: str, target_root: str, source: str, source_r
         remedy = see('Two unconnected trees')
     else:
         remedy = ' ' + (
-            _elsewhere(around, '', (target_root, source_root)) or topics(around)
+            _elsewhere(around, '', (target_root, source_root), ()) or topics(around)
             or _all_blocked(around, waited)
             or f'Publish a transform between the two trees.{see("Two unconnected trees")}')
     return (f' {quoted(target)} is in the tree with root {quoted(target_root)}, '
@@ -141,16 +141,24 @@ def _missing_part(advice: str) -> str:
     return advice + see('No static transforms from a bag')
 
 
-def _elsewhere(around: Surroundings, name: str, roots: Collection[str]) -> str:
+def _elsewhere(around: Surroundings, name: str, roots: Collection[str], known: Collection[str]
+               ) -> str:
     """Say that a missing frame, or the parent of a root, is published on another topic."""
     edge = around.elsewhere(lambda each: name in each[:2] or each.child in roots) if (
         around.other_topics) else None
     if edge is None:
         return ''
-    return (f'{quoted(edge.parent)} -> {quoted(edge.child)} is published on {in_log(edge.topic)} '
+    own, other = (topic.removesuffix('_static') for topic in (around.topics[-1], edge.topic))
+    text = (f'{quoted(edge.parent)} -> {quoted(edge.child)} is published on {in_log(edge.topic)} '
             f'by {comma_list(edge.nodes, MAX_TOPICS, in_log)}, but this listener is on '
-            f'{" and ".join(around.topics[::-1])}. Remap both /tf and /tf_static in all nodes of '
-            f'a robot, or none.{see("A leading slash, or a namespace")}')
+            f'{" and ".join(around.topics[::-1])}.')
+    if edge.child not in roots and edge.parent not in known and edge.child not in known:
+        section = see('A leading slash, or a namespace')
+        return f'{text} To listen to {in_log(other)}, pass {_listening_to(in_log(other))}{section}'
+    base = in_log(max(own, other, key=lambda topic: topic.count('/')))
+    return (f'{text} Remap both /tf and /tf_static in all nodes of the robot (--ros-args -r '
+            f'/tf:={base} -r /tf_static:={base}_static), or in none of them.'
+            f'{see("Half of a robot is in a namespace")}')
 
 
 def topics(around: Surroundings) -> str:
@@ -198,12 +206,16 @@ def other_topics(around: Surroundings) -> str:
     if around.is_fed or not around.other_topics:
         return ''
     first = in_log(around.other_topics[0])
-    namespace, _, name = first.rpartition('/')
-    option = (f'pass --ros-args -r /tf:={first} -r /tf_static:={first}_static' if name != 'tf' else
-              f'pass --namespace {namespace[1:]}' if namespace else 'omit --namespace')
     return (f'No transform has arrived on {around.topics[-1]}, but transforms are published on '
             f'{comma_list(around.other_topics, MAX_TOPICS, in_log)}. To listen to {first}, pass '
-            f"tf_topic='{first}', tf_static_topic='{first}_static' to the TransformListener; in "
+            f'{_listening_to(first)}')
+
+
+def _listening_to(topic: str) -> str:
+    namespace, _, name = topic.rpartition('/')
+    option = (f'pass --ros-args -r /tf:={topic} -r /tf_static:={topic}_static' if name != 'tf' else
+              f'pass --namespace {namespace[1:]}' if namespace else 'omit --namespace')
+    return (f"tf_topic='{topic}', tf_static_topic='{topic}_static' to the TransformListener; in "
             f'commands, {option}.')
 
 
@@ -286,6 +298,8 @@ def cleared(look: Look, frame: str, waited: float) -> str:
     if not around.topics:
         return text + section
     clocks = clock_publishers(around.clock_nodes) if around.is_simulated else ''
+    if clocks and len(around.clock_nodes) > 1:
+        section = see('Two nodes on /joint_states or /clock')
     return f'{text}{clocks} Pass timeout= to wait for the next one.{section}'
 
 

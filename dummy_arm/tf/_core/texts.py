@@ -263,6 +263,8 @@ SECTION_NAMES = {
     'A frame jumps or flickers': 'jump',
     'A jump back in time': 'jump_back',
     'A leading slash, or a namespace': 'namespace',
+    'Half of a robot is in a namespace': 'half_namespace',
+    'Two nodes on /joint_states or /clock': 'two_nodes',
     'A lookup that waits for its own node': 'own_node',
     'Other faults': 'other'}
 

@@ -36,10 +36,9 @@ def node_of(info: TopicEndpointInfo) -> str:
             else full_name(info.node_namespace, info.node_name))
 
 
-def clock_nodes(node: Optional[Node]) -> list[str]:
-    """Return the nodes that publish on /clock."""
-    return [] if node is None else sorted(
-        {node_of(info) for info in node.get_publishers_info_by_topic('/clock')})
+def nodes_on(node: Node, topic: str) -> list[str]:
+    """Return the full names of the nodes that publish on a topic."""
+    return sorted({node_of(info) for info in node.get_publishers_info_by_topic(topic)})
 
 
 def surroundings(node: Node, subscriptions: Sequence[Subscription], is_fed: bool, has_data: bool,
@@ -62,7 +61,7 @@ def surroundings(node: Node, subscriptions: Sequence[Subscription], is_fed: bool
     joint_states = topics[0].rpartition('/')[0] + '/joint_states'
     return Surroundings(
         clock.now().nanoseconds, isinstance(clock, ROSClock) and clock.ros_time_is_active,
-        clock_nodes(node), topics, publishers,
+        nodes_on(node, '/clock'), topics, publishers,
         is_volatile=durability == DurabilityPolicy.VOLATILE, has_data=has_data,
         is_fed=is_fed or any(
             each.topic == topics[-1] and each.type == TF_MESSAGE for each in publishers),

@@ -1,96 +1,152 @@
 """Transforms on topics to which a listener does not listen, as when half a robot is namespaced."""
 
-from collections.abc import Callable, Iterator
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, suppress
+from itertools import islice
 from threading import Lock
 from time import monotonic, sleep
-from typing import Optional
+from typing import Any, NamedTuple, Optional
 
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 
+from dummy_arm.tf._core.frames import is_too_long
 from dummy_arm.tf._core.hints import Elsewhere
-from dummy_arm.tf._ros.graph import node_of, other_topics
+from dummy_arm.tf._core.texts import TF_MESSAGE
+from dummy_arm.tf._ros.graph import nodes_on, other_topics, UNKNOWN
 from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._ros.rclpy_private import subscribe, take_message
 from dummy_arm.tf._wire import cdr
 
-#: How long to listen, and the time from one look to the next (s).
+#: How long `OtherTopics` listens, and the time until it listens again (s).
 _DURATION, _PAUSE = 0.5, 10.0
 _POLL_INTERVAL = 0.01
-#: The largest number of topics, and of edges that are kept.
-_MOST_TOPICS, _MOST_EDGES = 20, 10_000
+#: The time between two searches for topics (s).
+_SCAN_INTERVAL = 0.5
+#: The largest number of topics, and of frames of each.
+_MOST_TOPICS, _MOST_FRAMES = 20, 10_000
+#: How many messages of a topic are read at most in each `poll`.
+_DEPTH = 20
+_LATCHED = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE,
+                      durability=DurabilityPolicy.TRANSIENT_LOCAL)
+_OTHER = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+
+
+class TopicFrames(NamedTuple):
+    """The frames that were received on a topic."""
+
+    topic: str
+    parents: dict[str, str]  #: by child: the newest parent
+    nodes: list[str]  #: the full names of the nodes that publish on the topic
+
+
+class TransformSampler:
+    """
+    Subscriptions to all topics of transforms except some; no executor serves them.
+
+    :meta private:
+    """
+
+    def __init__(self, node: Node, own: Sequence[str]) -> None:
+        self._node, self._own, self._next_scan = node, own, 0.0
+        #: By topic, and whether latched messages of the past are wanted.
+        self._subscriptions: dict[tuple[str, bool], Subscription] = {}
+        self._parents: dict[str, dict[str, str]] = {}
+        self._unmapped: Optional[Node] = None
+
+    def poll(self) -> None:
+        """Read what has arrived, and twice a second search for topics."""
+        if monotonic() >= self._next_scan:
+            self._next_scan = monotonic() + _SCAN_INTERVAL
+            self._scan()
+        for (topic, _), subscription in self._subscriptions.items():
+            parents = self._parents[topic]
+            for data in _take(subscription):
+                with suppress(cdr.MalformedMessage):
+                    for row in cdr.unpack(data):
+                        parent, child = (name.removeprefix('/')
+                                         for name in (row.frame_id, row.child_frame_id))
+                        if parent and child and not is_too_long(child) and (
+                                child in parents or len(parents) < _MOST_FRAMES):
+                            parents[child] = parent
+
+    def topics(self) -> list[TopicFrames]:
+        """Return the topics on which transforms have arrived."""
+        return [TopicFrames(topic, parents, nodes_on(self._node_for(topic), topic))
+                for topic, parents in self._parents.items() if parents]
+
+    def close(self) -> None:
+        for subscription in self._subscriptions.values():
+            subscription.destroy()
+        if self._unmapped:
+            self._unmapped.destroy_node()
+
+    def _node_for(self, topic: str) -> Node:
+        """Return a node that does not remap a topic, as `--namespace` does with /tf."""
+        if self._node.resolve_topic_name(topic) == topic:
+            return self._node
+        if self._unmapped is None:
+            self._unmapped = Node(
+                '_tf_other_topics', context=self._node.context, use_global_arguments=False,
+                start_parameter_services=False, enable_rosout=False)
+        return self._unmapped
+
+    def _scan(self) -> None:
+        for topic in other_topics(self._node, self._own):
+            if topic not in self._parents and len(self._parents) >= _MOST_TOPICS:
+                continue
+            node = self._node_for(topic)
+            offered = [info.qos_profile for info in node.get_publishers_info_by_topic(topic)
+                       if info.topic_type == TF_MESSAGE]
+            # Latched messages of the past are sent only to a reliable, transient-local reader.
+            for is_latched in {(qos.reliability, qos.durability) == (
+                    _LATCHED.reliability, _LATCHED.durability) for qos in offered}:
+                if (topic, is_latched) not in self._subscriptions:
+                    self._parents.setdefault(topic, {})
+                    self._subscriptions[topic, is_latched] = subscribe(
+                        node, TFMessage, topic, lambda _: None,
+                        _LATCHED if is_latched else _OTHER, node.default_callback_group)
+
+
+def _take(subscription: Subscription) -> Iterator[bytes]:
+    def take() -> Any:
+        return take_message(subscription.handle, TFMessage, True)
+
+    with subscription.handle:
+        for data, _ in islice(iter(take, None), _DEPTH):
+            yield data
 
 
 class OtherTopics:
-    """The edges on other topics; a look at them may take half a second, once in ten seconds."""
+    """The edges on other topics, for hints: a look may take half a second, once in ten seconds."""
 
-    def __init__(self, node: Node, own: list[str]) -> None:
+    def __init__(self, node: Node, own: Sequence[str]) -> None:
         self._node, self._own = node, own
-        self._edges: dict[Elsewhere, None] = {}
+        self._found: list[TopicFrames] = []
         self._next, self._lock = 0.0, Lock()
 
     def find(self, is_wanted: Callable[[Elsewhere], bool]) -> Optional[Elsewhere]:
         """Return the first edge that is wanted; None if none is found in time."""
-        for edge in tuple(self._edges):
-            if is_wanted(edge):
-                return self._with_nodes(edge)
-        if monotonic() < self._next or not self._lock.acquire(blocking=False):
-            return None
-        try:
-            self._edges = {}
-            for edge in self._listen():
-                if len(self._edges) < _MOST_EDGES:
-                    self._edges[edge] = None
-                if is_wanted(edge):
-                    return self._with_nodes(edge)
-            return None
-        finally:
-            self._next = monotonic() + _PAUSE
-            self._lock.release()
+        if monotonic() >= self._next and self._lock.acquire(blocking=False):
+            try:
+                self._look(is_wanted)
+            finally:
+                self._next = monotonic() + _PAUSE
+                self._lock.release()
+        return self._first(is_wanted)
 
-    def _with_nodes(self, edge: Elsewhere) -> Elsewhere:
-        infos = self._node.get_publishers_info_by_topic(edge.topic)
-        return edge._replace(nodes=sorted({node_of(info) for info in infos}))
-
-    def _listen(self) -> Iterator[Elsewhere]:
-        subscriptions: list[Subscription] = []
-        try:
-            for topic in other_topics(self._node, self._own)[:_MOST_TOPICS]:
-                subscriptions.append(self._subscribe(topic))
+    def _look(self, is_wanted: Callable[[Elsewhere], bool]) -> None:
+        with closing(TransformSampler(self._node, self._own)) as sampler:
             deadline = monotonic() + _DURATION
             while monotonic() < deadline:
-                for subscription in subscriptions:
-                    while taken := self._take(subscription):
-                        with suppress(cdr.MalformedMessage):
-                            for row in cdr.unpack(taken[0]):
-                                yield Elsewhere(
-                                    row.frame_id.removeprefix('/'),
-                                    row.child_frame_id.removeprefix('/'),
-                                    subscription.topic_name)
+                sampler.poll()
+                self._found = sampler.topics()
+                if (edge := self._first(is_wanted)) and UNKNOWN not in edge.nodes:
+                    return
                 sleep(_POLL_INTERVAL)
-        finally:
-            for subscription in subscriptions:
-                subscription.destroy()
 
-    @staticmethod
-    def _take(subscription: Subscription) -> Optional[tuple[bytes, object]]:
-        with subscription.handle:
-            return take_message(  # type: ignore[no-any-return]
-                subscription.handle, TFMessage, True)
-
-    def _subscribe(self, topic: str) -> Subscription:
-        """Subscribe with a QoS that matches that of all publishers."""
-        offered = [info.qos_profile for info in self._node.get_publishers_info_by_topic(topic)]
-        is_reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
-        is_latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
-        qos = QoSProfile(
-            depth=100,
-            reliability=(ReliabilityPolicy.RELIABLE if is_reliable
-                         else ReliabilityPolicy.BEST_EFFORT),
-            durability=(DurabilityPolicy.TRANSIENT_LOCAL if is_latched
-                        else DurabilityPolicy.VOLATILE))
-        return subscribe(self._node, TFMessage, topic, lambda _: None, qos,
-                         ReentrantCallbackGroup())
+    def _first(self, is_wanted: Callable[[Elsewhere], bool]) -> Optional[Elsewhere]:
+        edges = (Elsewhere(parent, child, topic, nodes) for topic, parents, nodes in self._found
+                 for child, parent in parents.items())
+        return next(filter(is_wanted, edges), None)

@@ -1,0 +1,181 @@
+"""What feeds transforms, and what other topics have: which of it is a fault."""
+
+import pytest
+from recorded import MS, observed, T, tf
+
+from dummy_arm.doctor import examine
+from dummy_arm.inspection.feeds import halves, OtherTopic, Sender
+from dummy_arm.inspection.robots import Robot
+
+#: 50 Hz for 2 s.
+ROBOT = [tf(i, i, 'map odom') for i in range(0, 2000, 20)]
+
+
+def codes(transforms=ROBOT, messages=(), **kwargs):
+    """Return the codes of what is found."""
+    return {each.code for each in examine(observed(transforms, messages, **kwargs)).findings}
+
+
+def sender(node, *names, first=0, last=1000, ahead=0):
+    """Return a sender with two messages; times in ms after `T`."""
+    result = Sender(node)
+    for time in first, last:
+        result.add(T + time * MS, T + (time + ahead) * MS, names)
+    return result
+
+
+# Half a namespace
+
+
+def other(topic, *edges):
+    """Return another topic, with edges 'parent child'."""
+    return OtherTopic(
+        topic, {child: parent for parent, child in map(str.split, edges)}, [f'/of{topic}'])
+
+
+WHOLE = 'map odom', 'odom base'
+
+
+@pytest.mark.parametrize(('here', 'base', 'others', 'expected'), [
+    (['map odom'], '/tf', [other('/robot1/tf', 'odom base')], [('odom', False, '/robot1/tf')]),
+    (['odom base'], '/robot1/tf', [other('/tf', 'map odom')], [('odom', True, '/tf')]),
+    (['map odom', 'odom base'], '/tf', [other('/robot1/tf_static', 'base laser')],
+     [('base', False, '/robot1/tf')]),
+    (['base laser', 'map odom'], '/tf', [other('/robot1/tf', 'odom base')],
+     [('base', True, '/robot1/tf')]),
+    (['map odom'], '/fleet/tf', [other('/fleet/robot1/tf', 'odom base')],
+     [('odom', False, '/fleet/robot1/tf')]),
+    (['map odom'], '/robot1/tf', [other('/Robot_1/tf', 'odom base')],
+     [('odom', False, '/Robot_1/tf')]),
+    (['odom base'], '/tf', [other('/model/car/pose', 'map odom')],
+     [('odom', True, '/model/car/pose')]),
+    # The nearest one is first, not the first of the alphabet.
+    (['map odom'], '/fleet/tf', [other('/fleet/a/b/tf', 'odom x'), other('/fleet/r/tf', 'odom y')],
+     [('odom', False, '/fleet/r/tf'), ('odom', False, '/fleet/a/b/tf')])])
+def test_halves_of_a_tree(here, base, others, expected):
+    """The frame that connects them is found, from both sides."""
+    parents = {child: parent for parent, child in map(str.split, here)}
+    assert [(half.joint, half.is_root_here, half.base)
+            for half in halves(parents, base, others)] == expected
+
+
+@pytest.mark.parametrize(('here', 'base', 'others'), [
+    (WHOLE, '/robot1/tf', [other('/robot2/tf', *WHOLE)]),
+    (WHOLE, '/tf', [other('/robot1/tf', *WHOLE)]),  # a relay
+    (WHOLE, '/tf', [other('/robot1/tf', 'odom base')]),  # a robot without a map
+    (['odom base'], '/tf', [other('/robot1/tf', *WHOLE)]),
+    (['map r1/odom', 'r1/odom r1/base'], '/robot1/tf',
+     [other('/tf', 'map r2/odom', 'r2/odom r2/base')]),  # a common root
+    (['base arm'], '/robot1/tf', [other('/robot2/tf', 'odom base', 'base gripper')]),
+    (WHOLE, '/tf', [other('/robot1/tf', 'world lamp')]),
+    ([], '/tf', [other('/robot1/tf', *WHOLE)])])
+def test_whole_trees(here, base, others):
+    """Other robots are no halves, whatever their frames are called."""
+    parents = {child: parent for parent, child in map(str.split, here)}
+    assert halves(parents, base, others) == []
+
+
+def test_what_half_a_namespace_explains():
+    """Trees and frames that it cuts off are not reported beside it."""
+    kwargs = {'messages': [(i, i) for i in range(0, 2000, 50)], 'frame': 'base',
+              'transforms': [*ROBOT, tf(0, 0, 'base laser', is_static=True)]}
+    assert codes(**kwargs) == {'several_trees'}
+    kwargs['frame'] = 'arm'
+    assert codes(**kwargs) == {'several_trees', 'unknown_frame'}
+    others = [other('/robot1/tf', 'odom base', 'base arm')]
+    assert codes(**kwargs, other_transforms=others) == {'half_namespace'}
+
+
+# Joint states
+
+
+def joints(*senders):
+    """Return arguments of an observation with these senders of joint states."""
+    return {'joint_senders': {'/joint_states': senders}}
+
+
+#: The frame odom jumps now and then.
+JUMPS = [tf(i, i, 'map odom', x=9.0 * (i % 100 == 0)) for i in range(0, 2000, 20)]
+KNOWN = {'robots': [Robot('/robot_description', '', 'map', ['map', 'odom'], {'turn': ['odom']},
+                          {'turn': ''})]}
+READERS = {'joint_readers': {'/joint_states': ['/rsp']}, 'nodes': {'/robot': '/rsp'}}
+
+
+@pytest.mark.parametrize('robot', [KNOWN, READERS])
+def test_two_nodes_send_a_joint(robot):
+    """Both are named, with the joint and the frame; its jumps are not reported beside it."""
+    assert codes(JUMPS, **robot) == {'jump'}
+    report = examine(observed(JUMPS, [], **robot, **joints(
+        sender('/driver', 'turn'), sender('/gui', 'grip', 'turn', ahead=-300_000),
+        sender('/hand', 'tip'))))
+    (finding,) = report.findings
+    assert (finding.code, finding.nodes) == ('two_joint_publishers', ('/driver', '/gui'))
+    assert (finding.frames, finding.topics) == (('odom',), ('/joint_states',))
+    assert finding.evidence == (
+        '/driver and /gui both send turn on /joint_states: 2 and 2 messages; the stamps of /gui '
+        'are 300 s earlier')
+
+
+@pytest.mark.parametrize('senders', [
+    [sender('/arm', 'turn'), sender('/gripper', 'grip')],
+    [sender('/old', 'turn'), sender('/new', 'turn', first=1001, last=2000)],
+    [sender('/driver', 'turn')]])
+def test_healthy_joint_states(senders):
+    """Each node may send joints of its own, and a node may be started again."""
+    assert codes(**joints(*senders)) == set()
+
+
+def test_joint_states_of_another_robot():
+    """A topic in a namespace with transforms of its own is not judged."""
+    senders = sender('/a', 'turn'), sender('/b', 'turn')
+    topics = {'joint_senders': {'/r2/joint_states': senders}}
+    assert codes(**topics) == {'two_joint_publishers'}
+    assert codes(**topics, tf_topics=['/tf', '/r2/tf']) == set()
+
+
+# The clock
+
+
+def test_three_nodes_publish_the_clock():
+    """All are named, and stamps are not judged by such a clock."""
+    back = [tf(i, i % 40 * 2000, 'map odom') for i in range(0, 2000, 20)]
+    assert codes(back) >= {'time_goes_back'}
+    report = examine(observed(back, [], clocks=[
+        sender('/a'), sender('/b', ahead=-9000), sender('/c'),
+        sender('/old', first=-900, last=-800)]))
+    (finding,) = report.findings
+    assert (finding.code, finding.nodes) == ('two_clocks', ('/a', '/b', '/c'))
+    assert finding.evidence.startswith('/a, /b, /c all publish /clock: 2 and 2 and 2 messages')
+
+
+def test_a_simulation_that_is_started_again():
+    """One node publishes /clock after the other; the buffers were cleared, so nothing is old."""
+    stamps = [40, 41, 2, 3, 4]
+    content = [tf(i * 1000, stamp * 1000, 'map odom') for i, stamp in enumerate(stamps)]
+    clocks = [sender('/old', last=1500), sender('/new', first=1900, last=4000)]
+    for clears, is_refused in ([], True), ([T + 1800 * MS], False):
+        (finding,) = examine(
+            observed(content, [], clocks=clocks, clears=clears), ignore=['gap', 'future']).findings
+        assert finding.code == 'time_goes_back'
+        assert ('refused' in finding.evidence) is is_refused
+
+
+CLOCK = {'clocks': [sender('/gazebo')], 'nodes': {'/robot': '/driver'}}
+
+
+@pytest.mark.parametrize(('answers', 'more', 'expected'), [
+    ({'/driver': False, '/nav': True}, {}, 'info'),  # its stamps are those of the clock
+    ({'/driver': False, '/nav': True}, {'tf_listeners': ['/driver', '/nav']}, 'warning'),
+    ({'/driver': False, '/nav': True}, {'clocks': [sender('/gazebo', ahead=-10**9)]}, 'error'),
+    ({'/driver': False, '/nav': False}, {}, None),
+    ({'/driver': True, '/nav': True}, {}, None),
+    ({'/driver': True, '/silent': False}, {}, None),
+    ({'/driver': False, '/nav': True}, {'clocks': []}, None)])
+def test_nodes_that_use_the_clock_and_others(answers, more, expected):
+    """It is a fault if a node without the clock sends other stamps, or looks transforms up."""
+    report = examine(observed(ROBOT, [], **CLOCK | more, use_sim_time=answers))
+    assert [(each.code, each.severity, each.nodes) for each in report.findings] == [
+        ('use_sim_time_differs', expected, ('/driver',))] * bool(expected)
+    if expected:
+        assert report.findings[0].evidence == (
+            'use_sim_time is false in /driver, and true in /nav, while /gazebo publishes /clock')
