@@ -182,10 +182,9 @@ class TransformListener:
         """Return what hints may use: the clock and the publishers."""
         tree = None if self._engine is None else self._engine.tree
         has_data = tree is not None and bool(tree.histories)
-        is_fed = tree is not None and (
-            tree.has_dynamic() or (has_data and self.subscriptions[-1].topic_name != '/tf'))
+        has_dynamic = tree is not None and tree.has_dynamic()
         return surroundings(
-            self.node, self.subscriptions, is_fed, has_data, self._other_topics.find)
+            self.node, self.subscriptions, has_data, has_dynamic, self._other_topics.find)
 
     def callback(self, data: TFMessage) -> None:
         """Insert a message of /tf; called only if the listener uses subscriptions of the node."""

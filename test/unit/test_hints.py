@@ -414,9 +414,9 @@ def test_half_a_namespace(edge, source, remedy):
 @pytest.mark.parametrize(('surroundings', 'hint'), [
     ({}, '0 publishers on /tf and /tf_static in ROS domain 7, as far as it is discovered. '
      'Start a program that publishes, with the same ROS_DOMAIN_ID.'),
-    ({'other_domains': lambda: ' Others are in 5.', 'hides_others': 'LOCALHOST'},
+    ({'other_domains': lambda: ' Others are in 5.', 'hides_others': 'ROS_LOCALHOST_ONLY=1'},
      '0 publishers on /tf and /tf_static in ROS domain 7, as far as it is discovered. Others are '
-     'in 5. ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST hides other machines. Start a program that '
+     'in 5. ROS_LOCALHOST_ONLY=1 hides other machines. Start a program that '
      'publishes, with the same ROS_DOMAIN_ID.'),
     ({'joint_states': '/joint_states'}, '/joint_states has a publisher, but nothing publishes '
      'transforms: start robot_state_publisher FILE.'),

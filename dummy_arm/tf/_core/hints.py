@@ -65,6 +65,7 @@ class Surroundings(NamedTuple):
     is_volatile: bool = False  #: True if the subscription to static transforms is volatile
     is_fed: bool = False  #: whether the topic of dynamic transforms has data or a publisher
     has_data: bool = False  #: whether any transform was received
+    has_dynamic: bool = False  #: whether a dynamic one was received
     #: Other topics with publishers of transforms, without the ending '_static', the nearest first.
     other_topics: Sequence[str] = ()
     #: Returns the first edge on these topics that is wanted; may listen to them for a moment.
@@ -73,10 +74,11 @@ class Surroundings(NamedTuple):
     domain: int = 0  #: the ROS domain
     #: Returns a sentence on other ROS domains with processes of this machine; '' if there is none.
     other_domains: Callable[[], str] = str
-    hides_others: str = ''  #: the discovery range, if it hides other machines
+    hides_others: str = ''  #: the environment variable that hides other machines, and its value
     node: str = ''  #: the full name of the listener's node
     #: The nodes that cannot call back while this thread waits; each with the reason and remedy.
     blocked: Mapping[str, str] = MappingProxyType({})
+    is_spun: bool = True  #: False: no executor had the node at that moment
 
     def nodes(self, topic: str) -> list[str]:
         """Return the nodes that publish transforms on a topic."""
@@ -230,8 +232,7 @@ def nothing(around: Surroundings) -> str:
         text = (f'{around.joint_states} has a publisher, but nothing publishes transforms: start '
                 'robot_state_publisher FILE.')
     else:
-        hidden = (f' ROS_AUTOMATIC_DISCOVERY_RANGE={around.hides_others} hides other machines.'
-                  if around.hides_others else '')
+        hidden = f' {around.hides_others} hides other machines.' if around.hides_others else ''
         text = (f'0 publishers on {" and ".join(around.topics[::-1])} in ROS domain '
                 f'{around.domain}, as far as it is discovered.{around.other_domains()}{hidden} '
                 'Start a program that publishes, with the same ROS_DOMAIN_ID.')
@@ -239,8 +240,10 @@ def nothing(around: Surroundings) -> str:
 
 
 def _all_blocked(around: Surroundings, waited: float) -> str:
+    if not waited or (around.has_dynamic and not around.is_spun):  # it was spun before
+        return ''
     nodes = {each.node for each in around.publishers if each.type == TF_MESSAGE}
-    return _blocked(around, nodes, 'is the only known publisher,') if waited else ''
+    return _blocked(around, nodes, 'is the only known publisher,')
 
 
 def _blocked(around: Surroundings, nodes: Collection[str], verb: str) -> str:

@@ -23,6 +23,9 @@ from dummy_arm.tf._ros.rclpy_private import GID_SIZE
 UNKNOWN = 'unknown publisher'
 #: The node name that rmw reports for a publisher whose node is not discovered yet.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
+#: The settings with which ROS does not look for other machines.
+_HIDE_OTHERS = (('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'),
+                ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF'), ('ROS_LOCALHOST_ONLY', '1'))
 
 
 def gid_of(info: TopicEndpointInfo) -> str:
@@ -41,15 +44,15 @@ def nodes_on(node: Node, topic: str) -> list[str]:
     return sorted({node_of(info) for info in node.get_publishers_info_by_topic(topic)})
 
 
-def surroundings(node: Node, subscriptions: Sequence[Subscription], is_fed: bool, has_data: bool,
-                 elsewhere: Callable[[Callable[[Elsewhere], bool]], Optional[Elsewhere]]
-                 ) -> Surroundings:
+def surroundings(
+        node: Node, subscriptions: Sequence[Subscription], has_data: bool, has_dynamic: bool,
+        elsewhere: Callable[[Callable[[Elsewhere], bool]], Optional[Elsewhere]]) -> Surroundings:
     """
     Return the surroundings of a listener.
 
     :param subscriptions: to static transforms, and to dynamic ones.
-    :param is_fed: whether dynamic transforms have arrived.
     :param has_data: whether any transform has arrived.
+    :param has_dynamic: whether a dynamic one has.
     """
     topics = [each.topic_name for each in subscriptions]
     publishers = [
@@ -63,17 +66,18 @@ def surroundings(node: Node, subscriptions: Sequence[Subscription], is_fed: bool
         clock.now().nanoseconds, isinstance(clock, ROSClock) and clock.ros_time_is_active,
         nodes_on(node, '/clock'), topics, publishers,
         is_volatile=durability == DurabilityPolicy.VOLATILE, has_data=has_data,
-        is_fed=is_fed or any(
+        has_dynamic=has_dynamic,
+        is_fed=has_dynamic or (has_data and topics[-1] != '/tf') or any(
             each.topic == topics[-1] and each.type == TF_MESSAGE for each in publishers),
         other_topics=[*dict.fromkeys(
             topic.removesuffix('_static') for topic in other_topics(node, topics))],
         elsewhere=elsewhere,
         joint_states=joint_states if node.count_publishers(joint_states) else '',
         domain=domain, other_domains=partial(other_domains, domain),
-        hides_others=discovery_range if (
-            discovery_range := os.environ.get('ROS_AUTOMATIC_DISCOVERY_RANGE', '')
-            ).upper() in ('LOCALHOST', 'OFF') else '',
-        node=node.get_fully_qualified_name(), blocked=_blocked_nodes(node))
+        hides_others=next((f'{name}={value}' for name, value in os.environ.items()
+                           if (name, value.upper()) in _HIDE_OTHERS), ''),
+        node=node.get_fully_qualified_name(), blocked=_blocked_nodes(node),
+        is_spun=node.executor is not None)
 
 
 def _lack(offered: QoSProfile, requested: QoSProfile) -> str:
