@@ -305,7 +305,8 @@ def _observation(listening: _Listening, samplers: _Samplers, where: str) -> Obse
         tf_topics=[topic for topic, types in node.get_topic_names_and_types()
                    if TF_MESSAGE in types and node.count_publishers(topic)],
         not_known=_not_known(listening), left_out=left_out,
-        why_no_transforms='' if statistics.count else frame_listener.why_no_frames(),
+        why_no_transforms=(
+            '' if statistics.count else frame_listener.why_no_frames().partition(' More: ')[0]),
         other_namespaces=frame_listener.other_topics_hint(), end=listening.end,
         clock_offset=listening.offset, clock_hint=_clock_hint(node))
 

@@ -40,7 +40,7 @@ def test_no_arm(domain_id, arm_domain, monkeypatch):
     result = call(main, domain=domain_id)
     assert (result.code, result.stdout) == (1, '')
     assert 'check_arm: no transform was received within 0.5 s. ' in result.stderr
-    assert f'in ROS domain {domain_id}, ' in result.stderr
+    assert f'in ROS domain {domain_id}.' in result.stderr
     others = result.stderr.partition('programs run in other ROS domains: ')[2]
     assert re.search(rf'\b{arm_domain} \(PID \d+: .*dummy_arm', others)
     assert not re.search(rf'\b{domain_id} \(PID', others)

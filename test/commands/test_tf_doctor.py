@@ -627,7 +627,7 @@ def test_nothing_is_published(domain_id, monkeypatch, arguments):
     monkeypatch.setattr(progress, 'DISCOVERY', 0.1)
     code, output, _ = call(main, '--time', '0.2', *arguments, domain=domain_id)
     assert code == 1
-    assert f'0 publishers on /tf and /tf_static in ROS domain {domain_id}, ' in ' '.join(
+    assert f'0 publishers on /tf and /tf_static were found in ROS domain {domain_id}.' in ' '.join(
         output.split())
     if not arguments:
         assert 'error no_transforms: ' in output

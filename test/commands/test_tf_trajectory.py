@@ -57,7 +57,7 @@ def test_nothing_is_received(domain_id, monkeypatch, tmp_path):
     assert result.code == 1
     assert re.search(
         r'tf_trajectory: .*"map" .*frame does not exist\. No transform has been received yet\. '
-        rf'0 publishers .* ROS domain {domain_id},.*\r\n$', result.stderr)
+        rf'0 publishers .* ROS domain {domain_id}\..*\r\n$', result.stderr)
     assert not [*tmp_path.iterdir()]
 
 

@@ -85,7 +85,7 @@ def test_no_data_is_exit_code_1_and_what_to_check(domain_id, monkeypatch, tmp_pa
     assert (code, output) == (1, '')
     assert error.startswith(
         'view_frames: no transform was received within 0.2 s. 0 publishers on /tf and /tf_static '
-        f'in ROS domain {domain_id}, ')
+        f'were found in ROS domain {domain_id}.')
     assert 'ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST hides other machines.' in error
     assert not [*tmp_path.iterdir()]
 

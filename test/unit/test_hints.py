@@ -412,10 +412,10 @@ def test_half_a_namespace(edge, source, remedy):
 
 
 @pytest.mark.parametrize(('surroundings', 'hint'), [
-    ({}, '0 publishers on /tf and /tf_static in ROS domain 7, as far as it is discovered. '
+    ({}, '0 publishers on /tf and /tf_static were found in ROS domain 7. '
      'Start a program that publishes, with the same ROS_DOMAIN_ID.'),
     ({'other_domains': lambda: ' Others are in 5.', 'hides_others': 'ROS_LOCALHOST_ONLY=1'},
-     '0 publishers on /tf and /tf_static in ROS domain 7, as far as it is discovered. Others are '
+     '0 publishers on /tf and /tf_static were found in ROS domain 7. Others are '
      'in 5. ROS_LOCALHOST_ONLY=1 hides other machines. Start a program that '
      'publishes, with the same ROS_DOMAIN_ID.'),
     ({'joint_states': '/joint_states'}, '/joint_states has a publisher, but nothing publishes '

@@ -233,8 +233,8 @@ def nothing(around: Surroundings) -> str:
                 'robot_state_publisher FILE.')
     else:
         hidden = f' {around.hides_others} hides other machines.' if around.hides_others else ''
-        text = (f'0 publishers on {" and ".join(around.topics[::-1])} in ROS domain '
-                f'{around.domain}, as far as it is discovered.{around.other_domains()}{hidden} '
+        text = (f'0 publishers on {" and ".join(around.topics[::-1])} were found in ROS domain '
+                f'{around.domain}.{around.other_domains()}{hidden} '
                 'Start a program that publishes, with the same ROS_DOMAIN_ID.')
     return text + see('A frame does not exist')
 
