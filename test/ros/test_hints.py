@@ -110,8 +110,8 @@ def test_nothing_at_all(ros, start):
         buffer = Buffer(node=ros.node)
         listener = TransformListener(buffer, ros.node)
         text = str(error_of(buffer))
-        assert ('No transform has been received yet. 0 publishers on /tf and /tf_static were found '
-                f'in ROS domain {ros.context.get_domain_id()}.') in text
+        assert ('No transform has been received yet. 0 publishers on /tf and /tf_static were '
+                f'found in ROS domain {ros.context.get_domain_id()}.') in text
         assert re.search(rf'programs run in other ROS domains: .*{domain} \(PID {process.pid}: ',
                          text)
         assert 'ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST hides other machines.' in text
