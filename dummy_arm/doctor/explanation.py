@@ -105,8 +105,6 @@ def _refusal(frame: Frame, stamp: int) -> str:
         return ''
     if stamp > frame.latest:
         return (f'its newest transform is {in_seconds(stamp - frame.latest):.3f} s older than '
-                f'{exact_time(stamp)}: the pose at that time has not arrived yet, or its '
-                'publisher has stopped')
+                f'{exact_time(stamp)}')
     return (f'its oldest transform is {in_seconds(frame.oldest - stamp):.3f} s newer than '
-            f'{exact_time(stamp)}: the pose at that time was never received, or is no longer '
-            'kept')
+            f'{exact_time(stamp)}')
