@@ -130,7 +130,8 @@ class OtherTopics:
         """Return the first edge that is wanted; None if none is found in time."""
         if monotonic() >= self._next and self._lock.acquire(blocking=False):
             try:
-                self._look(is_wanted)
+                with suppress(Exception):  # the node is destroyed, or ROS shut down
+                    self._look(is_wanted)
             finally:
                 self._next = monotonic() + _PAUSE
                 self._lock.release()
