@@ -191,9 +191,13 @@ def _no_transforms(observation: Observation) -> Iterator[_Fault]:
         endpoint.wrong_type for endpoint in observation.endpoints)
     if not observation.tracks and not is_explained:
         refused = [each for each in observation.endpoints if each.mismatch or each.unlatched]
+        # Its last sentence is the remedy.
+        cause, _, remedy = observation.why_no_transforms.rstrip('.').rpartition('. ')
         yield _Fault(f'{len(observation.endpoints)} publishers exist, but {len(refused)} of them '
-                     'do not match the QoS of a listener' if refused else
-                     observation.why_no_transforms or '0 transforms', topics=observation.topics)
+                     'do not match the QoS of a listener', topics=observation.topics,
+                     remedy='Change their QoS.') if refused else _Fault(
+                         cause or '0 transforms', topics=observation.topics,
+                         remedy=remedy and f'{remedy}.')
 
 
 @_check('wrong_type', ERROR,
@@ -696,7 +700,8 @@ def _use_sim_time_differs(observation: Observation) -> Iterator[_Fault]:
     clocks = dict.fromkeys(sender.node for sender in observation.clocks)
     yield _Fault(
         f'use_sim_time is false in {_names(others)}, and true in {_names(using)}, while '
-        f'{_names(clocks)} publishes /clock', (), (), ['/clock'], others,
+        f'{_names(clocks)} {"publish" if len(clocks) > 1 else "publishes"} /clock', (), (), (),
+        others,
         severity=ERROR if foreign else INFO if is_harmless else '',
         # Those with the simulated clock are found if this node does not use it.
         explains=dict.fromkeys(

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
-from dummy_arm.tf.formatting import comma_list, quoted
+from dummy_arm.tf.formatting import comma_list, may_be_one_robot, quoted
 
 #: The largest number of nodes in a text, of publishers of a topic, and of joints of one of them.
 _SHOWN, _MOST_PUBLISHERS, _MOST_NAMES = 5, 1000, 10_000
@@ -89,18 +89,24 @@ def halves(parents: Mapping[str, str], base: str, others: Sequence[OtherTopic]) 
     Return the topics that have a part of the same tree, since not all nodes are remapped alike.
 
     The whole tree of another robot has the same children, or no frame in common, or the same root.
-    Neither do two namespaces beside each other belong to one robot, unless one is misspelt.
+    Neither do two namespaces beside each other belong to one robot, unless one is misspelt. If a
+    frame is the root in several namespaces, these are robots that share it, such as a map.
 
     :param parents: by child on the topics that are observed: the parent.
     :param base: the topic of the dynamic ones of these.
     """
+    groups = [(name, group, {child: parent for other in group
+                             for child, parent in other.parents.items()})
+              for name, group in _by_distance(others, base)]
+    trees = [parents, *(merged for _, _, merged in groups)]
+    roots = [frame for tree in trees for frame in {*tree.values()} - tree.keys()]
     found = []
-    for name, group in _by_distance(others, base):
-        merged = {child: parent for other in group for child, parent in other.parents.items()}
-        if merged.keys() & parents.keys() or not _may_be_one_robot(name, base):
+    for name, group, merged in groups:
+        if merged.keys() & parents.keys() or not may_be_one_robot(name, base):
             continue
         here = {*parents.values()} & merged.keys()
-        joints = sorted(here | {*merged.values()} & parents.keys())
+        joints = sorted(joint for joint in here | {*merged.values()} & parents.keys()
+                        if roots.count(joint) < 2)
         if joints:
             found.append(Half(
                 name, sorted(other.topic for other in group),
@@ -123,15 +129,6 @@ def _by_distance(others: Sequence[OtherTopic], base: str) -> list[tuple[str, lis
         return len(space) + len(nearest) - 2 * common, item[0]
 
     return sorted(groups.items(), key=key)
-
-
-def _may_be_one_robot(base: str, other: str) -> bool:
-    a, b = (f'{_namespace(each)}/' for each in (base, other))
-    return a.startswith(b) or b.startswith(a) or _plain(a) == _plain(b)
-
-
-def _plain(namespace: str) -> str:
-    return ''.join(filter(str.isalnum, namespace.lower()))
 
 
 def _namespace(base: str) -> str:

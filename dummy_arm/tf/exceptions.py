@@ -14,9 +14,9 @@ class TransformException(Exception):
     """Base class of the errors of a lookup."""
 
     #: tf2's words, and the hint; None after the text was read.
-    _parts: Optional[tuple[str, Callable[[float], str]]] = None
-    #: How long the lookup has waited (s).
-    _waited = 0.0
+    _parts: Optional[tuple[str, Callable[[Any], str]]] = None
+    #: How the lookup has waited: a `_core.hints.Waited`; None: it has not.
+    _waited: Any = None
 
     def __str__(self) -> str:
         if (parts := self._parts) is not None:  # two threads may come here
@@ -84,11 +84,11 @@ def is_of_rosbags(value: Any) -> bool:
     return hasattr(value, '__msgtype__')
 
 
-def with_hint(error: _Error, hint: Callable[[float], str]) -> _Error:
+def with_hint(error: _Error, hint: Callable[[Any], str]) -> _Error:
     """
     Append a hint to the text of an error; it is computed when the text is first read.
 
-    `hint` is called with the time that the lookup has waited (s).
+    `hint` is called with the `_core.hints.Waited` of the lookup, or None.
 
     While a lookup or a future waits, many errors are raised and discarded. A hint can take long to
     compute, so do not read the text while you hold the lock of the buffer.

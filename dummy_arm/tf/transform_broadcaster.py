@@ -11,6 +11,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 
 from dummy_arm.tf._core.times import nanoseconds_or_int
+from dummy_arm.tf._ros.graph import broadcast
 from dummy_arm.tf._ros.qos import check_node, create_publisher, profile
 from dummy_arm.tf._ros.transform_stamped import (
     as_list,
@@ -21,6 +22,9 @@ from dummy_arm.tf._ros.transform_stamped import (
 )
 from dummy_arm.tf._wire import cdr
 from dummy_arm.tf.exceptions import described
+
+#: The largest number of frames that are remembered for hints.
+_MOST_CHILDREN = 10_000
 
 
 class TransformBroadcaster:
@@ -41,6 +45,7 @@ class TransformBroadcaster:
         """
         check_node(node, 'TransformBroadcaster(node)')
         self.pub_tf = create_publisher(node, tf_topic, profile(qos, 100))
+        self._children = broadcast.setdefault(node, set())
 
     def sendTransform(  # noqa: N802
             self, transform: Union[TransformStamped, Iterable[TransformStamped]]) -> None:
@@ -55,7 +60,13 @@ class TransformBroadcaster:
         """
         transforms = as_list(transform)
         with explain_bad_fields(transforms):
-            self.pub_tf.publish(cdr.pack_fields(fields_to_send(transforms)))
+            fields = fields_to_send(transforms)
+            self.pub_tf.publish(cdr.pack_fields(fields))
+        self._note(child for _, _, _, child, _ in fields)
+
+    def _note(self, children: Iterable[str]) -> None:
+        if len(self._children) < _MOST_CHILDREN:
+            self._children.update(children)
 
     def prepare(self, edges: Sequence[tuple[str, str]]) -> 'PreparedTransforms':
         """
@@ -66,7 +77,9 @@ class TransformBroadcaster:
         :raises ValueError: if there is no edge, or if the names of an edge are invalid; see
             `sendTransform`.
         """
-        return PreparedTransforms(self.pub_tf, edges)
+        prepared = PreparedTransforms(self.pub_tf, edges)
+        self._note(child for _, child in prepared.edges)
+        return prepared
 
 
 class PreparedTransforms:

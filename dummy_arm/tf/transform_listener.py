@@ -1,8 +1,10 @@
 """Transform listeners like those of tf2_ros: they subscribe to /tf and /tf_static."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from functools import partial
 from threading import RLock
+from time import monotonic
 from traceback import format_exception
 from typing import Any, Optional, Union
 from weakref import ref
@@ -15,9 +17,9 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.subscription import Subscription
 
 from dummy_arm.tf._core.engine import Engine, engine_of
-from dummy_arm.tf._core.hints import Surroundings
+from dummy_arm.tf._core.hints import Blocked, Surroundings
 from dummy_arm.tf._core.texts import ThrottledLog
-from dummy_arm.tf._ros.graph import surroundings
+from dummy_arm.tf._ros.graph import blocked_nodes, surroundings
 from dummy_arm.tf._ros.listener_thread import ListenerThread, NodeThread, Round, SpinThread
 from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._ros.other_topics import OtherTopics
@@ -29,6 +31,9 @@ from dummy_arm.tf.buffer_core import BufferCore
 from dummy_arm.tf.exceptions import described
 from dummy_arm.tf.transform import Transform
 from dummy_arm.tf.transform_buffer import TransformBuffer
+
+#: Until a listener is so old (s), it may not have discovered all publishers.
+_DISCOVERY = 2.0
 
 
 class TransformListener:
@@ -76,6 +81,7 @@ class TransformListener:
         self.group = ReentrantCallbackGroup()
         #: The number of messages that the listener's own thread could not decode and has dropped.
         self.malformed = 0
+        self._start = monotonic()
         self._log = ThrottledLog()
         self._log.write = get_logger('tf2_listener').warning
         self._buffer, self._uses_callbacks = buffer, self._needs_callbacks(buffer)
@@ -169,6 +175,7 @@ class TransformListener:
             self._detach(before)
         if engine is not None:
             engine.look = partial(_surroundings, ref(self))
+            engine.find_blocked = partial(_blocked, ref(self))
             engine.add_source(self._source)
             # Another thread may have replaced `_engine` or ended the listener meanwhile.
             if self._engine is not engine or self._thread.must_end:
@@ -183,8 +190,9 @@ class TransformListener:
         tree = None if self._engine is None else self._engine.tree
         has_data = tree is not None and bool(tree.histories)
         has_dynamic = tree is not None and tree.has_dynamic()
-        return surroundings(
+        around = surroundings(
             self.node, self.subscriptions, has_data, has_dynamic, self._other_topics.find)
+        return around._replace(is_new=monotonic() < self._start + _DISCOVERY)
 
     def callback(self, data: TFMessage) -> None:
         """Insert a message of /tf; called only if the listener uses subscriptions of the node."""
@@ -263,6 +271,14 @@ class StaticTransformListener(TransformListener):
 def _surroundings(reference: ref[TransformListener]) -> Surroundings:
     listener = reference()
     return Surroundings() if listener is None else listener._surroundings()
+
+
+def _blocked(reference: ref[TransformListener]) -> Mapping[str, Blocked]:
+    listener = reference()
+    if listener is not None:
+        with suppress(Exception):  # the node is destroyed
+            return blocked_nodes(listener.node)
+    return {}
 
 
 def _engine_or_none(buffer: Any) -> Optional[Engine]:

@@ -35,6 +35,7 @@ def test_the_arm_that_is_running(start, domain_id):
 def test_no_arm(domain_id, arm_domain, monkeypatch):
     """What to check is named, also an arm in another domain."""
     monkeypatch.setattr(check_arm, 'START', 0.5)
+    monkeypatch.setattr('dummy_arm.tf.transform_listener._DISCOVERY', 0.0)
     monkeypatch.setattr(domains, '_MOST_SHOWN', 1000)
     eventually(lambda: arm_domain in ros_domains(processes().keys()))
     result = call(main, domain=domain_id)

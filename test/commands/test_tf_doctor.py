@@ -625,6 +625,7 @@ def test_publishers_one_after_the_other(ros):
 def test_nothing_is_published(domain_id, monkeypatch, arguments):
     """Without transforms, the settings to check are named; the exit code is 1."""
     monkeypatch.setattr(progress, 'DISCOVERY', 0.1)
+    monkeypatch.setattr('dummy_arm.tf.transform_listener._DISCOVERY', 0.0)
     code, output, _ = call(main, '--time', '0.2', *arguments, domain=domain_id)
     assert code == 1
     assert f'0 publishers on /tf and /tf_static were found in ROS domain {domain_id}.' in ' '.join(

@@ -80,6 +80,7 @@ def test_a_publisher_is_named_by_its_node(ros, publish_static):
 def test_no_data_is_exit_code_1_and_what_to_check(domain_id, monkeypatch, tmp_path):
     """No file is written; tf2 writes a PDF that says that there is no data."""
     monkeypatch.setattr(view_frames, 'DISCOVERY', 0.1)
+    monkeypatch.setattr('dummy_arm.tf.transform_listener._DISCOVERY', 0.0)
     monkeypatch.chdir(tmp_path)
     code, output, error = call(main, '-t', '0.2', domain=domain_id)
     assert (code, output) == (1, '')

@@ -102,20 +102,18 @@ def test_without_a_listener_nothing_is_known(ros):
     assert str(error_of(buffer, 30 * S)) == text
 
 
-def test_nothing_at_all(ros, start):
+def test_nothing_at_all(ros, buffer, start):
     """The domain, and the other domains in which processes run."""
     for domain in reserved_domain():
         process = start(*ARM, environment={'ROS_DOMAIN_ID': str(domain)})
         process.line_with('t = 0')
-        buffer = Buffer(node=ros.node)
-        listener = TransformListener(buffer, ros.node)
+        ros.until(lambda: (
+            'No transform has been received yet. 0 publishers on /tf and /tf_static were found in '
+            f'ROS domain {ros.context.get_domain_id()}.') in str(error_of(buffer)))
         text = str(error_of(buffer))
-        assert ('No transform has been received yet. 0 publishers on /tf and /tf_static were '
-                f'found in ROS domain {ros.context.get_domain_id()}.') in text
         assert re.search(rf'programs run in other ROS domains: .*{domain} \(PID {process.pid}: ',
                          text)
         assert 'ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST hides other machines.' in text
-        listener.unregister()
 
 
 @pytest.mark.parametrize(('topic', 'parent', 'child', 'source'), [
@@ -192,10 +190,10 @@ class Waving:
     def _send(self):
         self._broadcaster.sendTransform(stamped('map', 'base', now_of(self)))
 
-    def look_up(self):
+    def look_up(self, child='base'):
         """Wait for the present transform; return the error, or ''."""
         try:
-            self.buffer.lookup_transform('map', 'base', Time(nanoseconds=now_of(self)),
+            self.buffer.lookup_transform('map', child, Time(nanoseconds=now_of(self)),
                                          Duration(seconds=0.2))
         except TransformException as error:
             return str(error)
@@ -207,7 +205,7 @@ class Waving:
             'map', 'base', Time(nanoseconds=now_of(self)), Duration(seconds=60))
         return ''
 
-    def result_in_a_callback(self, look_up):
+    def result_in_a_callback(self, look_up, is_own_group=True):
         """Call a lookup in a callback, after the first transform; return what it returns."""
         done: list[str] = []
 
@@ -218,8 +216,8 @@ class Waving:
             result = look_up()
             done.append(await result if iscoroutine(result) else result)
 
-        timer = self.node.create_timer(
-            0.1, callback, callback_group=MutuallyExclusiveCallbackGroup())
+        group = MutuallyExclusiveCallbackGroup() if is_own_group else None
+        timer = self.node.create_timer(0.1, callback, callback_group=group)
         while not done:
             self.executor.spin_once(0.05)
         return done[0]
@@ -242,9 +240,9 @@ def waving(ros):
         each.node.destroy_node()
 
 
+OWN = ' More: tf_doctor --explain own_node'
 BLOCKED = ('This node publishes it, and cannot while this lookup blocks its executor: await '
-           'lookup_transform_async instead, in a callback group of its own. More: '
-           'tf_doctor --explain own_node')
+           f'lookup_transform_async instead, in a callback group of its own.{OWN}')
 
 
 def test_a_lookup_that_blocks_the_broadcaster_of_its_node(ros, waving):
@@ -257,36 +255,58 @@ def test_a_lookup_that_blocks_the_broadcaster_of_its_node(ros, waving):
 def test_a_lookup_that_blocks_a_node_in_the_same_executor(ros, waving):
     """It is named."""
     broadcasting = waving(SingleThreadedExecutor(context=ros.context))
-    looking = waving(None)
-    looking.executor, broadcasting.executor = broadcasting.executor, None
-    looking.executor.add_node(looking.node)
-    for timer in looking.node.timers:
-        timer.cancel()
-    text = looking.result_in_a_callback(looking.look_up)
-    assert '/waving publishes it' not in text  # two nodes publish
-    assert 'is on its way' in text or BLOCKED in text
+    looking = Node('looking', context=ros.context)
+    buffer = Buffer(node=looking)
+    listener = TransformListener(buffer, looking)
+    broadcasting.executor.add_node(looking)
+    broadcasting.buffer = buffer
+    assert '/waving publishes it, and cannot while this lookup blocks its executor: ' in (
+        broadcasting.result_in_a_callback(broadcasting.look_up))
+    listener.unregister()
+    broadcasting.executor.remove_node(looking)
+    looking.destroy_node()
 
 
-def test_a_lookup_that_does_not_block(ros, waving):
-    """Several threads: the transform arrives, and a time in the future is only that."""
-    node = waving(MultiThreadedExecutor(2, context=ros.context))
-    text = node.result_in_a_callback(lambda: node.buffer.can_transform(
-        'map', 'base', Time(nanoseconds=now_of(node) + 3600 * S), Duration(seconds=0.1), True)[1])
-    assert 'its executor' not in text
+@pytest.mark.parametrize('child', ['other', 'nobody'])
+def test_a_frame_of_another_node_is_not_that_of_the_blocked_one(ros, other, waving, child):
+    """It has ended, or never was there."""
+    node = waving(SingleThreadedExecutor(context=ros.context))
+    if child == 'other':
+        other.destroy_publisher(send(ros, other, node.buffer, now_of(ros), frame='other'))
+    text = node.result_in_a_callback(lambda: node.look_up(child))
+    assert 'This node publishes it' not in text
+    assert ("Only this node publishes on /tf. If it is to send 'nobody', it cannot while" in text
+            ) == (child == 'nobody')
+
+
+@pytest.mark.parametrize(('is_own_group', 'is_blocked'), [(False, True), (True, False)])
+def test_a_lookup_in_one_of_several_threads(ros, waving, is_own_group, is_blocked):
+    """It blocks the callbacks of its group; the remedy works."""
+    executor = MultiThreadedExecutor(3, context=ros.context)
+    node = waving(executor)
+    text = node.result_in_a_callback(node.look_up, is_own_group)
+    assert ('This node publishes it, and cannot while this lookup keeps its callback group busy: '
+            'put the callback that looks up into a group of its own.' in text) == is_blocked
+    assert bool(text) == is_blocked
 
 
 def test_a_node_that_nobody_spins(ros, waving):
     """It cannot call its timer; the remedy works."""
     node = waving(None)
-    assert node.look_up().endswith(
-        'No transform has been received yet. This node is the only known publisher, but nothing '
-        'spins this node while the lookup waits: spin it in a thread. More: tf_doctor --explain '
-        'own_node')
+    nobody = ("No transform has been received yet. Only this node publishes on /tf. If it is to "
+              f"send 'map', it cannot while nothing spins it: spin it in a thread.{OWN}")
+    assert node.look_up().endswith(nobody)
     node.executor = SingleThreadedExecutor(context=ros.context)
     node.executor.add_node(node.node)
+    assert node.look_up().endswith(nobody)
+    ros.until(lambda: node.executor.spin_once(0.05) or node.buffer.can_transform(
+        'map', 'base', Time()))
+    assert node.look_up().endswith(
+        f'This node publishes it, and cannot while nothing spins it: spin it in a thread.{OWN}')
     thread = threading.Thread(target=node.executor.spin, daemon=True)
     thread.start()
-    assert node.buffer.lookup_transform('map', 'base', Time(), Duration(seconds=60))
+    assert node.buffer.lookup_transform(
+        'map', 'base', Time(nanoseconds=now_of(node)), Duration(seconds=60))
     node.executor.shutdown()
     thread.join()
 
@@ -369,7 +389,7 @@ def test_a_listener_that_is_not_latched(ros):
 
 
 @pytest.mark.parametrize(('behind', 'hint'), [
-    (-3600 * S, 'Data still arrive, so this transform is on its way. Pass timeout= to wait for '
+    (-3600 * S, 'Data still arrive, so this transform is on its way: pass timeout= to wait for '
      f'it, or time 0 (Time()) for the latest transform. {FUTURE}'),
     (3600 * S, 's behind the clock of this node (a recording, or clocks that differ); this '
      'transform is on its way: pass timeout= to wait for it, or time 0 (Time()) for the latest '
@@ -394,8 +414,8 @@ def test_a_publisher_that_has_ended(ros, buffer):
     """The TransformListener knows who publishes on /tf; the PublisherListener, who published."""
     latest = now_of(ros) - 5 * S
     publisher = send(ros, ros.node, buffer, latest - S, latest)
-    ros.until(lambda: f'its publisher is silent or gone. Check /test, on {publisher.topic} now, '
-              'or look up time' in str(error_of(buffer, latest + S)))
+    ros.until(lambda: f'its publisher is silent or gone (on {publisher.topic} now: /test). Check '
+              'the publisher, or look up time' in str(error_of(buffer, latest + S)))
     ros.node.destroy_publisher(publisher)
     ros.until(lambda: 'nothing publishes on /tf any more. Start the publisher again, or look up '
               in str(error_of(buffer, latest + S)))

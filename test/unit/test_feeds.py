@@ -50,8 +50,9 @@ WHOLE = 'map odom', 'odom base'
     (['odom base'], '/tf', [other('/model/car/pose', 'map odom')],
      [('odom', True, '/model/car/pose')]),
     # The nearest one is first, not the first of the alphabet.
-    (['map odom'], '/fleet/tf', [other('/fleet/a/b/tf', 'odom x'), other('/fleet/r/tf', 'odom y')],
-     [('odom', False, '/fleet/r/tf'), ('odom', False, '/fleet/a/b/tf')])])
+    (['map odom', 'map dock'], '/fleet/tf',
+     [other('/fleet/a/b/tf', 'dock x'), other('/fleet/r/tf', 'odom y')],
+     [('odom', False, '/fleet/r/tf'), ('dock', False, '/fleet/a/b/tf')])])
 def test_halves_of_a_tree(here, base, others, expected):
     """The frame that connects them is found, from both sides."""
     parents = {child: parent for parent, child in map(str.split, here)}
@@ -84,6 +85,14 @@ def test_what_half_a_namespace_explains():
     assert codes(**kwargs) == {'several_trees', 'unknown_frame'}
     others = [other('/robot1/tf', 'odom base', 'base arm')]
     assert codes(**kwargs, other_transforms=others) == {'half_namespace'}
+
+
+def test_robots_that_share_a_map():
+    """Each has it as its root, whether one looks from outside or from one of them."""
+    robots = [other(f'/r{i}/tf', f'map r{i}/odom') for i in (1, 2, 3)]
+    assert halves({'map': 'earth'}, '/tf', robots) == []
+    assert halves({'r1/odom': 'map'}, '/r1/tf', [other('/tf', 'earth map'), *robots[1:]]) == []
+    assert len(halves({'map': 'earth'}, '/tf', robots[:1])) == 1
 
 
 # Joint states

@@ -12,7 +12,7 @@ from dummy_arm.doctor.checks import CHECKS, SECTIONS
 from dummy_arm.inspection.feeds import OtherTopic, Sender
 from dummy_arm.tf import TransformBuffer, TransformException
 from dummy_arm.tf._core.engine import engine_of
-from dummy_arm.tf._core.hints import Publisher, Surroundings
+from dummy_arm.tf._core.hints import Blocked, Publisher, Surroundings
 from dummy_arm.tf.formatting import SECTION_NAMES
 from dummy_arm.tools.tf_doctor import main
 
@@ -32,6 +32,7 @@ def error_of(source='base', time=0, stamps=range(0, 20), timeout=0, **surroundin
         buffer.insert(T + second * S, 'map', 'base', STILL)
     buffer.insert(0, 'world', 'lamp', STILL, is_static=True)
     engine_of(buffer).look = lambda: Surroundings(**surroundings)
+    engine_of(buffer).find_blocked = lambda: {'/me': Blocked('cannot.', {'base'})}
     if not stamps:
         buffer.insert(T, 'map', 'base', STILL)
         buffer.clear()
@@ -99,9 +100,8 @@ PROVOKED = {
     'Two nodes on /joint_states or /clock': (
         lambda _: report(clocks=[clock('/gazebo'), clock('/bag')]), 'error two_clocks'),
     'A lookup that waits for its own node': (
-        lambda _: error_of(time=20, timeout=1, topics=('/tf_static', '/tf'), publishers=[
-            Publisher('/me', '/tf', TF, 'ab')], blocked={'/me': 'and cannot.'}),
-        '/me publishes it, and cannot.'),
+        lambda _: error_of(time=20, timeout=S // 100, topics=('/tf_static', '/tf'), publishers=[
+            Publisher('/me', '/tf', TF, 'ab')]), '/me publishes it, and cannot.'),
 }
 
 

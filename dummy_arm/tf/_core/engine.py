@@ -8,7 +8,7 @@ thread that holds the lock already neither updates nor waits. Such lookups are t
 """
 
 from array import array
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 import logging
@@ -18,7 +18,7 @@ from threading import RLock
 from typing import Any, Optional, Protocol, TypeVar
 from weakref import ref, WeakSet
 
-from dummy_arm.tf._core.hints import Look, Surroundings
+from dummy_arm.tf._core.hints import Blocked, Look, Surroundings
 from dummy_arm.tf._core.insertion import Insertion
 from dummy_arm.tf._core.lookup import Lookups
 from dummy_arm.tf._core.pose import BatchOrRows, Pose
@@ -77,6 +77,8 @@ class Engine:
         self.insertion = Insertion(self.lookups, max_frames, max_samples)
         #: Returns what hints may use; a listener assigns it.
         self.look: Look = Surroundings
+        #: Returns the nodes that cannot call back while this thread waits; a listener assigns it.
+        self.find_blocked: Callable[[], Mapping[str, Blocked]] = dict
         # An error that nobody has read does not keep the data alive.
         self.tree.look = partial(_look, ref(self))
         #: Returns False when blocked lookups should give up, as when ROS is shut down.
@@ -269,6 +271,7 @@ class Engine:
         self.lock = RLock()  # another thread may have held the old one
         self._sources, self._waiters, self.wakes = (), (), set()
         self.is_alive = lambda: True
+        self.find_blocked = dict
         self.look = Surroundings  # locks of the ROS graph may be held for good
         self.insertion.log.write = logging.getLogger('dummy_arm.tf').warning
         self.tree.release()

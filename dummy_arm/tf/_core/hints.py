@@ -14,6 +14,7 @@ from dummy_arm.tf._core.texts import (
     difference,
     in_log,
     MAX_TOPICS,
+    may_be_one_robot,
     quoted,
     see,
     suggest_names,
@@ -49,6 +50,26 @@ class Elsewhere(NamedTuple):
     child: str
     topic: str
     nodes: Sequence[str]  #: the nodes that publish on the topic
+    siblings: Collection[str] = ()  #: all child frames on the topic
+
+    @property
+    def base(self) -> str:
+        """The topic of the dynamic transforms that belongs to this one."""
+        return self.topic.removesuffix('_static')
+
+
+class Blocked(NamedTuple):
+    """A node that cannot call back while a lookup waits."""
+
+    why: str  #: the reason, and the remedy
+    children: Collection[str]  #: the frames that it has broadcast
+
+
+class Waited(NamedTuple):
+    """How a lookup has waited in vain."""
+
+    seconds: float
+    blocked: Mapping[str, Blocked] = MappingProxyType({})  #: by the full name of the node
 
 
 class Surroundings(NamedTuple):
@@ -65,7 +86,7 @@ class Surroundings(NamedTuple):
     is_volatile: bool = False  #: True if the subscription to static transforms is volatile
     is_fed: bool = False  #: whether the topic of dynamic transforms has data or a publisher
     has_data: bool = False  #: whether any transform was received
-    has_dynamic: bool = False  #: whether a dynamic one was received
+    is_new: bool = False  #: whether the listener may not have discovered all publishers yet
     #: Other topics with publishers of transforms, without the ending '_static', the nearest first.
     other_topics: Sequence[str] = ()
     #: Returns the first edge on these topics that is wanted; may listen to them for a moment.
@@ -76,9 +97,6 @@ class Surroundings(NamedTuple):
     other_domains: Callable[[], str] = str
     hides_others: str = ''  #: the environment variable that hides other machines, and its value
     node: str = ''  #: the full name of the listener's node
-    #: The nodes that cannot call back while this thread waits; each with the reason and remedy.
-    blocked: Mapping[str, str] = MappingProxyType({})
-    is_spun: bool = True  #: False: no executor had the node at that moment
 
     def nodes(self, topic: str) -> list[str]:
         """Return the nodes that publish transforms on a topic."""
@@ -98,23 +116,29 @@ Look = Callable[[], Surroundings]
 # Frames that are missing
 
 
-def unknown_frame(look: Look, name: str, known: tuple[str, ...], advice: str, waited: float
+def unknown_frame(look: Look, name: str, known: tuple[str, ...],
+                  find_children: Callable[[], set[str]], advice: str, waited: Optional[Waited]
                   ) -> str:
     around = look()
     if not known and not around.topics:
         return f'The buffer is empty.{_missing_part(advice) if advice else ""}'
     if advice:
         cause = _missing_part(advice)
-    elif cause := (_elsewhere(around, name, (), known) or topics(around)
-                   or _all_blocked(around, waited) or nothing(around)):
+    elif cause := (_elsewhere(around, name, (), known, find_children) or topics(around)
+                   or nothing(around)):
         cause = f' {cause}'
     else:
         cause = see('A frame does not exist')
-    return suggest_names(name, known) + cause
+    hint = suggest_names(name, known)
+    if waited and not hint.startswith('Nearest') and (
+            blocked := _only_blocked(around, waited, f'If it is to send {quoted(name)}, it')):
+        return f'{hint} {blocked}'
+    return hint + cause
 
 
 def unconnected(look: Look, target: str, target_root: str, source: str, source_root: str,
-                advice: str, find_slip: Callable[[], str], waited: float) -> str:
+                advice: str, find_slip: Callable[[], str], find_children: Callable[[], set[str]],
+                waited: Optional[Waited]) -> str:
     around = look()
     if advice:
         remedy = _missing_part(advice)
@@ -124,8 +148,9 @@ def unconnected(look: Look, target: str, target_root: str, source: str, source_r
         remedy = see('Two unconnected trees')
     else:
         remedy = ' ' + (
-            _elsewhere(around, '', (target_root, source_root), ()) or topics(around)
-            or _all_blocked(around, waited)
+            _elsewhere(around, '', (target_root, source_root), (), find_children)
+            or topics(around)
+            or (_only_blocked(around, waited, 'If it is to connect them, it') if waited else '')
             or f'Publish a transform between the two trees.{see("Two unconnected trees")}')
     return (f' {quoted(target)} is in the tree with root {quoted(target_root)}, '
             f'{quoted(source)} in the tree with root {quoted(source_root)}.{remedy}')
@@ -143,21 +168,31 @@ def _missing_part(advice: str) -> str:
     return advice + see('No static transforms from a bag')
 
 
-def _elsewhere(around: Surroundings, name: str, roots: Collection[str], known: Collection[str]
-               ) -> str:
+def _elsewhere(around: Surroundings, name: str, roots: Collection[str], known: Collection[str],
+               find_children: Callable[[], set[str]]) -> str:
     """Say that a missing frame, or the parent of a root, is published on another topic."""
-    edge = around.elsewhere(lambda each: name in each[:2] or each.child in roots) if (
-        around.other_topics) else None
+    if not around.other_topics:
+        return ''
+    own = around.topics[-1].removesuffix('_static')
+    edge = around.elsewhere(lambda each: (
+        name in each[:2] or each.child in roots) and may_be_one_robot(own, each.base))
     if edge is None:
         return ''
-    own, other = (topic.removesuffix('_static') for topic in (around.topics[-1], edge.topic))
     text = (f'{quoted(edge.parent)} -> {quoted(edge.child)} is published on {in_log(edge.topic)} '
             f'by {comma_list(edge.nodes, MAX_TOPICS, in_log)}, but this listener is on '
             f'{" and ".join(around.topics[::-1])}.')
-    if edge.child not in roots and edge.parent not in known and edge.child not in known:
-        section = see('A leading slash, or a namespace')
-        return f'{text} To listen to {in_log(other)}, pass {_listening_to(in_log(other))}{section}'
-    base = in_log(max(own, other, key=lambda topic: topic.count('/')))
+    if len(around.topics) == 1 and own == edge.base:
+        return f'{text} Use a TransformListener.{see("A frame does not exist")}'
+    # Another robot has frames of the same names.
+    is_another = not find_children().isdisjoint(edge.siblings)
+    if is_another and roots:
+        return ''
+    if is_another or (edge.child not in roots and edge.parent not in known
+                      and edge.child not in known):
+        base = in_log(edge.base)
+        return (f'{text} To listen to {base}, pass {_listening_to(base)}'
+                f'{see("A leading slash, or a namespace")}')
+    base = in_log(max(own, edge.base, key=lambda topic: topic.count('/')))
     return (f'{text} Remap both /tf and /tf_static in all nodes of the robot (--ros-args -r '
             f'/tf:={base} -r /tf_static:={base}_static), or in none of them.'
             f'{see("Half of a robot is in a namespace")}')
@@ -189,23 +224,23 @@ def _qos(around: Surroundings) -> str:
     if around.is_volatile:
         return (f'This listener of {around.topics[0]} is not transient local, so it misses what '
                 'was sent before its start. Omit static_qos, or make it transient local.')
+    found = []
     for lack, remedy in (
-            ('transient local', 'Send with a StaticTransformBroadcaster.'),
             ('reliable', 'Send with a TransformBroadcaster, or pass a best-effort qos to the '
-             'TransformListener.')):
+             'TransformListener.'),
+            ('transient local', 'Send with a StaticTransformBroadcaster.')):
         nodes: dict[str, set[str]] = {}
         for each in around.publishers:
             if each.type == TF_MESSAGE and each.lacks == lack:
                 nodes.setdefault(each.topic, set()).add(in_log(each.node))
-        for topic, names in nodes.items():
-            return (f'Nothing arrives on {topic} from {comma_list(sorted(names), MAX_TOPICS)}, '
-                    f'whose publisher is not {lack}. {remedy}')
-    return ''
+        found += [f'Nothing arrives on {topic} from {comma_list(sorted(names), MAX_TOPICS)}, '
+                  f'whose publisher is not {lack}. {remedy}' for topic, names in nodes.items()]
+    return ' '.join(found)
 
 
 def other_topics(around: Surroundings) -> str:
     """Say which other topics have transforms, and how to receive them."""
-    if around.is_fed or not around.other_topics:
+    if around.is_fed or not around.other_topics or len(around.topics) == 1:
         return ''
     first = in_log(around.other_topics[0])
     return (f'No transform has arrived on {around.topics[-1]}, but transforms are published on '
@@ -225,7 +260,9 @@ def nothing(around: Surroundings) -> str:
     """Say why nothing at all has been received; '' if something has, or without a listener."""
     if around.has_data or not around.topics:
         return ''
-    if around.publishers:
+    if around.is_new:
+        text = 'The listener has just started; discovery can take some seconds.'
+    elif around.publishers:
         nodes = sorted({in_log(each.node) for each in around.publishers})
         text = f'Nothing has arrived yet from {comma_list(nodes, MAX_TOPICS)}.'
     elif around.joint_states:
@@ -239,20 +276,28 @@ def nothing(around: Surroundings) -> str:
     return text + see('A frame does not exist')
 
 
-def _all_blocked(around: Surroundings, waited: float) -> str:
-    if not waited or (around.has_dynamic and not around.is_spun):  # it was spun before
-        return ''
+def _only_blocked(around: Surroundings, waited: Waited, condition: str) -> str:
+    """Say that no publisher could send while the lookup waited; '' if one could."""
     nodes = {each.node for each in around.publishers if each.type == TF_MESSAGE}
-    return _blocked(around, nodes, 'is the only known publisher,')
-
-
-def _blocked(around: Surroundings, nodes: Collection[str], verb: str) -> str:
-    """Say why none of these nodes can publish while the lookup waits; '' if one can."""
-    if not nodes or not around.blocked.keys() >= {*nodes}:
+    if not nodes or not waited.blocked.keys() >= nodes:
         return ''
     node = min(nodes)
-    who = 'This node' if node == around.node else in_log(node)
-    return f'{who} {verb} {around.blocked[node]}{see("A lookup that waits for its own node")}'
+    who = 'this node' if node == around.node else in_log(node)
+    return (f'Only {who} publishes on {around.topics[-1]}. {condition} {waited.blocked[node].why}'
+            f'{see("A lookup that waits for its own node")}')
+
+
+def _blocked(edge: 'Edge', around: Surroundings, waited: Waited) -> str:
+    """Say that the publisher of an edge could not send while the lookup waited."""
+    if edge.silence < waited.seconds * SECOND:
+        return ''
+    of_edge = around.node_of(edge.authority)
+    for node, blocked in waited.blocked.items():
+        if node == of_edge or (not of_edge and edge.child in blocked.children):
+            who = 'This node' if node == around.node else in_log(node)
+            return (f' {who} publishes it, and {blocked.why}'
+                    f'{see("A lookup that waits for its own node")}')
+    return ''
 
 
 def loop(chain: Sequence[str]) -> str:
@@ -284,16 +329,25 @@ class Edge(NamedTuple):
     refused: int  #: the number of transforms that were older than the cache
     refused_stamp: int  #: the stamp of the last one
     refused_authority: str  #: its publisher
+    is_refusing: bool  #: True if the last one was refused
     takes_ns: bool  #: True if the times of the buffer are integers
+
+    @property
+    def period(self) -> int:
+        return min((self.latest - self.oldest) // max(self.samples - 1, 1), _OTHER_CLOCK)
 
     @property
     def still_arrives(self) -> bool:
         """Whether transforms arrive, as often as before; stamps may be from another clock."""
-        period = (self.latest - self.oldest) // max(self.samples - 1, 1)
-        return self.silence <= max(_RECENT, 3 * min(period, _OTHER_CLOCK))
+        return self.silence <= max(_RECENT, 3 * self.period)
+
+    @property
+    def has_one_stamp(self) -> bool:
+        """Whether several transforms have arrived, all with the same stamp."""
+        return self.oldest == self.latest and self.samples + self.repeated > 1
 
 
-def cleared(look: Look, frame: str, waited: float) -> str:
+def cleared(look: Look, frame: str, waited: Optional[Waited]) -> str:
     around = look()
     text = (f' No transform of {quoted(frame)} has been received since the buffer was cleared, or '
             'mended after an interrupted insertion.')
@@ -309,12 +363,12 @@ def cleared(look: Look, frame: str, waited: float) -> str:
 def clock_publishers(nodes: Sequence[str]) -> str:
     """Name the publishers of /clock; several make the time jump."""
     if len(nodes) < 2:
-        return f' Publisher of /clock: {in_log(nodes[0])}.' if nodes else ''
+        return f' Publisher of /clock: {in_log(nodes[0])}.' if any(nodes) else ''
     return (f' {len(nodes)} nodes publish /clock, so that the time jumps between them: '
             f'{comma_list(nodes, MAX_TOPICS, in_log)}. Stop all but one.')
 
 
-def extrapolation(look: Look, edge: Edge, time: int, waited: float) -> str:
+def extrapolation(look: Look, edge: Edge, time: int, waited: Optional[Waited]) -> str:
     """Say how far a time is from the samples of an edge, why, and what to do."""
     name = f'{quoted(edge.parent)} -> {quoted(edge.child)}'
     is_late = time > edge.latest
@@ -344,47 +398,55 @@ def _without_listener(edge: Edge, time: int) -> str:
             or see('Extrapolation into the past'))
 
 
-def _late(edge: Edge, time: int, around: Surroundings, waited: float) -> str:
-    ahead, behind = time - edge.latest, around.now - edge.latest
+def _late(edge: Edge, time: int, around: Surroundings, waited: Optional[Waited]) -> str:
+    ahead = time - edge.latest
     section = see('Extrapolation into the future')
-    if edge.oldest == edge.latest and (edge.repeated or not edge.still_arrives):
+    arrives = edge.still_arrives and not _is_gone(edge, around)
+    if edge.is_refusing:
+        return _refused(edge, around, edge.refused_stamp)
+    if edge.has_one_stamp or (edge.samples == 1 and not arrives and not edge.has_dropped):
         return _one_time(edge)
-    nodes = [node] if (node := around.node_of(edge.authority)) else around.nodes(around.topics[-1])
-    if 0 < waited * SECOND <= edge.silence and (
-            reason := _blocked(around, nodes, 'publishes it,')):
-        return f' {reason}'
-    if not edge.still_arrives:
+    if waited and (blocked := _blocked(edge, around, waited)):
+        return blocked
+    if not arrives:
         clocks = ('' if ahead - edge.silence <= _OTHER_CLOCK else
                   f' And {_which_clocks(edge, time, around)} {_CLOCKS}')
         return (f' None has arrived for {edge.silence / SECOND:.1f} s: '
                 f'{_why_silent(edge, around)}, or look up {_LATEST}.{clocks}{section}')
+    how = (f'Data arrive every {edge.period / SECOND:.1f} s' if edge.period > _RECENT else
+           'Data still arrive')
     if ahead > _OTHER_CLOCK:
-        return (f' Data still arrive, but {_which_clocks(edge, time, around)} {_CLOCKS}'
+        return (f' {how}, but {_which_clocks(edge, time, around)} {_CLOCKS}'
                 f'{see("use_sim_time and the wall clock")}')
-    if around.now and behind > _RECENT:
+    wait = (f'it has not come within {waited.seconds:g} s, pass a longer timeout=' if waited else
+            'pass timeout= to wait for it' if ahead <= _RECENT else
+            f'pass a timeout= of more than {ahead / SECOND:.1f} s')
+    # At its arrival, the newest was so much behind the clock.
+    behind = around.now - edge.latest - edge.silence if around.now else 0
+    if behind > _RECENT:
         clocks = f' {_CLOCKS}' if behind >= _OTHER_CLOCK else ''
-        return (f' Data still arrive, {behind / SECOND:.1f} s behind the clock of this node (a '
-                'recording, or clocks that differ); this transform is on its way: pass timeout= '
-                f'to wait for it, or {_LATEST}.{clocks}{section}')
-    if around.now and ahead > _RECENT:
+        return (f' {how}, {behind / SECOND:.1f} s behind the clock of this node (a recording, or '
+                f'clocks that differ); this transform is on its way: {wait}, or {_LATEST}.'
+                f'{clocks}{section}')
+    if around.now and min(ahead, time - around.now) > _RECENT:
         return (f' That time is {(time - around.now) / SECOND:.1f} s later than the clock of this '
                 'node, and data still arrive. Check the clock that has stamped it, or '
                 f'look up {_LATEST}.{section}')
-    return (' Data still arrive, so this transform is on its way. Pass timeout= to wait for it, '
-            f'or {_LATEST}.{section}')
+    return f' {how}, so this transform is on its way: {wait}, or {_LATEST}.{section}'
 
 
 def _one_time(edge: Edge) -> str:
-    number = edge.samples + edge.repeated
-    how = ('It was sent once as a dynamic transform' if number == 1 else
-           f'It was sent {number} times, always with this stamp' if not edge.has_dropped else
-           'Only the last one is kept')
+    how = ('All that have arrived have this stamp' if edge.has_one_stamp else
+           f'Only one has arrived, {edge.silence / SECOND:.1f} s ago')
     return (f' {how}. Send it again and again with new stamps or, if it does not move, with a '
             f'StaticTransformBroadcaster.{see("Only one time is in the buffer")}')
 
 
 def _which_clocks(edge: Edge, time: int, around: Surroundings) -> str:
     """Say which of the two times is on the clock of the node."""
+    if around.is_simulated and not around.now:
+        return ('use_sim_time is set in this node, but nothing has arrived on /clock'
+                f'{"" if around.clock_nodes else ", which nothing publishes"}.')
     clock = f"the {'simulated' if around.is_simulated else 'system'} clock of this node"
     is_time = abs(time - around.now) <= _OTHER_CLOCK
     is_data = edge.oldest - _OTHER_CLOCK <= around.now <= edge.latest + _OTHER_CLOCK
@@ -392,6 +454,10 @@ def _which_clocks(edge: Edge, time: int, around: Surroundings) -> str:
         return 'the requested time and the data are from different clocks, or from a recording.'
     return (f'the requested time is on {clock}, the data are not.' if is_time else
             f'the data are on {clock}, the requested time is not.')
+
+
+def _is_gone(edge: Edge, around: Surroundings) -> bool:
+    return edge.authority in around.ended or not around.nodes(around.topics[-1])
 
 
 def _why_silent(edge: Edge, around: Surroundings) -> str:
@@ -403,19 +469,24 @@ def _why_silent(edge: Edge, around: Surroundings) -> str:
     nodes = comma_list(around.nodes(around.topics[-1]), MAX_TOPICS, in_log)
     if not nodes:
         return f'nothing publishes on {around.topics[-1]} any more. Start the publisher again'
-    return f'its publisher is silent or gone. Check {nodes}, on {around.topics[-1]} now'
+    return (f'its publisher is silent or gone (on {around.topics[-1]} now: {nodes}). Check the '
+            'publisher')
 
 
 def _early(edge: Edge, time: int, around: Surroundings) -> str:
     if refused := _refused(edge, around, time):
         return refused
-    if edge.oldest == edge.latest and not edge.still_arrives and not edge.has_dropped:
+    if edge.has_one_stamp or (edge.samples == 1 and not edge.still_arrives
+                              and not edge.has_dropped):
         return _one_time(edge)
-    distance = edge.oldest - time
+    distance, ahead = edge.oldest - time, edge.latest - around.now
     if distance > _DAY:
         clocks = _which_clocks(edge, time, around)
         return (f' {clocks[0].upper()}{clocks[1:]} {_CLOCKS}'
                 f'{see("use_sim_time and the wall clock")}')
+    if around.now and ahead > _RECENT and edge.still_arrives:
+        return (f' Data still arrive, {ahead / SECOND:.1f} s ahead of the clock of this node '
+                f'(clocks that differ). {_CLOCKS}{see("use_sim_time and the wall clock")}')
     if dropped := _dropped(edge, time):
         return dropped if distance <= _OTHER_CLOCK else (
             f' If that stamp is not so old, the clocks differ. {_CLOCKS}{dropped}')
@@ -426,28 +497,28 @@ def _early(edge: Edge, time: int, around: Surroundings) -> str:
 
 def _dropped(edge: Edge, time: int) -> str:
     """Say that earlier transforms have been dropped; '' if none has."""
+    if not edge.has_dropped:
+        return ''
     section = see('Extrapolation into the past')
     if time < edge.latest - edge.cache_time:
         return (f' The buffer keeps the last {edge.cache_time / SECOND:g} s of each frame. Pass a '
                 f'longer cache_time to the buffer, or look up sooner.{section}')
-    if edge.has_dropped:
-        return (' Its earlier transforms have been dropped. Pass a longer cache_time, or a larger '
-                f'max_samples, to the buffer.{section}')
-    return ''
+    return (' Its earlier transforms have been dropped. Pass a longer cache_time, or a larger '
+            f'max_samples, to the buffer.{section}')
 
 
 def _refused(edge: Edge, around: Surroundings, time: int) -> str:
     """Say that the transforms of that time were refused; '' if they were not."""
     if not edge.refused or time > edge.refused_stamp + _RECENT:
         return ''
-    authority = edge.refused_authority
-    node = around.node_of(authority) if around.topics else authority
-    by = f' from {in_log(node)}' if node not in ('', 'default_authority') else ''
-    publishers = '' if by else _publisher(around, authority, False)
-    return (f' {edge.refused} transforms of {quoted(edge.child)}{by} were refused, since one at '
-            f'{exact_time(edge.latest)} is newer by more than the cache time. If the time was '
-            'reset, clear the buffer; otherwise, stop the node with the later clock.'
-            f'{publishers}{see("TF_OLD_DATA")}')
+    refused_by, newer_by = (
+        f' from {in_log(node)}' if (node := around.node_of(authority) if around.topics else
+                                    authority) not in ('', 'default_authority') else ''
+        for authority in (edge.refused_authority, edge.authority))
+    return (f' {edge.refused} transforms of {quoted(edge.child)}{refused_by} were refused, since '
+            f'one at {exact_time(edge.latest)}{newer_by} is newer by more than the cache time. '
+            'Clear the buffer; if it happens again, stop the node with the later clock.'
+            f'{see("TF_OLD_DATA")}')
 
 
 # Transforms that are refused
@@ -482,7 +553,7 @@ def hint_at_duration(error: TransformException, *times: Any) -> None:
         # The hint of an ExtrapolationException would look for causes in the clocks.
         before = None if isinstance(error, ExtrapolationException) else error._parts[1]
 
-        def hint(waited: float) -> str:
+        def hint(waited: Optional[Waited]) -> str:
             text, see_more, section = (before(waited) if before else '').partition(' More: ')
             return (f'{text} Note that the time is a Duration: did you mean timeout=?'
                     f'{see_more}{section}')

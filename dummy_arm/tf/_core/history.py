@@ -74,12 +74,13 @@ class History:
 
     `arrival` is the monotonic time (ns) at which the last transform arrived, also if it was not
     inserted: `repeated` transforms were in the history already, and `refused` ones were too old.
-    `refused_stamp` is the stamp (ns) of the last of these, `refused_authority` its publisher.
+    `refused_stamp` is the stamp (ns) of the last of these, `refused_authority` its publisher, and
+    `refusal` its time of arrival.
     """
 
     __slots__ = ('all_parents', 'arrival', 'authority', 'cache_time', 'only_parent', 'parents',
-                 'poses', 'refused', 'refused_authority', 'refused_stamp', 'repeated', 'stamps',
-                 'start')
+                 'poses', 'refusal', 'refused', 'refused_authority', 'refused_stamp', 'repeated',
+                 'stamps', 'start')
 
     is_static = False
 
@@ -92,7 +93,7 @@ class History:
         self.only_parent = ''
         self.parents: Optional[list[str]] = None
         self.all_parents: dict[str, None] = {}
-        self.arrival = self.repeated = self.refused = self.refused_stamp = 0
+        self.arrival = self.repeated = self.refused = self.refused_stamp = self.refusal = 0
         self.refused_authority = ''
 
     def __len__(self) -> int:

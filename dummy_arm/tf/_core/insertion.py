@@ -87,6 +87,7 @@ class Insertion:
             return is_accepted
         history.arrival = monotonic_ns()
         if not is_accepted:
+            history.refusal = history.arrival
             self.log.warn(child, old_data(
                 child, stamp, authority, history.latest, self._tree.cache_time), end=partial(
                     hints.old_data, self._tree.look, authority))

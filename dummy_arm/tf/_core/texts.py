@@ -203,11 +203,13 @@ def _words(name: str) -> list[str]:
 
 
 def _differ_by_a_letter(a: str, b: str) -> bool:
+    """Return whether one letter is another or missing, or two neighbours have changed places."""
     if max(len(a), len(b)) < _SHORTEST_WORD:
         return False
     same = next((i for i, (x, y) in enumerate(zip(a, b)) if x != y), min(len(a), len(b)))
     a, b = a[same:], b[same:]
-    return a[1:] == b[1:] or a[1:] == b or a == b[1:]
+    return (a[1:] == b[1:] or a[1:] == b or a == b[1:]
+            or (a[:2] == b[1::-1] and a[2:] == b[2:]))
 
 
 def difference(name: str, other: str) -> str:
@@ -289,6 +291,17 @@ def namespace_path(namespace: str) -> str:
     ('/robot', '')
     """
     return ''.join(f'/{part}' for part in namespace.split('/') if part)
+
+
+def may_be_one_robot(topic: str, other: str) -> bool:
+    """
+    Return whether one topic is in the namespace of the other, or one namespace is misspelt.
+
+    >>> may_be_one_robot('/robot1/tf', '/tf'), may_be_one_robot('/robot1/tf', '/robot2/tf')
+    (True, False)
+    """
+    a, b = (f'{each.rpartition("/")[0]}/' for each in (topic, other))
+    return a.startswith(b) or b.startswith(a) or _spelling(a).plain == _spelling(b).plain
 
 
 def full_name(namespace: str, name: str) -> str:

@@ -134,8 +134,9 @@ class FrameTree:
                     raise TransformException(words)
                 raise with_hint(TransformException(f'{words}. '), self._unknown(name))
 
-    def _unknown(self, name: str) -> Callable[[float], str]:
-        return partial(hints.unknown_frame, self.look, name, self.names, self.advice)
+    def _unknown(self, name: str) -> Callable[[Optional[hints.Waited]], str]:
+        return partial(hints.unknown_frame, self.look, name, self.names,
+                       partial(_children, ref(self)), self.advice)
 
     def _problem(self, name: str) -> Optional[str]:
         """Return, in tf2's words, what is wrong with a frame's name; None if the frame exists."""
@@ -353,7 +354,7 @@ class FrameTree:
             ExtrapolationException(words), self._why_not_at(time, target, source, frame))
 
     def _why_not_at(self, time: int, target: str, source: str, stopped_at: str
-                    ) -> Callable[[float], str]:
+                    ) -> Callable[[Optional[hints.Waited]], str]:
         """
         Return the hint of an ExtrapolationException.
 
@@ -382,7 +383,8 @@ class FrameTree:
             history.parent_at(0) or '', worst, len(history), history.oldest, history.latest,
             self.cache_time, history.start > 0, history.authority,
             monotonic_ns() - history.arrival, history.repeated, history.refused,
-            history.refused_stamp, history.refused_authority, self.takes_ns), time)
+            history.refused_stamp, history.refused_authority,
+            history.refused > 0 and history.refusal == history.arrival, self.takes_ns), time)
 
     def _chains_to_meeting(self, source: str, target: str, time: int = _END
                            ) -> tuple[dict[str, None], dict[str, None], Optional[str]]:
@@ -410,14 +412,15 @@ class FrameTree:
         return *chains, None
 
     def _why_unconnected(self, target: str, target_root: str, source: str, source_root: str
-                         ) -> Callable[[float], str]:
+                         ) -> Callable[[Optional[hints.Waited]], str]:
         """Return the hint for two frames that have different roots."""
         for root in source_root, target_root:
             if (history := self.histories[root]) is not None and not len(history):
                 return partial(hints.cleared, self.look, root)
         return partial(hints.unconnected, self.look, target, target_root, source, source_root,
                        self.advice,
-                       partial(_slip, ref(self), self.names, target_root, source_root))
+                       partial(_slip, ref(self), self.names, target_root, source_root),
+                       partial(_children, ref(self)))
 
     def _unconnected(self, target: str, source: str, time: int = _END) -> ConnectivityException:
         from_source, from_target, _ = self._chains_to_meeting(source, target, time)
@@ -439,6 +442,13 @@ def _slip(tree_ref: ref[FrameTree], names: tuple[str, ...], *roots: str) -> str:
                 if texts.is_slip(root, name) and other in tree._all_ancestors(name):
                     return hints.slip(name, root)
     return ''
+
+
+def _children(tree_ref: ref[FrameTree]) -> set[str]:
+    """Return the frames that have had a parent; the lock is not needed."""
+    tree = tree_ref()
+    return set() if tree is None else {
+        name for name in tree.names if tree.histories[name] is not None}
 
 
 def _union(stamps: NDArray[np.int64], others: NDArray[np.int64]) -> NDArray[np.int64]:

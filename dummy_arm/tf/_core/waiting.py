@@ -5,6 +5,7 @@ from time import monotonic
 from typing import Any, Optional, TypeVar
 
 from dummy_arm.tf._core.engine import Engine
+from dummy_arm.tf._core.hints import Waited
 from dummy_arm.tf._core.wake import Wake
 from dummy_arm.tf.exceptions import TransformException
 
@@ -45,7 +46,7 @@ def wait(engine: Engine, timeout: float, lookup: Callable[..., _Result], *argume
                 return engine.read_now(lookup, *arguments)
             except TransformException as error:
                 if is_over or monotonic() >= deadline:
-                    error._waited = timeout
+                    error._waited = Waited(timeout, engine.find_blocked())
                     raise
             next_attempt = min(deadline, monotonic() + _RETRY_INTERVAL)
             while (wake.wait(max(0.0, next_attempt - monotonic()))

@@ -17,6 +17,7 @@ from rclpy.logging import get_logger
 from rclpy.node import Node
 from rclpy.task import Future
 
+from dummy_arm.tf._core.hints import Waited
 from dummy_arm.tf._core.wake import Wake
 from dummy_arm.tf._ros.rclpy_private import is_of_executor
 from dummy_arm.tf.exceptions import TimeoutException, TransformException
@@ -161,6 +162,7 @@ class PendingFutures:
         except TransformException as error:
             if not is_expired:
                 return False
+            error._waited = Waited(future.timeout or 0.0)
             outcome = partial(future.set_exception, TimeoutException(
                 f'Timed out after {future.timeout:g} s, waiting for {future.what}: {error}'))
         except Exception as error:

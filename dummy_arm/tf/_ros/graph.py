@@ -1,20 +1,24 @@
 """What hints may use of the clock and the ROS graph of a node."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from inspect import currentframe
 from itertools import takewhile
 import os
+import sys
+from types import FrameType
 from typing import Optional
+from weakref import WeakKeyDictionary
 
+from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import ROSClock
-from rclpy.executors import Executor, MultiThreadedExecutor
+from rclpy.executors import Executor, MultiThreadedExecutor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
-from dummy_arm.tf._core.hints import Elsewhere, Publisher, Surroundings
+from dummy_arm.tf._core.hints import Blocked, Elsewhere, Publisher, Surroundings
 from dummy_arm.tf._core.texts import full_name, TF_MESSAGE
 from dummy_arm.tf._ros.domains import other_domains
 from dummy_arm.tf._ros.rclpy_private import GID_SIZE
@@ -23,6 +27,8 @@ from dummy_arm.tf._ros.rclpy_private import GID_SIZE
 UNKNOWN = 'unknown publisher'
 #: The node name that rmw reports for a publisher whose node is not discovered yet.
 _UNKNOWN_NODE = '_NODE_NAME_UNKNOWN_'
+#: By node: the child frames that its broadcasters of dynamic transforms have sent.
+broadcast: WeakKeyDictionary[Node, set[str]] = WeakKeyDictionary()
 #: The settings with which ROS does not look for other machines.
 _HIDE_OTHERS = (('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST'),
                 ('ROS_AUTOMATIC_DISCOVERY_RANGE', 'OFF'), ('ROS_LOCALHOST_ONLY', '1'))
@@ -66,7 +72,6 @@ def surroundings(
         clock.now().nanoseconds, isinstance(clock, ROSClock) and clock.ros_time_is_active,
         nodes_on(node, '/clock'), topics, publishers,
         is_volatile=durability == DurabilityPolicy.VOLATILE, has_data=has_data,
-        has_dynamic=has_dynamic,
         is_fed=has_dynamic or (has_data and topics[-1] != '/tf') or any(
             each.topic == topics[-1] and each.type == TF_MESSAGE for each in publishers),
         other_topics=[*dict.fromkeys(
@@ -76,8 +81,7 @@ def surroundings(
         domain=domain, other_domains=partial(other_domains, domain),
         hides_others=next((f'{name}={value}' for name, value in os.environ.items()
                            if (name, value.upper()) in _HIDE_OTHERS), ''),
-        node=node.get_fully_qualified_name(), blocked=_blocked_nodes(node),
-        is_spun=node.executor is not None)
+        node=node.get_fully_qualified_name())
 
 
 def _lack(offered: QoSProfile, requested: QoSProfile) -> str:
@@ -103,16 +107,45 @@ def other_topics(node: Node, topics: Sequence[str]) -> list[str]:
                    and node.count_publishers(topic)), key=distance)
 
 
-def _blocked_nodes(node: Node) -> dict[str, str]:
-    """Return the nodes whose callbacks wait until this thread goes on, and why."""
-    frame = currentframe()
-    while frame := frame and frame.f_back:
-        if (frame.f_globals.get('__name__') == 'rclpy.executors'
-                and isinstance(executor := frame.f_locals.get('self'), Executor)):
-            return {} if isinstance(executor, MultiThreadedExecutor) else {
-                each.get_fully_qualified_name():
-                'and cannot while this lookup blocks its executor: await lookup_transform_async '
-                'instead, in a callback group of its own.' for each in executor.get_nodes()}
-    return {} if node.executor is not None else {
-        node.get_fully_qualified_name():
-        'but nothing spins this node while the lookup waits: spin it in a thread.'}
+def blocked_nodes(node: Node) -> dict[str, Blocked]:
+    """Return the nodes whose callbacks wait until this thread goes on, each with the reason."""
+    nodes = [node]
+    callers = [frame for frame in _frames(currentframe())
+               if frame.f_globals.get('__name__') == 'rclpy.executors']
+    executor = next((each for frame in callers if isinstance(
+        each := frame.f_locals.get('self'), Executor)), None)
+    if not callers:
+        if node.executor is not None and (
+                not isinstance(node.executor, (SingleThreadedExecutor, MultiThreadedExecutor))
+                or _is_spinning(node.executor)):
+            return {}
+        why = 'cannot while nothing spins it: spin it in a thread.'
+    elif isinstance(executor, SingleThreadedExecutor):
+        nodes = executor.get_nodes()
+        why = ('cannot while this lookup blocks its executor: await lookup_transform_async '
+               'instead, in a callback group of its own.')
+    else:
+        group = next((frame.f_locals['entity'].callback_group for frame in callers
+                      if 'entity' in frame.f_locals), None)
+        if isinstance(group, ReentrantCallbackGroup) or {
+                timer.callback_group for timer in node.timers} != {group}:
+            return {}
+        why = ('cannot while this lookup keeps its callback group busy: put the callback that '
+               'looks up into a group of its own.')
+    return {each.get_fully_qualified_name(): Blocked(why, broadcast.get(each, ()))
+            for each in nodes}
+
+
+def _frames(frame: Optional[FrameType]) -> Iterator[FrameType]:
+    """Yield a frame of a stack and its callers."""
+    while frame:
+        yield frame
+        frame = frame.f_back
+
+
+def _is_spinning(executor: Executor) -> bool:
+    """Return whether a thread is in a method of an executor."""
+    return any(
+        frame.f_globals.get('__name__') == 'rclpy.executors'
+        and frame.f_locals.get('self') is executor
+        for top in sys._current_frames().values() for frame in _frames(top))

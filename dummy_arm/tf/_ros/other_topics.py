@@ -20,7 +20,7 @@ from dummy_arm.tf._ros.rclpy_private import subscribe, take_message
 from dummy_arm.tf._wire import cdr
 
 #: How long `OtherTopics` listens, and the time until it listens again (s).
-_DURATION, _PAUSE = 0.5, 10.0
+_DURATION, _PAUSE = 0.5, 5.0
 _POLL_INTERVAL = 0.01
 #: The time between two searches for topics (s).
 _SCAN_INTERVAL = 0.5
@@ -119,7 +119,7 @@ def _take(subscription: Subscription) -> Iterator[bytes]:
 
 
 class OtherTopics:
-    """The edges on other topics, for hints: a look may take half a second, once in ten seconds."""
+    """The edges on other topics; a look may take half a second, once in five seconds."""
 
     def __init__(self, node: Node, own: Sequence[str]) -> None:
         self._node, self._own = node, own
@@ -150,4 +150,8 @@ class OtherTopics:
     def _first(self, is_wanted: Callable[[Elsewhere], bool]) -> Optional[Elsewhere]:
         edges = (Elsewhere(parent, child, topic, nodes) for topic, parents, nodes in self._found
                  for child, parent in parents.items())
-        return next(filter(is_wanted, edges), None)
+        if edge := next(filter(is_wanted, edges), None):
+            return edge._replace(siblings={
+                child for topic, parents, _ in self._found
+                if topic.removesuffix('_static') == edge.base for child in parents})
+        return None
