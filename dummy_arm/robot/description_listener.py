@@ -10,12 +10,10 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_msgs.msg import String
 
-from dummy_arm.robot.descriptions import DescriptionOrWhy, parsed, STRING, TOPIC
+from dummy_arm.robot.descriptions import DescriptionOrWhy, MOST_TOPICS, parsed, STRING, TOPIC
 
 #: The time between two searches for topics (s).
 _SCAN_INTERVAL = 1.0
-#: The largest number of topics at a time.
-_MOST_TOPICS = 20
 #: The longest time that `wait` takes (s).
 _PATIENCE = 20.0
 _LATCHED = QoSProfile(depth=1, reliability=ReliabilityPolicy.RELIABLE,
@@ -59,7 +57,7 @@ class DescriptionListener:
             if (topic.startswith(f'{self._namespace}/') and topic.endswith(f'/{TOPIC}')
                     and types == [STRING]
                     and topic not in self._subscriptions
-                    and len(self._subscriptions) < _MOST_TOPICS):
+                    and len(self._subscriptions) < MOST_TOPICS):
                 self._subscriptions[topic] = self._node.create_subscription(
                     String, topic, partial(self._receive, topic), _LATCHED,
                     event_callbacks=SubscriptionEventCallbacks(use_default_callbacks=False))

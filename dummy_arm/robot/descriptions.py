@@ -3,12 +3,14 @@
 from collections.abc import Callable
 from typing import Optional, Union
 
-from dummy_arm.robot.description import Description, DescriptionError, parse
+from dummy_arm.robot.description import Description, DescriptionError, MAX_SIZE, parse
 from dummy_arm.tf.bag import decoded, Paths
 
 #: The last part of the names of the topics.
 TOPIC = 'robot_description'
 STRING = 'std_msgs/msg/String'
+#: The largest number of topics with descriptions at a time.
+MOST_TOPICS = 20
 #: A description, or why it is refused (one line).
 DescriptionOrWhy = Union[Description, str]
 
@@ -24,6 +26,10 @@ def parsed(text: str) -> DescriptionOrWhy:
 def in_bag(path: Paths, partial: bool = False,
            on_progress: Optional[Callable[[float], object]] = None) -> dict[str, DescriptionOrWhy]:
     """Return the last description on each topic of a bag; the errors are those of `bag.read`."""
-    texts = {topic: message.data for topic, message in decoded(
-        path, STRING, TOPIC, partial=partial, on_progress=on_progress)}
-    return {topic: parsed(text) for topic, text in texts.items()}
+    texts, left_out = dict[str, str](), dict[str, DescriptionOrWhy]()
+    for topic, message in decoded(path, STRING, TOPIC, partial=partial, on_progress=on_progress):
+        if topic in texts or len(texts) < MOST_TOPICS:
+            texts[topic] = message.data[:MAX_SIZE + 1]  # which is refused as too long
+        elif not left_out:
+            left_out[topic] = f'left out, with any further ones: at most {MOST_TOPICS} are read'
+    return {**{topic: parsed(text) for topic, text in texts.items()}, **left_out}

@@ -28,12 +28,12 @@ def robots_in_bag(bag: Paths, partial: bool = False,
                   on_progress: Optional[Callable[[float], object]] = None) -> list[Robot]:
     """Return the robots of a bag; the arguments and errors are those of `bag.read`."""
     descriptions = in_bag(bag, partial, on_progress)
-    states: dict[str, dict[str, str]] = {}
-    if descriptions:
-        for topic, message in decoded(bag, _JOINT_STATE, 'joint_states',
-                                      partial=partial, on_progress=on_progress):
-            _receive(states.setdefault(topic, {}), message)
-    return [_robot(topic, each, states.get(joint_states_of(topic), {}))
+    states: dict[str, dict[str, str]] = {joint_states_of(topic): {} for topic in descriptions}
+    for topic, message in decoded(bag, _JOINT_STATE, 'joint_states', partial=partial,
+                                  on_progress=on_progress) if descriptions else ():
+        if topic in states:
+            _receive(states[topic], message)
+    return [_robot(topic, each, states[joint_states_of(topic)])
             for topic, each in descriptions.items()]
 
 
@@ -117,7 +117,7 @@ def _receive(states: dict[str, str], message: Any) -> None:
            'do not have a position for each name'
            if len(message.name) != len(message.position) else '')
     if len(states) < _MOST_NAMES:
-        for name in message.name:
+        for name in message.name[:_MOST_NAMES]:
             states[name] = why and states.get(name, why)
 
 

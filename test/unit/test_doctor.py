@@ -12,12 +12,15 @@ import sqlite3
 import struct
 import subprocess
 import sys
+import tracemalloc
 
 from processes import tool_without_ros
 import pytest
 
 from dummy_arm.doctor import ERROR, examine, examine_bag
 from dummy_arm.doctor.checks import CHECKS
+from dummy_arm.robot import descriptions
+from dummy_arm.robot.observed import robots_in_bag
 from dummy_arm.tf import TransformBuffer
 from dummy_arm.tools.tf_doctor import main
 
@@ -519,6 +522,38 @@ def test_a_description_that_is_refused(capsys, tmp_path):
     assert not found['findings']
     assert any('robot description on /robot_description: ' in text
                and 'not valid XML' in text for text in found['not_checked'])
+
+
+def test_many_descriptions(capsys, tmp_path):
+    """Twenty are read, also if they are sent again; one line says that others are left out."""
+    pytest.importorskip('urdf_parser_py')
+    path = bags.make(tmp_path, 'mcap', in_order([*robot(), *(
+        (f'/r{i}/robot_description', T + i * MS + j, bags.string(urdf), bags.STRING)
+        for j, urdf in enumerate(('', URDF)) for i in range(25))]))
+    _, found = doctor(capsys, path)
+    assert [text for text in found['not_checked'] if 'robot description' in text] == [
+        'the robot description on /r20/robot_description: left out, with any further ones: at '
+        'most 20 are read']
+    assert len(robots_in_bag(path)) == 21
+
+
+def test_descriptions_and_joint_states_that_are_not_kept(tmp_path, monkeypatch):
+    """Memory is for one message at a time, if others are too many or too long."""
+    pytest.importorskip('urdf_parser_py')
+    monkeypatch.setattr(descriptions, 'MAX_SIZE', 1000)
+    path = bags.make(tmp_path, 'mcap storage', [*robot(), *(
+        message for i in range(40) for message in (
+            (f'/r{i}/robot_description', T + i, bags.string(f'{i}' * 1_000_000), bags.STRING),
+            (f'/x{i}/joint_states', T + i, bags.joint_state([f'{i}' * 1_000_000]),
+             bags.JOINT_STATE)))])
+    robots_in_bag(path)  # so that no module is imported later
+    tracemalloc.start()
+    try:
+        assert [each.topic for each in robots_in_bag(path)] == [
+            f'/r{i}/robot_description' for i in range(21)]
+        assert tracemalloc.get_traced_memory()[1] < 20_000_000
+    finally:
+        tracemalloc.stop()
 
 
 @pytest.mark.parametrize('kind', KINDS)
