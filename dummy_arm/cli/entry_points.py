@@ -38,7 +38,9 @@ def _command(module: str, interrupted: int = 0,
         try:
             with context():
                 main = import_module(module).main
-            return interrupted if signal_received() else int(main())
+            # With --bag, `main` prints that it was ended early.
+            is_ended = signal_received() and '--bag' not in str(sys.argv)
+            return interrupted if is_ended else int(main())
         except KeyboardInterrupt:
             return interrupted
         except ModuleNotFoundError as error:

@@ -10,7 +10,7 @@ import signal
 import sys
 from typing import Any, NoReturn, Optional
 
-from dummy_arm.cli.signals import record_signals
+from dummy_arm.cli.signals import record_signals, signal_received
 from dummy_arm.tf.formatting import near_names, SECOND, visible
 
 #: Decimal arithmetic that raises an exception instead of rounding.
@@ -100,20 +100,23 @@ def run(parser: Parser, command: Callable[..., int],
     :param command: gets the parsed arguments by keyword, and `ros_args`, the command line with the
         name of the command. It returns the exit code, and may raise UsageError or CommandError.
     :param args: the command line without the name of the command; None: `sys.argv[1:]`.
-    :param interrupted: the exit code if a signal ends the command, or if the program that reads
-        its output has ended.
+    :param interrupted: the exit code if a signal ends the command, unless it has the option
+        `--bag`, or if the program that reads its output has ended.
     """
     arguments = [parser.prog, *(sys.argv[1:] if args is None else args)]
-    handlers = record_signals()
+    handlers, bag = record_signals(), None
     try:
         given = _without_ros_args(arguments)[1:]
         if given.count('--') > 1:  # before Python 3.12.7, argparse drops more (gh-81691)
             parser.error('-- can be given only once')
         options = parser.parse_args(parser.prepare(given))
+        bag = vars(options).get('bag')
         _make_writable()
         return command(ros_args=arguments, **vars(options))
     except KeyboardInterrupt:
-        return interrupted
+        if number := bag and (signal_received() or signal.SIGINT):
+            print(f'{parser.prog}: ended early by {signal.Signals(number).name}', file=sys.stderr)
+        return 128 + number if number else interrupted
     except BrokenPipeError:  # for example, the output is piped to `head`, which has ended
         _close_stdout()
         return interrupted

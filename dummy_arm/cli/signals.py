@@ -69,8 +69,9 @@ def ignore_signals() -> None:
         signal.signal(number, signal.SIG_IGN)
 
 
-def signal_received() -> bool:
-    return bool(_received)
+def signal_received() -> int:
+    """Return the first signal that was received, or 0."""
+    return _received[0] if _received else 0
 
 
 def sleep(seconds: float) -> None:

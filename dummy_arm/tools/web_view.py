@@ -139,7 +139,8 @@ def _html_path(export: str) -> Path:
 def _show(feed: 'Feed', host: str, port: Optional[int], meshes: Sequence[str],
           examination: Optional[Thread] = None) -> None:
     from dummy_arm.view.page import show
-    show(feed, host, port, meshes, examination)
+    with suppress(KeyboardInterrupt):  # which is its normal end
+        show(feed, host, port, meshes, examination)
 
 
 def main(args: Optional[Sequence[str]] = None) -> int:

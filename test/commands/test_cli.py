@@ -1,5 +1,6 @@
 """What all commands with ROS share: how nodes and commands end, by themselves and by signals."""
 
+from importlib import import_module
 import os
 import re
 import signal
@@ -8,6 +9,7 @@ import sys
 import time
 
 from cli_runner import call
+from environment import DATA
 from processes import BEGUN, tool
 import pytest
 from rclpy.exceptions import InvalidHandle
@@ -163,14 +165,39 @@ def test_a_shutdown_of_the_context_ends_a_node(start):
 
 @pytest.mark.parametrize(('command', 'module', 'number', 'code'), [
     ('dummy_arm', 'numpy.', signal.SIGINT, 0), ('param', 'rclpy.', signal.SIGTERM, 0),
-    ('check_arm', 'dummy_arm.tf.', signal.SIGINT, 1)])
+    ('check_arm', 'dummy_arm.tf.', signal.SIGINT, 1),
+    ('view_frames --bag=SPLIT', 'numpy.', signal.SIGTERM, 143)])
 def test_a_signal_while_a_command_is_imported(start, command, module, number, code):
     """No traceback is printed from within an import."""
-    process = start('-X', 'importtime', *tool(command))
+    name, *arguments = command.replace('SPLIT', str(DATA / 'split')).split()
+    process = start('-X', 'importtime', *tool(name, *arguments))
     process.line_with(f' {module}')
     process.end(number)
     assert process.exit_code() == code
     assert 'Traceback' not in process.output
+
+
+@pytest.fixture(scope='module')
+def walk(tmp_path_factory):
+    """The path of a bag that is read in some tenths of a second."""
+    bags = pytest.importorskip('bags')
+    return str(bags.make(tmp_path_factory.mktemp('bags') / 'walk.bag', 'bag', bags.walk(3000)))
+
+
+@pytest.mark.parametrize('command', [
+    'tf2_echo map odom', 'tf_doctor', 'tf_doctor map odom', 'tf_trajectory map base_link -o x.csv',
+    'view_frames', 'web_view', 'web_view --export x.html'])
+def test_ctrl_c_while_a_bag_is_read(tmp_path, monkeypatch, walk, command):
+    """The exit code is that of a shell, since there is no result; one line says so."""
+    monkeypatch.chdir(tmp_path)
+    name, *arguments = command.split()
+    main = import_module(f'dummy_arm.tools.{name}').main
+    code, output, error = call(main, *arguments, '--bag', walk, columns=80,
+                               until=lambda text: 'reading walk.bag' in text)
+    assert code == 130
+    assert output == ''
+    assert error.endswith(f'{name}: ended early by SIGINT\r\n')
+    assert not [*tmp_path.iterdir()]
 
 
 def test_python_m_runs_the_arm(start):

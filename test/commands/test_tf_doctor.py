@@ -756,8 +756,8 @@ def test_a_signal_while_processes_examine_bags(start, tmp_path, number):
         assert not process.has_ended()
         time.sleep(0.01)
     os.killpg(process.pid, number)
-    assert process.exit_code() == 0, process.output
-    assert process.output == ''
+    assert process.exit_code() == 128 + number, process.output
+    assert process.output == f'tf_doctor: ended early by {number.name}\n'
     deadline = time.monotonic() + TIMEOUT
     while process.has_left_processes():
         assert time.monotonic() < deadline

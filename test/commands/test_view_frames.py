@@ -210,9 +210,9 @@ def test_a_signal_ends_the_drawing(start, tmp_path, number):
         assert time.monotonic() < deadline
         time.sleep(0.01)
     process.end(number)
-    assert process.exit_code() == (0 if number == signal.SIGINT else -number)
+    assert process.exit_code() == (130 if number == signal.SIGINT else -number)
     while any(map(is_running, drawing)):
         assert time.monotonic() < deadline
         time.sleep(0.01)
-    assert process.output == ''
+    assert process.output == 'view_frames: ended early by SIGINT\n' * (number == signal.SIGINT)
     assert not [*there.iterdir()]

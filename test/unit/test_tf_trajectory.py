@@ -554,7 +554,7 @@ def test_a_full_disk(failed, arm_bag, there, ending):
 
 @pytest.mark.parametrize(('ending', 'every'), [
     ('csv', ['--every', '0.0005']), ('npz', ['--every', '0.0005']), ('png', [])])
-def test_a_signal_leaves_no_partial_file(run, monkeypatch, arm_bag, there, ending, every):
+def test_a_signal_leaves_no_partial_file(failed, monkeypatch, arm_bag, there, ending, every):
     """It is noticed between parts of many rows, and at the end. An old file stays."""
     if ending == 'png':
         pytest.importorskip('matplotlib')
@@ -569,7 +569,8 @@ def test_a_signal_leaves_no_partial_file(run, monkeypatch, arm_bag, there, endin
 
     monkeypatch.setattr(tf_trajectory, 'roll_pitch_yaw', interrupt)
     (there / f'arm.{ending}').write_text('old')
-    assert run('--bag', arm_bag, *FRAMES, *every, '-o', f'arm.{ending}') == ('', '')
+    outcome = failed(tf_trajectory.main, '--bag', arm_bag, *FRAMES, *every, '-o', f'arm.{ending}')
+    assert outcome == (143, 'tf_trajectory: ended early by SIGTERM\n')
     (count,) = parts
     assert count < 10_001 if every else count == 101
     assert [path.name for path in there.iterdir()] == [f'arm.{ending}']
