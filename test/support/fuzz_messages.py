@@ -16,6 +16,7 @@ from pathlib import Path
 import pickle
 import random
 import shutil
+import sqlite3
 import struct
 import subprocess
 import sys
@@ -25,7 +26,10 @@ from xml.parsers import expat
 
 import bags
 from environment import DATA
+from mcap.writer import Writer
 from rosbags.typesys import get_types_from_msg, get_typestore, Stores
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
 
 from dummy_arm.robot.descriptions import parsed
 from dummy_arm.tf import TransformBuffer, TransformException
@@ -34,6 +38,7 @@ from dummy_arm.tf._core.engine import engine_of
 from dummy_arm.tf._core.pose import Row
 from dummy_arm.tf._wire import cdr, ros1
 from dummy_arm.tf._wire.cdr import MalformedMessage
+from dummy_arm.tf._wire.definitions import checked_yaml
 from dummy_arm.tf._wire.message_reader import Encoding, MessageReader
 from dummy_arm.tf.bag import BagError, BagMessage, messages, read
 
@@ -53,7 +58,7 @@ _opened = ExitStack()
 def close() -> None:
     """End the process and remove the files of the targets; they can be called again."""
     _opened.close()
-    for made in _worker, folder, seed_bag:
+    for made in _worker, folder, seed_bag, _with_checksums:
         made.cache_clear()
 
 
@@ -577,9 +582,37 @@ _BAG_MESSAGES = [
     *(('/tf', (100 + i) * S, [Row((100 + i) * S, 'odom', 'base_link', (i, *bags.STILL[1:])),
                               Row((100 + i) * S, 'base_link', 'tool', bags.STILL)])
       for i in range(3))]
-KINDS = (*bags.ROS2, *bags.ROS1, 'mcap chunk')
+KINDS = (*bags.ROS2, *bags.ROS1, 'mcap chunk', 'mcap bit', 'metadata', 'statements')
 #: The largest decompressed size that is allowed (bytes).
 _MAX_BYTES = 2**22
+#: Pieces of YAML in metadata, and statements that change a database; {} is one of `_TABLES`.
+_YAML = ('\n', '\n  ', ' ', '\t', '- ', '-', '? ', '?', ': ', ':', ', ', ',', '[', ']', '{', '}',
+         '&a', '*a', '&b ', '*b ', '!', '!!set ', '!<t> ', '<<', '<<: ', '"', "'", '|', '>', '#',
+         '---', '--- ', '...', '%TAG ! !\n', '%YAML 1.1\n', '\x85', '\u2028', '\ufeff', '\r', 'a',
+         'b', '=', '\\', 'a: &a [b]\n', 'b: {<<: *a}\n', '? *a\n', '"a":*a', 'k: [*a, *a]\n')
+_TABLES = ('messages', 'topics', 'message_definitions', 'x', 'y')
+_ROWS = ('SELECT x AS id, 1 AS topic_id, x AS timestamp, x AS data, x AS name, x AS type, '
+         'x AS serialization_format, x AS topic_type, x AS encoded_message_definition')
+_STATEMENTS = (
+    'ALTER TABLE {} RENAME TO {}', 'DROP TABLE {}', 'DROP INDEX timestamp_idx', 'ANALYZE',
+    f'CREATE VIEW {{}} AS WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r) {_ROWS} '
+    'FROM r', f'CREATE VIEW {{}} AS {_ROWS} FROM (SELECT zeroblob(900000000) AS x)',
+    'CREATE VIEW {} AS SELECT a.* FROM {} a, {} b', 'CREATE VIEW {} AS SELECT * FROM {}',
+    'CREATE TABLE {} (id INTEGER PRIMARY KEY, topic_id, timestamp, data AS (zeroblob(900000000)))',
+    'CREATE TABLE {} (id INTEGER PRIMARY KEY, topic_id, timestamp, data) WITHOUT ROWID',
+    'ALTER TABLE {} ADD COLUMN z AS (zeroblob(900000000))', 'DELETE FROM {} WHERE id < 2',
+    'CREATE VIRTUAL TABLE {} USING fts4(id, topic_id, timestamp, data, content="{}")',
+    'CREATE VIRTUAL TABLE {} USING fts5(id, topic_id, timestamp, data, content="{}")',
+    'CREATE VIRTUAL TABLE {} USING rtree(id, topic_id, timestamp, data, x)',
+    'CREATE VIRTUAL TABLE {} USING dbstat',
+    'CREATE INDEX {} ON messages (zeroblob(timestamp))', 'CREATE INDEX i ON messages (topic_id)',
+    "INSERT INTO messages (topic_id, timestamp, data) VALUES (1, 'x', zeroblob(1000000))",
+    "UPDATE messages SET timestamp = zeroblob(1000), topic_id = 'x' WHERE id = 2",
+    "UPDATE topics SET offered_qos_profiles = 'a: &a [b]\nb: *a'", 'PRAGMA writable_schema = on',
+    "UPDATE sqlite_master SET name = '{}' WHERE name = '{}'",
+    "UPDATE sqlite_master SET type = 'table', rootpage = 5 WHERE name = '{}'",
+    "UPDATE sqlite_master SET sql = 'CREATE TABLE {}(id, topic_id, timestamp, data AS (id))' "
+    "WHERE name = '{}'", "UPDATE sqlite_master SET sql = '/* CREATE TABLE */' || sql")
 _INTERESTING = (b'\0', b'\xff', b'\0' * 8, b'\xff' * 8, b'\x7f\xff\xff\xff', b'\xff\xff\xff\x7f')
 
 
@@ -642,13 +675,71 @@ def _changed(data: bytes, source: Input) -> bytes:
     return bytes(changed)
 
 
+@cache
+def _with_checksums() -> tuple[bytes, Union[dict[str, str], str]]:
+    """Return an mcap file with the checksums of its chunks and summary, and what is read of it."""
+    path = folder() / 'checked'
+    with path.open('wb') as file:
+        writer = Writer(file, chunk_size=300)
+        writer.start('ros2')
+        schema = writer.register_schema(bags.TF, 'ros2msg', b'TransformStamped[] transforms')
+        channels = {topic: writer.register_channel(topic, 'cdr', schema)
+                    for topic in ('/tf', '/tf_static')}
+        for topic, time, rows in _BAG_MESSAGES:
+            writer.add_message(channels[topic], time, bags.ros2(rows), time)
+        writer.finish()
+    return path.read_bytes(), _read_bag(path, False)
+
+
+def _check_bit(path: Path, source: Input) -> None:
+    """Flip a bit. Rule: the file is refused, or all is read as without it."""
+    data, whole = _with_checksums()
+    changed = bytearray(data)
+    changed[source.integer(len(data) - 1)] ^= 1 << source.integer(7)
+    path.write_bytes(changed)
+    found = _read_bag(path, False)
+    assert isinstance(found, str) or found == whole, found
+    _read_bag(path, True)
+
+
+def _check_yaml(source: Input) -> None:
+    """Rule: YAML that refers to itself or has tags, by the events of ruamel, is refused."""
+    text = ''.join(source.choice(_YAML) for _ in range(source.integer(60)))
+    with suppress(ValueError, YAMLError, RecursionError):
+        accepted = checked_yaml(text.encode())
+        assert accepted == text
+        for event in YAML(typ='safe').parse(accepted):
+            assert getattr(event, 'anchor', None) is None, text
+            assert getattr(event, 'tag', None) is None, text
+            assert getattr(event, 'value', '') != '<<' or event.style, text
+
+
+def _change_database(path: Path, source: Input) -> None:
+    with closing(sqlite3.connect(path)) as database:
+        for _ in range(source.integer(7)):
+            statement = source.choice(_STATEMENTS)
+            with suppress(sqlite3.Error):
+                database.execute(statement.format(*(source.choice(_TABLES) for _ in range(3))))
+        with suppress(sqlite3.Error):
+            database.commit()
+
+
 def check_bags(data: bytes) -> None:
     """Change bytes of a bag and read it: it is read, or a BagError says in one line why not."""
     source = Input(data)
     kind = source.choice(KINDS)
     bag = path = folder() / 'bag'
     try:
-        if kind == 'mcap chunk':
+        if kind == 'mcap bit':
+            _check_bit(path, source)
+            return
+        if kind == 'metadata':
+            _check_yaml(source)
+            return
+        if kind == 'statements':
+            path.write_bytes(next(iter(seed_bag('db3').values())))
+            _change_database(path, source)
+        elif kind == 'mcap chunk':
             method = source.choice(('', 'lz4', 'zstd'))
             bags.mcap(path, bags.mcap_channel(), bags.mcap_chunk(
                 _changed(_chunk_content(), source), method))
@@ -703,4 +794,7 @@ def seeds_of_bags() -> Iterator[bytes]:
         yield bytes([number, 2])
         yield bytes([number, len(kind) % 4, 4, 200, 3])
         yield bytes([number, 0, 3, 0, 5, 1, 1, 9, 4, 2, 1, 2, 3])
+        yield bytes([number, 30, *range(30)])
+    for first in range(len(_STATEMENTS)):  # in place of a table
+        yield bytes([KINDS.index('statements'), 2, 0, 0, 3, 3, first, 0, 3, 3])
     yield bytes([0, 1, 1, 9, 0, 1]) + b'[{'  # in the metadata

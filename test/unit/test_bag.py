@@ -544,7 +544,7 @@ def test_metadata_that_cannot_be_read(tmp_path, logs):
     """Unsupported or malformed metadata are an error; with partial=True, a warning."""
     for number, (old, new, why) in enumerate([
             # Long metadata are not parsed, since that would take minutes.
-            ('version: 9', '#' * 10_000_000, 'metadata.yaml: it has more than 10000000 '),
+            ('version: 9', '#' * 1_000_000, 'metadata.yaml: it has more than 1000000 '),
             ('compression_format: zstd', 'compression_format: rar',
              "its compression format is 'rar', not zstd"),
             ('version: 9', '"', 'metadata.yaml: ')]):
@@ -557,6 +557,46 @@ def test_metadata_that_cannot_be_read(tmp_path, logs):
         assert '\n' not in error
         assert len(read(path, partial=True).frames()) == 2
         assert why in messages(logs)
+
+
+#: Nine levels of ten merge keys each: loading it takes a thousand million copies.
+ENDLESS = 'a0: &a0 {k: v}\n' + ''.join(
+    f'a{i}: &a{i}\n  <<: [{", ".join([f"*a{i - 1}"] * 10)}]\n' for i in range(1, 10))
+
+
+@pytest.mark.parametrize('text', [
+    'a: &a [1]\nb: *a\n', 'a: {<<: {b: 1}}\n', 'a: !!set {b}\n', '? !t a\n: 1\n', '- *a',
+    '\ufeff<<: {b: 1}\n', 'a:\n  *b', 'a:\x85*b', '"a":*b', '[*a]', '{?*a}', '--- &a\nb: 1\n',
+    ENDLESS], ids=lambda text: text[:9])
+def test_metadata_that_refer_to_themselves(tmp_path, logs, text):
+    """They are refused before they are loaded; with partial=True, the files are read."""
+    path = bags.make(tmp_path / 'x', 'mcap', bags.walk(1))
+    (path / 'metadata.yaml').write_bytes(text.encode() + (path / 'metadata.yaml').read_bytes())
+    assert outcome(path) == (
+        f'{path} cannot be read: metadata.yaml: it has an alias, an anchor, a tag or a merge key. '
+        'partial=True (--partial) reads the files without it')
+    assert len(read(path, partial=True).frames()) == 2
+    assert len(read(bags.file_of(path)).frames()) == 2
+
+
+@pytest.mark.parametrize('name', ['lab & office', 'what!', '2<<3', 'pick-&-place', 'a*b'])
+def test_names_in_metadata(tmp_path, name):
+    """The characters that begin references in YAML are allowed within a name."""
+    path = bags.make(tmp_path / name, 'mcap', bags.walk(1))
+    assert len(read(path).frames()) == 2
+
+
+@pytest.mark.parametrize('kind', ['mcap', 'db3'])
+def test_a_qos_that_refers_to_itself(tmp_path, kind):
+    """The durability is not known; the transforms are read."""
+    if kind == 'mcap':
+        path = walk_by_mcap(tmp_path / 'x.mcap', metadata={'offered_qos_profiles': ENDLESS})
+    else:
+        path = bags.file_of(bags.make(tmp_path / 'x', kind, bags.walk()))
+        change(path, f"UPDATE topics SET offered_qos_profiles = '{ENDLESS}'")
+    topics: list[bag.Topic] = []
+    assert len([*bag.messages(path, on_topics=topics.extend)]) == 102
+    assert {topic.durabilities for topic in topics} == {()}
 
 
 def test_a_library_that_is_missing(tmp_path, monkeypatch):
@@ -725,17 +765,64 @@ def test_values_of_a_database_that_are_no_messages_or_topics(tmp_path, logs):
     assert sum(map(int, skipped)) == len(values)
 
 
+_ROWS = 'SELECT 1 AS id, 1 AS topic_id, 1 AS timestamp, x AS data'
+_ENDLESS_ROWS = f'WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r) {_ROWS} FROM r'
+
+
+@pytest.mark.parametrize(('name', 'statement'), [
+    ('messages', f'CREATE VIEW messages AS {_ENDLESS_ROWS}'),
+    ('Messages', 'CREATE VIEW Messages AS SELECT * FROM old'),
+    ('topics', 'CREATE VIEW topics AS SELECT * FROM old'),
+    ('message_definitions', 'CREATE VIEW message_definitions AS WITH RECURSIVE r(x) AS (SELECT 1 '
+     'UNION ALL SELECT x + 1 FROM r) SELECT x AS topic_type, x AS encoded_message_definition '
+     'FROM r'),
+    ('messages', 'CREATE TABLE messages (id INTEGER PRIMARY KEY, topic_id, timestamp, '
+     'data AS (zeroblob(900000000)))'),
+    ('messages', 'CREATE VIRTUAL TABLE messages USING rtree (id, topic_id, timestamp, data, x)')])
+def test_what_is_no_table(tmp_path, name, statement):
+    """Views, virtual tables and generated columns are refused: what they compute may not end."""
+    path = bags.file_of(bags.make(tmp_path, 'db3', bags.walk(1)))
+    change(path, f'ALTER TABLE {name} RENAME TO old', statement)
+    assert outcome(path).startswith(
+        f'{path} cannot be read: {name} is not a table of plain columns. ')
+
+
+def test_a_long_query(tmp_path):
+    """The callback is called meanwhile, so that it can end it."""
+    path = bags.file_of(bags.make(tmp_path, 'db3', bags.walk(1)))
+    change(path, 'DROP INDEX timestamp_idx', 'INSERT INTO messages (topic_id, timestamp, data) '
+           'WITH RECURSIVE r(x) AS (SELECT 1 UNION ALL SELECT x + 1 FROM r LIMIT 500000) '
+           "SELECT 9, x, '' FROM r")
+    calls = count()
+
+    def on_progress(done):
+        if done == 0.0 and next(calls) == 9:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        read(path, on_progress=on_progress)
+
+
+def test_a_database_without_an_index(tmp_path):
+    """Its messages are read as they were written, since SQLite would sort them on the disk."""
+    path = bags.file_of(bags.make(tmp_path, 'db3', [
+        ('/tf', time, [bags.row(time, 'map', 'odom')]) for time in (3, 1, 2)]))
+    assert [message.time for message in bag.messages(path)] == [1, 2, 3]
+    change(path, 'DROP INDEX timestamp_idx')
+    assert [message.time for message in bag.messages(path)] == [3, 1, 2]
+
+
 # Files of mcap that rosbags does not read, or reads in part
 
 
-def walk_by_mcap(path, profile='ros2', **options):
+def walk_by_mcap(path, profile='ros2', metadata=None, **options):
     """Write a walk by mcap's own writer, in chunks of some messages."""
     from mcap.writer import Writer
     with path.open('wb') as file:
         writer = Writer(file, chunk_size=2000, **options)
         writer.start(profile)
         schema = writer.register_schema(bags.TF, 'ros2msg', b'TransformStamped[] transforms')
-        channels = {topic: writer.register_channel(topic, 'cdr', schema)
+        channels = {topic: writer.register_channel(topic, 'cdr', schema, metadata or {})
                     for topic in ('/tf_static', '/tf')}
         for topic, time, rows in bags.walk():
             writer.add_message(channels[topic], time, bags.ros2(rows), time)
@@ -781,7 +868,7 @@ def test_an_mcap_file_of_ros1(tmp_path):
     lambda data: data.replace(b'ros2msg', b'protobf')], ids=['one schema', 'all schemas'])
 def test_schemas_that_are_unknown(tmp_path, change_file):
     """A schema of another kind does not keep transforms from being read."""
-    path = walk_by_mcap(tmp_path / 'x.mcap', use_chunking=False)
+    path = walk_by_mcap(tmp_path / 'x.mcap', use_chunking=False, enable_crcs=False)
     path.write_bytes(change_file(path.read_bytes()))
     assert [frame.length for frame in read(path).frames()] == [1, 101]
 
@@ -805,6 +892,47 @@ def test_a_message_that_the_index_does_not_have(tmp_path):
     for partial in False, True:
         found = [frame.name for frame in read(path, partial=partial).frames()]
         assert sorted(found) == ['base_link', 'odom', 'outside']
+
+
+def flipped(path, at):
+    """Flip the lowest bit of a byte of a file."""
+    data = bytearray(path.read_bytes())
+    data[at] ^= 1
+    path.write_bytes(data)
+
+
+@pytest.mark.parametrize('part', [b'/tf', b'TFMessage', b'/tf_static', b'cdr', b'\x0b', b'\2\x14'])
+def test_a_bit_of_the_summary(tmp_path, logs, part):
+    """It is an error; with partial=True, all is read without the summary."""
+    path = walk_by_mcap(tmp_path / 'x.mcap')
+    data = path.read_bytes()
+    (start,) = struct.unpack_from('<Q', data, len(data) - 28)
+    flipped(path, data.index(part, start) + len(part) - 1 + 10 * (part == b'\2\x14'))
+    assert outcome(path) == (
+        f'{path} cannot be read: the checksum of its summary is wrong. If it is damaged or cut '
+        'off, partial=True (--partial) reads what is left')
+    assert [frame.length for frame in read(path, partial=True).frames()] == [1, 101]
+    assert 'the checksum of its summary is wrong' in messages(logs)
+
+
+@pytest.mark.parametrize('repeat_channels', [True, False])
+def test_a_bit_of_a_chunk(tmp_path, logs, repeat_channels):
+    """It is an error, with an index and without; with partial=True, the others are read."""
+    from mcap.writer import CompressionType
+    path = walk_by_mcap(tmp_path / 'x.mcap', repeat_channels=repeat_channels,
+                        compression=CompressionType.NONE)
+    flipped(path, path.read_bytes().rindex(b'base_link'))
+    assert re.search('cannot be read: (Chunk checksum mismatch|crc validation failed)',
+                     outcome(path))
+    assert 80 < read(path, partial=True).frames()[1].length < 101
+    assert 'crc validation failed' in messages(logs)
+
+
+def test_a_summary_that_is_too_large(tmp_path):
+    """It is refused before it takes memory."""
+    path = walk_by_mcap(tmp_path / 'x.mcap')
+    assert re.search('its summary takes [0-9]+ bytes, more than the limit of 300: ',
+                     outcome(path, max_bytes=300))
 
 
 def test_a_bomb_without_an_index(tmp_path):

@@ -1,5 +1,6 @@
 """The TF messages of a database of rosbag2; rosbags 0.11 refuses some, without definitions."""
 
+from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from pathlib import Path
@@ -12,22 +13,33 @@ from dummy_arm.tf._bag.formats import BagError, refuse_special
 from dummy_arm.tf._bag.unpacking import first_bytes, unpack_message
 from dummy_arm.tf._wire.definitions import durabilities
 
+#: Views, virtual tables and generated columns, which a few bytes can make endless.
+_NO_TABLES = """SELECT name FROM sqlite_master WHERE lower(name) IN
+    ('topics', 'messages', 'message_definitions') AND (sql NOT LIKE 'CREATE TABLE %' OR EXISTS
+    (SELECT * FROM pragma_table_xinfo(sqlite_master.name) WHERE hidden))"""
+
 
 def records_of_database(path: Path, context: BagContext) -> Iterator[Record]:
     _check_log(path)
     with closing(sqlite3.connect(f'{path.absolute().as_uri()}?immutable=1', uri=True)) as database:
         database.text_factory = lambda data: data.decode(errors='replace')
+        database.set_progress_handler(context.tick, 100_000)
+        for name, in database.execute(_NO_TABLES):
+            raise ValueError(f'{name} is not a table of plain columns')
         streams = _streams(database, context)
         wanted = ', '.join(str(key) for key, stream in streams.items() if stream)
         if any(isinstance(stream, BagTopic) for stream in streams.values()):
-            for key, count in database.execute(
-                    'SELECT topic_id, count(*) FROM messages GROUP BY topic_id'):
+            keys = database.execute(f'SELECT topic_id FROM messages WHERE topic_id IN ({wanted})')
+            for (key,), count in Counter(keys).items():
                 if isinstance(topic := streams.get(key), BagTopic):
                     topic.headers.expect(count)
         ((first, last),) = database.execute('SELECT (SELECT min(timestamp) FROM messages), '
                                             '(SELECT max(timestamp) FROM messages)')
-        rows = database.execute('SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN '
-                                f'({wanted}) ORDER BY timestamp, id')
+        query = f'SELECT topic_id, timestamp, data FROM messages WHERE +topic_id IN ({wanted})'
+        in_order = f'{query} ORDER BY timestamp, id'
+        # Without an index, SQLite would write all data to temporary files to sort them.
+        plan = str([*database.execute(f'EXPLAIN QUERY PLAN {in_order}')])
+        rows = database.execute(query if 'TEMP B-TREE' in plan else in_order)
         span = last - first if type(first) is type(last) is int else 0
         for number, (key, time, data) in enumerate(rows):
             time = time if type(time) is int else 0  # SQLite does not enforce the types

@@ -1,11 +1,11 @@
 """The TF messages of an mcap file without an index, or that was cut off, read by mcap."""
 
 from collections.abc import Iterator
-from contextlib import suppress
 from itertools import chain
 from pathlib import Path
 import struct
 from typing import Any, Union
+from zlib import crc32
 
 from mcap.exceptions import EndOfFile, RecordLengthLimitExceeded
 from mcap.reader import SeekingReader
@@ -17,11 +17,28 @@ from dummy_arm.tf._bag.unpacking import first_bytes, Oversized, unpack_message
 from dummy_arm.tf._wire.definitions import durabilities
 
 
+def read_summary(path: Path, max_bytes: int) -> bytes:
+    """Return the file from its summary on, b'' without one; raise an error if it is damaged."""
+    size = path.stat().st_size
+    with path.open('rb') as file:
+        file.seek(max(0, size - 37))  # the footer
+        begin, start, checksum = struct.unpack('<9sQ8xI8x', file.read().ljust(37, b'\0'))
+        if not start or begin != b'\x02\x14' + bytes(7):  # the file may be cut off
+            return b''
+        if size - start > max_bytes:
+            raise Oversized('its summary', str(size - start), max_bytes)
+        file.seek(min(start, size))
+        summary = file.read()
+    if checksum and crc32(summary[:-12]) != checksum:
+        raise ValueError('the checksum of its summary is wrong')
+    return summary
+
+
 def records_in_file_order(path: Path, context: BagContext) -> Iterator[Record]:
     """Yield the messages of TF, chunk by chunk; skip damaged chunks if `partial` is True."""
     schemas: dict[int, Schema] = {}
     streams: dict[int, Union[Stream, BagTopic, None]] = {}
-    for record in chain(_definitions(path, context.max_bytes), _records(path, context)):
+    for record in chain(_definitions(path, context), _records(path, context)):
         if isinstance(record, Schema):
             schemas[record.id] = record
         elif isinstance(record, Channel) and record.id not in streams:
@@ -43,13 +60,18 @@ def records_in_file_order(path: Path, context: BagContext) -> Iterator[Record]:
                 stream.headers.add(record.log_time, first_bytes(record.data))
 
 
-def _definitions(path: Path, max_bytes: int) -> Iterator[Any]:
+def _definitions(path: Path, context: BagContext) -> Iterator[Any]:
     """Yield the schemas and channels at the end of a file: the chunk with them may be damaged."""
-    with suppress(Exception), path.open('rb') as file:
-        if summary := SeekingReader(file, record_size_limit=max_bytes).get_summary():
+    try:
+        if read_summary(path, context.max_bytes):
+            with path.open('rb') as file:
+                summary: Any = SeekingReader(
+                    file, record_size_limit=context.max_bytes).get_summary()
             yield from summary.schemas.values()
             yield from (each for each in summary.channels.values()
                         if each.schema_id in summary.schemas)
+    except Exception as error:
+        context.handle_error(path, '.mcap', error)
 
 
 def _records(path: Path, context: BagContext) -> Iterator[Any]:

@@ -10,6 +10,7 @@ from typing import NamedTuple, Optional, Union
 
 from dummy_arm.tf._bag.formats import BAG_DEFINITION, BagError, refuse_special
 from dummy_arm.tf._core.texts import comma_list, error_line, later_part, visible
+from dummy_arm.tf._wire.definitions import checked_yaml, LONGEST_YAML
 
 #: One path, or several: files, directories, and patterns such as `*.mcap`.
 Paths = Union[str, 'os.PathLike[str]', Iterable[Union[str, 'os.PathLike[str]']]]
@@ -19,7 +20,6 @@ _FILE = re.compile(r'\.(mcap|db3|bag)(\.zstd)?$')
 _PART = re.compile(r'(.*)_(0|[1-9]\d*)(\.(?:mcap|db3|bag))(?:\.zstd)?')
 #: The time in the name of each part if rosbag of ROS 1 was not given a name.
 _TIME = re.compile(r'\d{4}(-\d\d){5}$')
-_LONGEST_METADATA = 10_000_000  # bytes
 #: The largest number of files that the text of an error lists.
 _SHOWN = 5
 
@@ -130,11 +130,8 @@ def _listed(directory: Path) -> list[Path]:
     from ruamel.yaml import YAML
     try:
         with metadata.open('rb') as file:
-            data = file.read(_LONGEST_METADATA + 1)
-        if len(data) > _LONGEST_METADATA:
-            raise ValueError(f'it has more than {_LONGEST_METADATA} bytes')
-        information = YAML(typ='safe').load(data.decode(errors='replace'))[
-            'rosbag2_bagfile_information']
+            text = checked_yaml(file.read(LONGEST_YAML + 1))
+        information = YAML(typ='safe').load(text)['rosbag2_bagfile_information']
         compression = information.get('compression_format') or 'zstd'
         names = information['relative_file_paths']
         if not isinstance(names, list) or not names:

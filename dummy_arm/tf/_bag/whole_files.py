@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Set
 from contextlib import closing
 from pathlib import Path
+import re
 from tempfile import TemporaryDirectory
 from typing import Any, Optional
 
@@ -13,9 +14,10 @@ from rosbags.rosbag2.storage_mcap import McapReader
 from dummy_arm.tf._bag.context import ADVANCE, BagContext, BagTopic, Record, Stream
 from dummy_arm.tf._bag.database import records_of_database
 from dummy_arm.tf._bag.formats import BagError, kind_of
-from dummy_arm.tf._bag.mcap_stream import records_in_file_order
+from dummy_arm.tf._bag.mcap_stream import read_summary, records_in_file_order
 from dummy_arm.tf._bag.recordings import Recording
 from dummy_arm.tf._bag.unpacking import first_bytes, Oversized, unpack_file, unpack_message
+from dummy_arm.tf._wire.definitions import checked_yaml
 
 
 def records(recording: Recording, context: BagContext) -> Iterator[Record]:
@@ -51,7 +53,7 @@ def _records_of_file(whole: Path, path: Path, kind: str, context: BagContext) ->
     """Yield the messages of TF of a file; `path` is the file before it was decompressed."""
     reader: Any = None
     if kind == '.mcap':
-        reader = None if context.partial else _open_mcap(whole)
+        reader = None if context.partial else _open_mcap(whole, context.max_bytes)
         if reader is None:
             yield from records_in_file_order(whole, context)
             return
@@ -83,19 +85,20 @@ class _McapReader(McapReader):
         self.has_statistics = self.statistics is not None
 
 
-def _open_mcap(path: Path) -> Optional[McapReader]:
+def _open_mcap(path: Path, max_bytes: int) -> Optional[McapReader]:
     """Open a file; return None if rosbags refuses it, or would miss messages."""
-    reader = _McapReader(path)
+    reader, summary = _McapReader(path), read_summary(path, max_bytes)
     try:
+        # rosbags parses what follows the size after each of these.
+        for end in [each.end() + 4 for each in re.finditer(b'offered_qos_profiles', summary)]:
+            checked_yaml(summary[end:end + int.from_bytes(summary[end - 4:end], 'little')])
         reader.open()
     except Exception:  # `records_in_file_order` raises an error if the file is damaged
         return None
-    known = {connection.id for connection in reader.connections
-             if connection.msgtype != '__schemaless__'}
+    known = {each.id for each in reader.connections if each.msgtype != '__schemaless__'}
     counts = [chunk.channel_count for chunk in reader.chunks]
     # All parts of the index are optional.
-    if (reader.has_statistics and reader.statistics is not None and all(counts)
-            and all(known.issuperset(count) for count in counts)
+    if (reader.has_statistics and all(counts) and all(map(known.issuperset, counts))
             and sum(sum(count.values()) for count in counts) == reader.statistics.message_count):
         return reader
     reader.close()

@@ -4,12 +4,26 @@ from functools import lru_cache
 import re
 from typing import Optional
 
+LONGEST_YAML = 1_000_000  # bytes
+#: The begin of an alias, an anchor, a tag or a merge key, where a node of YAML may begin.
+_ENDLESS = re.compile(r'(^|-[ \t]|[?:,[{\r\n\x85\u2028\u2029\ufeff])[ \t]*([&*!]|<<)')
+
+
+def checked_yaml(data: bytes) -> str:
+    """Decode YAML of a bag; refuse what can take endless time, and rosbag2 never writes."""
+    if len(data) > LONGEST_YAML:
+        raise ValueError(f'it has more than {LONGEST_YAML} bytes')
+    text = data.decode(errors='replace')
+    if _ENDLESS.search(text):
+        raise ValueError('it has an alias, an anchor, a tag or a merge key')
+    return text
+
 
 def durabilities(profiles: str) -> list[str]:
     """Return the durability in each of the QoS profiles that rosbag2 has recorded as YAML."""
     from rosbags.rosbag2.metadata import parse_qos
     try:
-        return [profile.durability.name for profile in parse_qos(profiles)]
+        return [each.durability.name for each in parse_qos(checked_yaml(profiles.encode()))]
     except Exception:  # a damaged or incomplete text raises errors of many types
         return []
 
