@@ -13,7 +13,7 @@ from typing import NamedTuple, Optional
 import numpy as np
 from numpy.typing import NDArray
 
-from dummy_arm.doctor.tf_statistics import OTHER_CLOCK
+from dummy_arm.doctor.tf_statistics import LATEST, OTHER_CLOCK
 from dummy_arm.tf.bag import Headers
 from dummy_arm.tf.formatting import SECOND
 
@@ -190,7 +190,7 @@ class Judge:
 
     def judge(self, topic: str, headers: Headers) -> MessageTimes:
         """Judge the messages of a topic."""
-        arrivals = np.array(headers.arrivals, np.int64)
+        arrivals = np.array(headers.arrivals, np.int64).clip(-LATEST, LATEST)
         order = np.argsort(arrivals, kind='stable')
         arrivals = arrivals[order]
         stamps, numbers = (np.array(each, np.int64)[order]

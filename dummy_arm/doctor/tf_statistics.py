@@ -36,6 +36,8 @@ SMALLEST_JUMP, _LONGEST_MOVE, _SHORTEST_MOVE = 0.2, SECOND // 2, 0.02
 #: first bin begins at the least possible speed.
 _JUMPS_PER_OCTAVE, _JUMPS = 4, 80
 _MOST_TRACKS = 10_000
+#: Times of arrival (ns) are limited to this, so that no difference from a stamp exceeds int64.
+LATEST = 2**63 - 1 - 2**31 * SECOND
 
 _FIELDS = np.dtype([
     ('count', 'i8'),  # the number of transforms
@@ -76,8 +78,9 @@ class Track:
         self._values: Any = np.zeros((), _FIELDS)
 
     def __getitem__(self, field: str) -> Any:
-        """Return one of the statistics in `_FIELDS`."""
-        return self._values[field]
+        """Return one of the statistics in `_FIELDS`; a number as an int or float of Python."""
+        value = self._values[field]  # numbers of numpy overflow
+        return value if value.ndim else value.item()
 
     def update(self, values: Any) -> None:
         self._values = values
@@ -218,10 +221,11 @@ class Statistics:
             _add_stamps(values, stamps, before)
         is_timed = table.times != 0
         if is_timed.any():
+            times = table.times[is_timed].clip(-LATEST, LATEST)
             if not table.is_static:
-                self._keep(numbers, table.times[is_timed], stamps[is_timed])
+                self._keep(numbers, times, stamps[is_timed])
             if offset is not None:
-                times = table.times[is_timed] + offset
+                times = times + offset
                 _add_times(values, times)
                 since = self._since.setdefault(table.publisher, int(times.min()))
                 is_settled = (times >= since + self.settling) | (self.settling == 0)

@@ -13,6 +13,7 @@ import struct
 import subprocess
 import sys
 import tracemalloc
+import warnings
 
 from processes import tool_without_ros
 import pytest
@@ -1017,3 +1018,19 @@ def test_a_process_that_is_killed(capsys, monkeypatch, several):
     assert [result.get('error', 'healthy')[:40] for result in results if 'faulty' in result['bag']
             ] == ['the process that read ' + str(several[5])[:18]]
     assert sum('error' not in result for result in results) == 3
+
+
+@pytest.mark.parametrize(('stamp', 'time', 'where'), [
+    (-1, 2**63 - 1, 'before'), (-2**31 * S, 2**63 - 1, 'before'), (-2**31 * S, 1, 'before'),
+    (2**31 * S - 1, 1, 'after'), (2**31 * S - 1, 2**63 - 1, 'before')])
+def test_times_at_the_ends_of_their_range(tmp_path, stamp, time, where):
+    """No difference overflows: the stamps are on the right side of the arrival."""
+    odd = [('/tf', time, [bags.row(stamp, 'map', 'odd')]),
+           ('/points', time, bags.point('odd', stamp), POINT)]
+    path = bags.make(tmp_path, 'mcap', sorted([*robot(), *odd], key=lambda each: each[1]))
+    with warnings.catch_warnings():
+        warnings.simplefilter('error')
+        report = examine(path)
+    (finding,) = (each for each in report.findings if each.code == 'other_clock')
+    assert finding.frames == ('odd',)
+    assert f' s {where} it; ' in finding.evidence
