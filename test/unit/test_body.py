@@ -60,6 +60,13 @@ def stl(*triangles):
         struct.pack('<12fH', 0, 0, 1, *np.ravel(triangle), 0) for triangle in triangles)
 
 
+def glb(text, numbers=b''):
+    """Return a binary glTF of two chunks; the specification of glTF 2.0 shows its layout."""
+    text += -len(text) % 4 * b' '
+    return (struct.pack('<4sIII4s', b'glTF', 2, 28 + len(text) + len(numbers), len(text), b'JSON')
+            + text + struct.pack('<I4s', len(numbers), b'BIN\0') + numbers)
+
+
 @pytest.fixture
 def page():
     """A function that creates the page of descriptions by topic, and a viewer of it."""
@@ -439,6 +446,25 @@ def test_a_mesh_that_is_too_large(tmp_path, monkeypatch):
         file.truncate(meshes_module.MAX_BYTES + 1)
     with pytest.raises(MeshError, match='more than 50 MB'):
         load(tmp_path / 'a.stl')
+
+
+@pytest.mark.parametrize(('name', 'content'), [
+    ('a.stl', 2001 * b'SOLID a\nendsolid a\n'), ('a.obj', 2001 * b'usemtl a\n'),
+    ('a.dae', b'<COLLADA>' + 25_000 * b'<node></node>'),
+    ('a.glb', glb(b'{"nodes":[' + 20_000 * b'{},' + b'{}]}'))])
+def test_a_mesh_of_too_many_parts(tmp_path, monkeypatch, name, content):
+    """It is refused before trimesh sees it, which takes minutes for hundreds of thousands."""
+    monkeypatch.setattr('trimesh.load_scene', lambda *_, **__: pytest.fail('it was loaded'))
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(MeshError, match='too many parts: join them in another program'):
+        load(tmp_path / name)
+
+
+def test_the_numbers_of_a_mesh_are_not_its_parts(tmp_path):
+    """They may be the bytes by which parts are counted: trimesh sees this file."""
+    (tmp_path / 'a.glb').write_bytes(glb(b'{}', 30_000 * b'{'))
+    with pytest.raises(MeshError, match='no triangles'):
+        load(tmp_path / 'a.glb')
 
 
 def test_a_page_that_is_exported_has_all_shapes(tmp_path):
