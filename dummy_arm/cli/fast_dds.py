@@ -22,34 +22,36 @@ _LOOKUP = '_ZNK8eprosima7fastdds3dds24DomainParticipantFactory18lookup_participa
 _SET_LISTENER = (f'{_DDS}17DomainParticipant12set_listenerEPNS1_25DomainParticipantListenerE'
                  'NSt6chrono8durationIlSt5ratioILl1ELl1EEEE')
 _TIMEOUT = 1  # s
-#: An empty file of this age (s) is left over: Fast DDS sets the size within milliseconds.
+#: A file that is unfinished at this age (s) is left over: Fast DDS needs milliseconds.
 _LEFT_OVER = 5.0
 
 
-def remove_empty_ports(directory: Path = Path('/dev/shm')) -> Iterator[str]:
+def remove_unfinished_ports(directory: Path = Path('/dev/shm')) -> Iterator[str]:
     """
-    Remove the empty files that killed processes have left; yield a sentence for each.
+    Remove the unfinished files that killed processes have left; yield a sentence for each.
 
-    If the file of a port is empty, Fast DDS busy-waits for ever while its caller holds the GIL,
-    so that no signal ends the process. (Files with names in `_el` are always empty, and in use.)
+    If the file of a port is empty, or its first number says that it is being created, Fast DDS
+    waits for ever while its caller holds the GIL, so that no signal ends the process. (Files with
+    names in `_el` are always empty, and in use.)
     """
     for path in sorted(directory.glob('fastrtps_port*')):
         if not re.fullmatch(r'fastrtps_port\d+', path.name):
             continue
         try:
             status = path.lstat()
-            if (not stat.S_ISREG(status.st_mode) or status.st_size
-                    or time.time() - status.st_mtime < _LEFT_OVER):
+            if (not stat.S_ISREG(status.st_mode) or time.time() - status.st_mtime < _LEFT_OVER
+                    or not os.access(path, os.R_OK)  # Fast DDS cannot read it either
+                    or int.from_bytes(path.read_bytes()[:4], 'little') >= 2):  # 2: finished
                 continue
             path.unlink()
         except FileNotFoundError:  # another command has removed it
             continue
         except OSError as error:
-            yield (f'cannot remove {path} ({error.strerror}): it is empty, left over from a '
-                   'process that was killed, and ROS programs that use this port hang; remove it '
-                   f'as its owner: rm {path}')
+            yield (f'cannot remove {path} ({error.strerror}): a process that was killed has left '
+                   'it unfinished, and ROS programs that use this port hang; remove it as its '
+                   f'owner: rm {path}')
             continue
-        yield (f'removed {path}: it was empty, left over from a process that was killed, and ROS '
+        yield (f'removed {path}: a process that was killed has left it unfinished, and ROS '
                'programs that use this port would hang')
 
 

@@ -14,7 +14,7 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import get_rmw_implementation_identifier, try_shutdown
 from rclpy.validate_namespace import validate_namespace
 
-from dummy_arm.cli.fast_dds import destroy, remove_empty_ports
+from dummy_arm.cli.fast_dds import destroy, remove_unfinished_ports
 from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
 from dummy_arm.cli.signals import begin_cleanup, signal_received
 from dummy_arm.tf.formatting import namespace_path
@@ -59,7 +59,7 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
 
 def clear_shared_memory(ros_args: Sequence[str]) -> None:
     """Remove the files in shared memory with which ROS would hang; print a line for each."""
-    for line in remove_empty_ports():
+    for line in remove_unfinished_ports():
         print(f'{ros_args[0]}: warning: {line}', file=sys.stderr)
 
 

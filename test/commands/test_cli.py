@@ -236,10 +236,10 @@ def test_ctrl_c_at_any_time_is_no_traceback(start, tmp_path, delay):
     assert not [*tmp_path.iterdir()]
 
 
-def test_empty_ports_are_named(domain_id, monkeypatch):
+def test_unfinished_ports_are_named(domain_id, monkeypatch):
     """A line says which file was removed, or cannot be; the command goes on."""
     lines = 'removed /dev/shm/fastrtps_port1', 'cannot remove /dev/shm/fastrtps_port2'
-    monkeypatch.setattr(node, 'remove_empty_ports', lambda: iter(lines))
+    monkeypatch.setattr(node, 'remove_unfinished_ports', lambda: iter(lines))
 
     def command(ros_args):
         with spinning_node('tool', ros_args):

@@ -42,14 +42,15 @@ def test_a_signal_at_any_time_is_no_traceback(start, tmp_path, command, delay):
         assert not [*tmp_path.iterdir()]
 
 
-def test_an_empty_port_of_fast_dds_does_not_stop_a_command(start, domain_id):
+@pytest.mark.parametrize('content', [b'', bytes(4096), b'\1' + bytes(52399)])
+def test_an_unfinished_port_of_fast_dds_does_not_stop_a_command(start, domain_id, content):
     """
     Plain rclpy hangs at such a file, and neither Ctrl-C nor SIGTERM ends it.
 
     This is a long test, since any other command may remove the file, and say so in its output.
     """
     port = Path(f'/dev/shm/fastrtps_port{7400 + 250 * domain_id + 11}')
-    port.touch()
+    port.write_bytes(content)
     os.utime(port, (0, 0))
     try:
         start(*ARM).line_with('publishing map -> base_link')

@@ -9,7 +9,7 @@ from rclpy.utilities import get_rmw_implementation_identifier
 from ros_node import eventually
 
 from dummy_arm.cli import fast_dds
-from dummy_arm.cli.fast_dds import detach_discovery_listener, remove_empty_ports
+from dummy_arm.cli.fast_dds import detach_discovery_listener, remove_unfinished_ports
 
 pytestmark = pytest.mark.skipif(
     get_rmw_implementation_identifier() != 'rmw_fastrtps_cpp',
@@ -41,36 +41,47 @@ def test_nothing_is_detached_from_another_fast_dds(ros, monkeypatch, name, value
 
 
 OLD = 'fastrtps_port7411'
-KEPT = {'fastrtps_port7412': '', 'fastrtps_port7413': 'x', f'{OLD}_el': '', f'{OLD}_mutex': '',
-        f'sem.{OLD}_mutex': '', 'fastrtps_port': '', 'fastrtps_portal': ''}
+#: The last one is of a port in use: its first number is 2.
+KEPT = {'fastrtps_port7412': b'', f'{OLD}_el': b'', f'{OLD}_mutex': b'', f'sem.{OLD}_mutex': b'',
+        'fastrtps_port': b'', 'fastrtps_portal': b'', 'fastrtps_0123456789abcdef': bytes(4096),
+        'fastrtps_port7413': b'\2' + bytes(52399)}
 
 
-@pytest.fixture
-def shared_memory(tmp_path):
+@pytest.fixture(params=[b'', bytes(4096), bytes(52400), b'\1' + bytes(52399)],
+                ids=['empty', 'page', 'whole', 'begun'])
+def shared_memory(tmp_path, request):
     """A directory with a file that was left over, and others, of which one is new."""
-    for name, text in {OLD: '', **KEPT}.items():
-        (tmp_path / name).write_text(text)
+    for name, content in {OLD: request.param, **KEPT}.items():
+        (tmp_path / name).write_bytes(content)
         if name != 'fastrtps_port7412':
             os.utime(tmp_path / name, (0, 0))
     (tmp_path / 'fastrtps_port7414').symlink_to(OLD)
     return tmp_path
 
 
-def test_an_empty_port_that_was_left_over_is_removed(shared_memory):
-    """The line names it. Files that are new, have content, or have another name are kept."""
-    (line,) = remove_empty_ports(shared_memory)
+def test_an_unfinished_port_that_was_left_over_is_removed(shared_memory):
+    """The line names it. Files that are new, are finished, or have another name are kept."""
+    (line,) = remove_unfinished_ports(shared_memory)
     assert line.startswith(f'removed {shared_memory / OLD}: ')
     assert {path.name for path in shared_memory.iterdir()} == {'fastrtps_port7414', *KEPT}
-    assert not [*remove_empty_ports(shared_memory)]
-    assert not [*remove_empty_ports(shared_memory / 'missing')]
+    assert not [*remove_unfinished_ports(shared_memory)]
+    assert not [*remove_unfinished_ports(shared_memory / 'missing')]
 
 
-def test_an_empty_port_of_another_user(shared_memory, monkeypatch):
+def test_a_port_in_use_is_finished(ros):
+    """Its first number is 2, by which others know that they can use it."""
+    ports = [path for path in Path('/dev/shm').glob('fastrtps_port*')
+             if path.name[-1].isdigit() and str(path) in Path('/proc/self/maps').read_text()]
+    assert ports
+    assert {path.read_bytes()[:4] for path in ports} == {b'\2\0\0\0'}
+
+
+def test_an_unfinished_port_of_another_user(shared_memory, monkeypatch):
     """The line names the file and the remedy."""
     def unlink(path):
         raise PermissionError(1, 'Operation not permitted')
 
     monkeypatch.setattr(Path, 'unlink', unlink)
-    (line,) = remove_empty_ports(shared_memory)
+    (line,) = remove_unfinished_ports(shared_memory)
     assert line.startswith(f'cannot remove {shared_memory / OLD} (Operation not permitted): ')
     assert line.endswith(f'remove it as its owner: rm {shared_memory / OLD}')
