@@ -12,7 +12,7 @@ from importlib import import_module
 import sys
 
 from dummy_arm.cli.signals import (
-    ignore_signals,
+    begin_exit,
     record_signals,
     signal_received,
     signals_blocked,
@@ -53,7 +53,7 @@ def _command(module: str, interrupted: int = 0,
                   'read a bag without ROS: --bag FILE', file=sys.stderr)
             return 1
         finally:
-            ignore_signals()
+            begin_exit()
 
     return run
 

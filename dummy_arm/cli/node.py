@@ -16,7 +16,7 @@ from rclpy.validate_namespace import validate_namespace
 
 from dummy_arm.cli.fast_dds import destroy, remove_unfinished_ports
 from dummy_arm.cli.parser import CommandError, rcl_error_text, UsageError
-from dummy_arm.cli.signals import begin_cleanup, signal_received
+from dummy_arm.cli.signals import begin_cleanup, end_cleanup, signal_received
 from dummy_arm.tf.formatting import namespace_path
 
 #: The timeout of `spin_once` (s), which a recorded signal does not end.
@@ -55,6 +55,7 @@ def ros_context(ros_args: Sequence[str], namespace: str = '') -> Iterator[None]:
         yield
     finally:
         try_shutdown()
+        end_cleanup()
 
 
 def clear_shared_memory(ros_args: Sequence[str]) -> None:

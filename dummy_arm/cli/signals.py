@@ -5,11 +5,18 @@ The first signal is only recorded. The command checks for it where it can stop w
 anything half done: `sleep`, `wait_until` and `check_signals` raise KeyboardInterrupt, which
 `cli.parser.run` turns into a normal end; the spinning of `cli.node` ends. The second signal raises
 KeyboardInterrupt at once, except during the cleanup at the end of a command.
+
+The last resort: if the shutdown of ROS, or then the exit of Python, takes more than 5 s each, or
+at the third signal, the process ends at once, by _exit. Nothing but this is limited, so a command
+that goes on after Ctrl-C, such as one that writes what it has recorded, has all the time it needs.
 """
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+import gc
+import os
 import signal
+from struct import pack
 import sys
 import time
 from typing import Any
@@ -17,7 +24,13 @@ from typing import Any
 _SIGNALS = signal.SIGINT, signal.SIGTERM
 #: The longest `time.sleep` (s), which a recorded signal does not end (PEP 475).
 _STEP = 0.05
+#: How long the shutdown of ROS, and the exit of Python, may take (s).
+_LONGEST_END = 5
+#: The name of the command; libc keeps a pointer to it.
+_NAME = os.fsencode(os.path.basename(sys.argv[0]))
 
+#: The timers of libc that end the process: how each is deleted, it, and what it refers to.
+_last_resort: list[Any] = []
 _received: list[int] = []
 #: The number of signals that are only recorded. Each signal after them raises KeyboardInterrupt.
 _recorded = 1
@@ -48,12 +61,48 @@ def signals_blocked() -> Iterator[None]:
 
 def begin_cleanup() -> None:
     """
-    Make only the third signal and later ones raise KeyboardInterrupt, from now on.
+    Limit the time of what follows, and make only the third signal and later ones end it.
 
     Ctrl-C in `make` sends two signals to a command: one from the terminal, and one from `make`.
     """
     global _recorded
     _recorded = 2
+    _limit_end()
+
+
+def end_cleanup() -> None:
+    """Take the limit back, since ROS is shut down, and the command may go on."""
+    while _last_resort:
+        delete, timer, *_ = _last_resort.pop()
+        delete(timer)
+
+
+def _limit_end() -> None:
+    """
+    Let libc print a line and end the process, unless the limit is taken back in time.
+
+    Fast DDS may wait for ever, while the GIL is held, for a lock that a killed process has left.
+    Then no Python code runs, and no signal handler. But timer_create(2) calls a function of libc
+    that has one argument, in a thread of its own.
+    """
+    import ctypes  # not at the top, since this module must import fast
+    end_cleanup()
+    try:
+        libc = ctypes.CDLL('librt.so.1')  # and libc, which it needs
+    except OSError:
+        return  # it is another libc
+    text = ctypes.create_string_buffer(
+        f'ended, since the cleanup took more than {_LONGEST_END} s'.encode())
+    ctypes.c_char_p.in_dll(libc, 'program_invocation_short_name').value = _NAME  # for warnx
+    code = 128 + _received[0] if _received else 1
+    # The line has 1 s, since the threads are independent.
+    for delay, function, argument in ((0, libc['warnx'], ctypes.addressof(text)),
+                                      (1, libc['_exit'], code)):
+        timer, address = ctypes.c_void_p(), ctypes.cast(function, ctypes.c_void_p).value
+        libc.timer_create(time.CLOCK_MONOTONIC, pack(  # 2: SIGEV_THREAD, see sigevent(7)
+            'PiiP40x', argument, 0, 2, address), ctypes.byref(timer))
+        libc.timer_settime(timer, 0, pack('4l', 0, 0, _LONGEST_END + delay, 0), None)
+        _last_resort.append((libc.timer_delete, timer, text))
 
 
 def forget_signals() -> None:
@@ -63,10 +112,12 @@ def forget_signals() -> None:
     _recorded = 1
 
 
-def ignore_signals() -> None:
-    """Ignore signals, since the process is about to exit."""
+def begin_exit() -> None:
+    """Ignore signals, and limit the time until the process ends, since it is about to exit."""
     for number in _SIGNALS:
         signal.signal(number, signal.SIG_IGN)
+    gc.freeze()  # else Python would look for garbage among all objects once more
+    _limit_end()
 
 
 def signal_received() -> int:
@@ -98,4 +149,7 @@ def check_signals() -> None:
 def _record(number: int, _: object) -> None:
     _received.append(number)
     if len(_received) > _recorded:
+        if _last_resort:
+            os.write(2, _NAME + b': ended before the cleanup was complete\n')
+            os._exit(128 + _received[0])
         raise KeyboardInterrupt

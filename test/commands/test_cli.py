@@ -223,6 +223,23 @@ def test_two_signals_are_a_normal_end(start, command, delay, first):
     assert not re.search('Traceback|ignored', process.output)
 
 
+def test_a_shutdown_that_hangs_is_cut_short(start):
+    """Fast DDS may hang in it with the GIL held: no Python code runs, and no signal handler."""
+    process = start('-c', """if True:
+        import ctypes, sys
+        from dummy_arm.cli import entry_points, node, signals
+
+        signals._LONGEST_END = 1
+        node.destroy = lambda node: ctypes.PyDLL(None).pause()
+        sys.exit(entry_points.dummy_arm())
+        """)
+    process.line_with('publishing map -> base_link')
+    process.press_ctrl_c()
+    assert process.exit_code() == 130
+    assert process.output.splitlines()[-1] == (
+        '-c: ended, since the cleanup took more than 1 s')
+
+
 @pytest.mark.parametrize('delay', [0.1, 0.4])
 def test_ctrl_c_at_any_time_is_no_traceback(start, tmp_path, delay):
     """The command may be importing, starting or listening; no file is left."""

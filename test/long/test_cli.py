@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 import re
 import signal
+import struct
 import time
 
 from processes import ARM, BEGUN, tool
@@ -56,3 +57,28 @@ def test_an_unfinished_port_of_fast_dds_does_not_stop_a_command(start, domain_id
         start(*ARM).line_with('publishing map -> base_link')
     finally:
         port.unlink(missing_ok=True)
+
+
+def test_a_lock_that_a_killed_process_has_left_does_not_stop_an_end(start, domain_id):
+    """
+    The command ends normally, or if Fast DDS waits for the lock, by force.
+
+    The lock is the last mutex that is shared by processes (0x80) in the file of the port.
+    """
+    port = Path(f'/dev/shm/fastrtps_port{7400 + 250 * domain_id + 11}')
+    for _ in range(20):  # it waits in most runs
+        process = start(*ARM)
+        process.line_with('publishing map -> base_link')
+        content = port.read_bytes()
+        unlocked = struct.pack('5I', 0, 0, 0, 0, 0x80)
+        place = max(i for i in range(0, len(content), 8) if content.startswith(unlocked, i))
+        with port.open('r+b') as file:
+            file.seek(place)
+            file.write(struct.pack('4I', 2, 0, 2**22, 1))
+        process.end(signal.SIGTERM)
+        code = process.exit_code()
+        assert code in (0, 143)
+        if code:
+            assert process.output.endswith(': ended, since the cleanup took more than 5 s\n')
+            return
+    pytest.fail('Fast DDS has never waited')

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+import gc
 import os
 import shlex
 import signal
@@ -37,13 +38,15 @@ SIGNALS = signal.SIGINT, signal.SIGTERM
 
 
 @pytest.fixture(autouse=True)
-def handlers():
+def handlers(monkeypatch):
     """Restore the signal handlers after each test; forget what was recorded."""
+    monkeypatch.setattr(signals, '_limit_end', lambda: None)  # it would end the tests
     before = {each: signal.getsignal(each) for each in SIGNALS}
     yield
     for each, handler in before.items():
         signal.signal(each, handler)
     forget_signals()
+    gc.unfreeze()
 
 
 @pytest.fixture
@@ -290,6 +293,81 @@ def test_signals_are_forgotten(forget):
     assert not signal_received()
     assert not interrupts(signal.SIGINT)
     assert interrupts(signal.SIGINT)
+
+
+LAST_RESORT = """if True:
+    import atexit, ctypes, gc, signal, sys, threading, time, types
+    from dummy_arm.cli import entry_points, signals
+    from dummy_arm.cli.signals import begin_cleanup, end_cleanup, record_signals
+
+    signals._LONGEST_END = 1
+
+    def send(count):
+        for _ in range(count):
+            signal.raise_signal(signal.SIGTERM)
+
+    def run(main):
+        module = sys.modules['dummy_arm.tools.param'] = types.ModuleType('param')
+        module.main = main
+        sys.exit(entry_points.param())
+
+    """
+
+
+def ended(code):
+    """Run code after that of `LAST_RESORT`; return its exit code, stdout and stderr."""
+    result = subprocess.run([sys.executable, '-c', LAST_RESORT + code], capture_output=True,
+                            text=True, timeout=60)
+    return result.returncode, result.stdout, result.stderr
+
+
+CUT_SHORT = '-c: ended, since the cleanup took more than 1 s\n'
+
+
+@on_linux
+@pytest.mark.parametrize(('hang', 'count', 'code'), [
+    pytest.param('threading.Thread(target=threading.Event().wait).start()', 1, 143, id='thread'),
+    pytest.param('atexit.register(ctypes.PyDLL(None).pause)', 2, 143, id='with the GIL'),
+    pytest.param('atexit.register(ctypes.PyDLL(None).pause)', 0, 1, id='without a signal')])
+def test_an_exit_that_hangs_is_cut_short(hang, count, code):
+    """The exit code is that of the signal, if there was one; what was printed is there."""
+    assert ended(f'{hang}; run(lambda: print("done") or send({count}) or 0)') == (
+        code, 'done\n', CUT_SHORT)
+
+
+@on_linux
+def test_the_third_signal_ends_a_cleanup_at_once():
+    """The first two may be one Ctrl-C; see `begin_cleanup`."""
+    assert ended('record_signals(); begin_cleanup(); send(2); print("in it"); send(1); print("!")'
+                 ) == (143, 'in it\n', '-c: ended before the cleanup was complete\n')
+
+
+@on_linux
+def test_a_command_that_goes_on_after_the_cleanup_has_time():
+    """It may write what it has recorded; a further signal interrupts it in order."""
+    assert ended("""
+    record_signals(); send(1); begin_cleanup(); end_cleanup()
+    time.sleep(1.3)
+    try:
+        send(2)
+    except KeyboardInterrupt:
+        print('interrupted')""") == (0, 'interrupted\n', '')
+
+
+def test_no_garbage_is_collected_at_the_exit():
+    """With many objects, it would take seconds."""
+    assert ended("""
+    class Garbage:
+        def __del__(self):
+            print('collected')
+
+    def main():
+        garbage = Garbage()
+        garbage.itself = garbage
+        return 0
+
+    gc.disable()
+    run(main)""") == (0, '', '')
 
 
 # Waits

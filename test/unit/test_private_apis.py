@@ -26,7 +26,7 @@ PRIVATE = {
     'view/viser_private.py': {'_handle_incoming_message', '_live_connections',
                               '_websock_server'}}
 #: Names with an underscore that the documentation of Python has.
-PUBLIC = {'_current_frames', '_thread', '_asdict', '_replace', '_make'}
+PUBLIC = {'_current_frames', '_thread', '_asdict', '_replace', '_make', '_exit'}
 
 
 def is_private(name):
