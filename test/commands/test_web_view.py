@@ -1,6 +1,5 @@
 """The page of web_view: as a process, and in a real browser."""
 
-from importlib.util import find_spec
 from math import degrees
 from pathlib import Path
 import signal
@@ -69,14 +68,6 @@ def open_page():
     from browser import pages
     with pages() as open_url:
         yield lambda process: open_url(process.line_with('look at http').split()[-1])
-
-
-@pytest.fixture
-def open_file():
-    """A function that opens a file in a browser; the page must have no faults."""
-    from browser import pages
-    with pages() as open_url:
-        yield lambda path: open_url(path.as_uri())
 
 
 def test_the_waving_arm_in_a_browser(start, ros, open_page, request, tmp_path):
@@ -201,24 +192,3 @@ def assert_arm_is_seen(picture):
     for one, *others in (red, green, blue), (green, red, blue), (blue, red, green):
         assert ((one > 60 + np.maximum(*others)) & left).sum() > 30
     assert len(np.unique(picture.reshape(-1, picture.shape[2]), axis=0)) > 500
-
-
-def test_a_file_that_plays_without_a_server(start, open_file, request, tmp_path):
-    """It shows the live arm move, and asks no host."""
-    start(*ARM)
-    path = tmp_path / 'arm.html'
-    process = start(*tool('web_view', '--export', str(path), '--time', '4'))
-    assert process.line().startswith(f'wrote {path}: ')
-    assert process.exit_code() == 0
-    page = open_file(path)
-    scene = page.until(lambda: (
-        scene := page.scene_with(*FRAMES)).begins.shape == (5, 6, 3) and scene)
-    hand = 'end_effector'
-    page.until(lambda: np.linalg.norm(
-        page.scene_with(hand).names[hand] - scene.names[hand]) > 0.05)
-    page.until(lambda: len(page.scene().trail) > 20)
-    if find_spec('urdf_parser_py'):
-        page.until(lambda: len(page.scene().bodies) == 5)
-    picture = artefact(request, tmp_path, 'web_view_export.png')
-    page.page.screenshot(path=picture)
-    assert page.hosts <= {None, ''}

@@ -1,4 +1,4 @@
-"""The body of the arm in the page, in a real browser."""
+"""The page of web_view in a real browser: the body of the arm, and a file without a server."""
 
 import imageio.v3 as iio
 import numpy as np
@@ -48,3 +48,23 @@ def look_at_the_body(page, picture):
     page.until(lambda: orange() > 300)
     page.tick('Visual', False)
     page.until(lambda: not len(page.scene().bodies) and orange() < 30)
+
+
+def test_a_file_that_plays_without_a_server(start, tmp_path):
+    """It shows the live arm move, and asks no host."""
+    start(*ARM)
+    path = tmp_path / 'arm.html'
+    process = start(*tool('web_view', '--export', str(path), '--time', '4'))
+    assert process.line().startswith(f'wrote {path}: ')
+    assert process.exit_code() == 0
+    with pages() as open_url:
+        page = open_url(path.as_uri())
+        scene = page.until(lambda: (
+            scene := page.scene_with(*FRAMES)).begins.shape == (5, 6, 3) and scene)
+        hand = 'end_effector'
+        page.until(lambda: np.linalg.norm(
+            page.scene_with(hand).names[hand] - scene.names[hand]) > 0.05)
+        page.until(lambda: len(page.scene().trail) > 20)
+        page.until(lambda: len(page.scene().bodies) == 5)
+        page.page.screenshot(path=tmp_path / 'web_view_export.png')
+        assert page.hosts <= {None, ''}
