@@ -1,7 +1,7 @@
 """The command-line options of the commands that serve a page."""
 
 from argparse import ArgumentTypeError
-from pathlib import Path
+import os
 import re
 
 from dummy_arm.cli.parser import Parser
@@ -32,6 +32,6 @@ def port_number(text: str) -> int:
 
 def directory(text: str) -> str:
     """Convert a command-line argument to a directory."""
-    if not Path(text).is_dir():
+    if not os.path.isdir(text):  # Path.is_dir raises an error for a name that is too long
         raise ArgumentTypeError(f'there is no directory {text!r}')
     return text
