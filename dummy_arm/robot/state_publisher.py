@@ -1,5 +1,6 @@
 """The node that publishes the transforms of a robot: `RobotStatePublisher`."""
 
+from concurrent.futures import ThreadPoolExecutor, wait
 from copy import copy
 from math import isfinite
 from typing import Any, Optional
@@ -16,7 +17,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from dummy_arm.robot.description import DescriptionError, parse
+from dummy_arm.robot.description import Description, DescriptionError, parse
 from dummy_arm.robot.robot_transforms import Edge, RobotTransforms
 from dummy_arm.tf import TFMessage
 from dummy_arm.tf.formatting import comma_list, in_log, quoted
@@ -24,6 +25,8 @@ from dummy_arm.tf.publisher_listener import node_of
 
 #: The time (s) after which joints without a position are named.
 PATIENCE = 5.0
+#: The time between two looks for joint states while a description is parsed (s).
+_ANSWER_INTERVAL = 0.01
 #: The largest number of warnings about one description.
 _MAX_WARNINGS = 10
 
@@ -84,13 +87,23 @@ class RobotStatePublisher(Node):
                 problem = _frequency_problem(parameter.value)
             elif parameter.name == 'robot_description':
                 try:
-                    self._description = parse(parameter.value)
+                    self._description = self._parsed(parameter.value)
                 except DescriptionError as error:
                     problem = str(error)
                     self.get_logger().warning(f'refused a robot_description: {error}')
             if problem:
                 return SetParametersResult(successful=False, reason=problem)
         return SetParametersResult(successful=True)
+
+    def _parsed(self, text: str) -> Description:
+        """Parse a description in a thread, and answer joint states meanwhile: it takes seconds."""
+        with ThreadPoolExecutor(1) as pool:
+            parsing = pool.submit(parse, text)
+            while wait([parsing], _ANSWER_INTERVAL).not_done:
+                with self._states.handle:
+                    while taken := self._states.handle.take_message(JointState, False):
+                        self._answer(taken[0])
+        return parsing.result()
 
     def _apply(self, parameters: list[Parameter]) -> None:
         values = {parameter.name: parameter.value for parameter in parameters}

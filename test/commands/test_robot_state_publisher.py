@@ -4,21 +4,22 @@ from functools import partial
 import json
 import shlex
 import signal
+import threading
 from typing import Any
 
 from cli_runner import call
-from processes import tool
+from processes import TIMEOUT, tool
 import pytest
 from rcl_interfaces.msg import Log
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, qos_profile_sensor_data, QoSProfile, ReliabilityPolicy
 from recorded_robots import ACCEPTED, answer, assert_equal, CASES, fixed, OF_THE_COMMAND
-from ros_node import command_node
+from ros_node import command_node, Ros
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
-from dummy_arm.robot import state_publisher
+from dummy_arm.robot import description, state_publisher
 from dummy_arm.robot.description import DescriptionError
 from dummy_arm.robot.state_publisher import RobotStatePublisher
 from dummy_arm.tf import TFMessage
@@ -27,6 +28,8 @@ from dummy_arm.tools.robot_state_publisher import main
 pytest.importorskip('urdf_parser_py')
 
 NAME = 'robot_state_publisher'
+ROBOT = """<robot name="r"><link name="base"/><link name="arm"/>
+<joint name="turn" type="continuous"><parent link="base"/><child link="arm"/></joint></robot>"""
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -273,6 +276,36 @@ def test_a_program_gets_the_reason(ros):
     """The class raises the error of the description."""
     with pytest.raises(DescriptionError, match='the robot has no link'):
         RobotStatePublisher('<robot name="r"/>', context=ros.context)
+
+
+def test_joint_states_are_answered_while_a_description_is_parsed(ros, monkeypatch):
+    """Ten MB take seconds."""
+    node = RobotStatePublisher(ROBOT, context=ros.context)
+    received = threading.Event()
+    other = Ros(ros.context.get_domain_id())
+    other.node.create_subscription(TFMessage, '/tf', lambda _: received.set(), 10)
+    publisher = other.node.create_publisher(JointState, '/joint_states', 10)
+
+    def send():
+        state = JointState(name=['turn'], position=[1.0])
+        state.header.stamp = other.node.get_clock().now().to_msg()
+        publisher.publish(state)
+
+    other.node.create_timer(0.05, send)
+    with other.spinning():
+        ros.until(lambda: ros.executor.spin_once(0.01) or (
+            publisher.get_subscription_count() and node.count_subscribers('/tf')))
+
+        def parse_slowly(text):
+            received.clear()
+            assert received.wait(TIMEOUT)
+            return description.parse(text)
+
+        monkeypatch.setattr(state_publisher, 'parse', parse_slowly)
+        (result,) = node.set_parameters([Parameter('robot_description', value=ROBOT)])
+    assert result.successful
+    other.close()
+    node.destroy_node()
 
 
 def test_a_qos_override_is_of_one_node(ros):
