@@ -67,10 +67,6 @@ class OtherTopic(NamedTuple):
         """The topic of the dynamic transforms that belongs to this one."""
         return self.topic.removesuffix('_static')
 
-    @property
-    def frames(self) -> set[str]:
-        return {*self.parents, *self.parents.values()}
-
 
 class Half(NamedTuple):
     """Topics whose transforms continue the tree on others."""

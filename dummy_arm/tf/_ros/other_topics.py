@@ -5,7 +5,7 @@ from contextlib import closing, suppress
 from itertools import islice
 from threading import Lock
 from time import monotonic, sleep
-from typing import Any, NamedTuple, Optional
+from typing import Any, Optional
 
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -33,12 +33,8 @@ _LATCHED = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.RELIABLE,
 _OTHER = QoSProfile(depth=_DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
 
 
-class TopicFrames(NamedTuple):
-    """The frames that were received on a topic."""
-
-    topic: str
-    parents: dict[str, str]  #: by child: the newest parent
-    nodes: list[str]  #: the full names of the nodes that publish on the topic
+#: A topic, its newest parents by child frame, and the full names of the nodes that publish on it.
+TopicFrames = tuple[str, dict[str, str], list[str]]
 
 
 class TransformSampler:
@@ -73,7 +69,7 @@ class TransformSampler:
 
     def topics(self) -> list[TopicFrames]:
         """Return the topics on which transforms have arrived."""
-        return [TopicFrames(topic, parents, nodes_on(self._node_for(topic), topic))
+        return [(topic, parents, nodes_on(self._node_for(topic), topic))
                 for topic, parents in self._parents.items() if parents]
 
     def close(self) -> None:
