@@ -25,8 +25,6 @@ from dummy_arm.tf.publisher_listener import node_of
 
 #: The time (s) after which joints without a position are named.
 PATIENCE = 5.0
-#: The time between two looks for joint states while a description is parsed (s).
-_ANSWER_INTERVAL = 0.01
 #: The largest number of warnings about one description.
 _MAX_WARNINGS = 10
 
@@ -99,7 +97,7 @@ class RobotStatePublisher(Node):
         """Parse a description in a thread, and answer joint states meanwhile: it takes seconds."""
         with ThreadPoolExecutor(1) as pool:
             parsing = pool.submit(parse, text)
-            while wait([parsing], _ANSWER_INTERVAL).not_done:
+            while wait([parsing], 0.01).not_done:
                 with self._states.handle:
                     while taken := self._states.handle.take_message(JointState, False):
                         self._answer(taken[0])

@@ -19,9 +19,8 @@ from dummy_arm.tf._ros.messages import TFMessage
 from dummy_arm.tf._ros.rclpy_private import subscribe, take_message
 from dummy_arm.tf._wire import cdr
 
-#: How long `OtherTopics` listens, and the time until it listens again (s).
-_DURATION, _PAUSE = 0.5, 5.0
-_POLL_INTERVAL = 0.01
+#: How long `OtherTopics` listens, the time until it listens again, and between two looks (s).
+_DURATION, _PAUSE, _POLL_INTERVAL = 0.5, 5.0, 0.01
 #: The time between two searches for topics (s).
 _SCAN_INTERVAL = 0.5
 #: The largest number of topics, and of frames of each.
