@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import NamedTuple
 
-from dummy_arm.tf.formatting import comma_list, may_be_one_robot, quoted
+from dummy_arm.tf.formatting import comma_list, may_be_one_robot, namespace_distance, quoted
 
 #: The largest number of nodes in a text, of publishers of a topic, and of joints of one of them.
 _SHOWN, _MOST_PUBLISHERS, _MOST_NAMES = 5, 1000, 10_000
@@ -118,11 +118,7 @@ def _by_distance(others: Sequence[OtherTopic], base: str) -> list[tuple[str, lis
         groups.setdefault(other.base, []).append(other)
 
     def key(item: tuple[str, object]) -> tuple[int, str]:
-        space = _namespace(item[0]).split('/')
-        nearest = _namespace(base).split('/')
-        common = next((i for i, (a, b) in enumerate(zip(space, nearest)) if a != b),
-                      min(len(space), len(nearest)))
-        return len(space) + len(nearest) - 2 * common, item[0]
+        return namespace_distance(_namespace(item[0]), _namespace(base)), item[0]
 
     return sorted(groups.items(), key=key)
 

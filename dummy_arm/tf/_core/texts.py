@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from difflib import get_close_matches
 from functools import lru_cache
-from itertools import islice
+from itertools import islice, takewhile
 import logging
 from math import inf, isnan
 import re
@@ -291,6 +291,18 @@ def namespace_path(namespace: str) -> str:
     ('/robot', '')
     """
     return ''.join(f'/{part}' for part in namespace.split('/') if part)
+
+
+def namespace_distance(namespace: str, other: str) -> int:
+    """
+    Return the number of steps, up and down, from one namespace to another.
+
+    >>> namespace_distance('/lab/robot1', '/lab'), namespace_distance('/robot1', '/robot2')
+    (1, 2)
+    """
+    parts, others = ([part for part in each.split('/') if part] for each in (namespace, other))
+    common = len([*takewhile(lambda pair: pair[0] == pair[1], zip(parts, others))])
+    return len(parts) + len(others) - 2 * common
 
 
 def may_be_one_robot(topic: str, other: str) -> bool:

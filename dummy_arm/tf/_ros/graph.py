@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from inspect import currentframe
-from itertools import takewhile
 import os
 import sys
 from types import FrameType
@@ -19,7 +18,7 @@ from rclpy.subscription import Subscription
 from rclpy.topic_endpoint_info import TopicEndpointInfo
 
 from dummy_arm.tf._core.hints import Blocked, Elsewhere, Publisher, Surroundings
-from dummy_arm.tf._core.texts import full_name, TF_MESSAGE
+from dummy_arm.tf._core.texts import full_name, namespace_distance, TF_MESSAGE
 from dummy_arm.tf._ros.domains import other_domains
 from dummy_arm.tf._ros.rclpy_private import GID_SIZE
 
@@ -95,12 +94,8 @@ def _lack(offered: QoSProfile, requested: QoSProfile) -> str:
 
 def other_topics(node: Node, topics: Sequence[str]) -> list[str]:
     """Return the other topics with publishers of transforms: the nearest to the node first."""
-    own = node.get_namespace().strip('/').split('/')
-
     def distance(topic: str) -> tuple[int, str]:
-        parts = topic.strip('/').split('/')[:-1]
-        common = len([*takewhile(lambda pair: pair[0] == pair[1], zip(own, parts))])
-        return len(own) + len(parts) - 2 * common, topic
+        return namespace_distance(topic.rpartition('/')[0], node.get_namespace()), topic
 
     return sorted((topic for topic, types in node.get_topic_names_and_types()
                    if TF_MESSAGE in types and topic not in topics
